@@ -1,0 +1,115 @@
+"""Corrected neutron count rate <-> volumetric water content (VWC).
+
+Desilets, Zreda & Ferre (2010), Water Resources Research 46, W11505:
+``vwc = rho_b * (A0 / (N/N0 - A1) - A2 - w)`` with the lattice and organic water ``w`` subtracted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+A0, A1, A2 = 0.0808, 0.372, 0.115
+
+
+@dataclass(frozen=True)
+class CalibrationCurve:
+    """The calibration of one sensor at one site.
+
+    :param n0_cps: count rate over dry soil N0, all tubes, corrected [counts/s]
+    :param bulk_density_gcm3: dry bulk density of the soil [g/cm^3]
+    :param lattice_water: gravimetric lattice water [g/g]
+    :param organic_water: gravimetric water equivalent of soil organic matter [g/g]
+    :raises ValueError: if N0 or the bulk density is not positive and finite, or a water term is negative
+    """
+
+    n0_cps: float
+    bulk_density_gcm3: float
+    lattice_water: float = 0.0
+    organic_water: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("n0_cps", "bulk_density_gcm3"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive and finite, got {value}")
+        for name in ("lattice_water", "organic_water"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be zero or positive and finite, got {value}")
+
+    @property
+    def lowest_rate_cps(self) -> float:
+        """Rate at which the curve diverges, ``A1 * N0`` [counts/s]; at or below it VWC is undefined."""
+        return A1 * self.n0_cps
+
+    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
+        """Where a rate has a soil moisture: above ``A1 * N0``. Check this before trusting a NaN."""
+        return np.asarray(rate_cps, float) > self.lowest_rate_cps
+
+    def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
+        """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
+
+        NaN where :meth:`valid` is false. Very dry values below 0 are returned as they are: they say that
+        N0 or the water terms are off, which clipping would hide.
+        """
+        excess = self._excess(rate_cps)
+        return self.bulk_density_gcm3 * (A0 / excess - A2 - self.lattice_water - self.organic_water)
+
+    def rate_cps(self, vwc: ArrayLike) -> NDArray[np.float64]:
+        """Corrected rate [counts/s] of a volumetric water content [m^3/m^3]; the inverse of :meth:`vwc`.
+
+        :raises ValueError: where ``vwc / rho_b + A2 + w`` is not positive
+        """
+        gravimetric = np.asarray(vwc, float) / self.bulk_density_gcm3
+        total = gravimetric + A2 + self.lattice_water + self.organic_water
+        if np.any(total <= 0):
+            raise ValueError("soil moisture is below what the calibration curve can express")
+        return np.asarray(self.n0_cps * (A0 / total + A1))
+
+    def slope(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
+        """d(vwc)/d(rate) [m^3/m^3 per count/s], negative; NaN where :meth:`valid` is false."""
+        return -self.bulk_density_gcm3 * A0 / (self.n0_cps * self._excess(rate_cps) ** 2)
+
+    def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
+        """Standard deviation of the VWC that follows from that of the rate [m^3/m^3].
+
+        :param rate_cps: corrected rate [counts/s], any shape
+        :param rate_sd_cps: its standard deviation [counts/s], same shape
+        :param order: 1, ``|d vwc/d rate| * sd``; or 3, the third-order expansion of Jakobi et al. (2020),
+            Frontiers in Water 2:10, which is larger where the noise reaches the curve's steep end
+        :raises ValueError: for another order
+        """
+        sd = np.asarray(rate_sd_cps, float)
+        first = np.abs(self.slope(rate_cps)) * sd
+        if order == 1:
+            return np.asarray(first)
+        if order != 3:
+            raise ValueError(f"order must be 1 or 3, got {order}")
+        ratio = (sd / (self.n0_cps * self._excess(rate_cps))) ** 2
+        return np.asarray(first * np.sqrt(1 + 8 * ratio + 15 * ratio**2))
+
+    def _excess(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
+        excess = np.asarray(rate_cps, float) / self.n0_cps - A1
+        return np.where(excess > 0, excess, np.nan)
+
+
+def n0_from_calibration(
+    rate_cps: float,
+    vwc: float,
+    bulk_density_gcm3: float,
+    lattice_water: float = 0.0,
+    organic_water: float = 0.0,
+) -> float:
+    """N0 [counts/s] of a calibration at known soil moisture, in closed form.
+
+    :param rate_cps: corrected rate during the calibration [counts/s], > 0
+    :param vwc: soil moisture of the cores [m^3/m^3]
+    :raises ValueError: if the rate or the bulk density is not positive, or the moisture is out of range
+    """
+    if not (np.isfinite(rate_cps) and rate_cps > 0):
+        raise ValueError(f"the calibration rate must be positive and finite, got {rate_cps}")
+    unit = CalibrationCurve(1.0, bulk_density_gcm3, lattice_water, organic_water)
+    return float(rate_cps / unit.rate_cps(vwc))

@@ -1,0 +1,86 @@
+"""What flows out of the sensor: records of one counting interval, raw and then corrected."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+NAN = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A GNSS position (WGS-84).
+
+    :param latitude_deg: latitude, north positive [deg]
+    :param longitude_deg: longitude, east positive [deg]
+    :param altitude_m: altitude above mean sea level [m], NaN if unknown
+    :param horizontal_sd_m: one standard deviation of each horizontal coordinate [m], NaN if unknown
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float = NAN
+    horizontal_sd_m: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
+class LoggerRecord:
+    """One line of a neutron logger, checked and in this package's units, not yet corrected.
+
+    :param stamp_s: end of the counting interval [s since 1970-01-01 UTC]
+    :param tube_counts: counts of each detector tube in the order of the format; NaN where a tube is missing
+    :param tube_live_s: live time of each tube [s]; NaN where the tube is missing
+    :param pressure_hpa: air pressure [hPa], NaN if unknown
+    :param temperature_degc: air temperature [degC], NaN if unknown
+    :param relative_humidity: relative humidity of the air [0..1], NaN if unknown
+    :param position: position logged with the record, ``None`` without a fix
+    :param line: line of the log, counted from 1 (0 when it did not come from a file)
+    :param record_number: the logger's own running number, -1 if it has none
+    """
+
+    stamp_s: float
+    tube_counts: tuple[float, ...]
+    tube_live_s: tuple[float, ...]
+    pressure_hpa: float = NAN
+    temperature_degc: float = NAN
+    relative_humidity: float = NAN
+    position: Position | None = None
+    line: int = 0
+    record_number: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class CountRecord:
+    """One record, geo-tagged, with the correction factors that turn its exposure into an effective one.
+
+    ``raw_counts ~ Poisson(rate * effective_exposure_s)``, where ``rate`` is the *corrected* count rate of
+    all tubes together. The raw counts are kept, so that counting statistics stay exact.
+
+    :param stamp_s: end of the counting interval [s since 1970-01-01 UTC]
+    :param x_m: east of the field's datum [m], at the middle of the counting interval
+    :param y_m: north of the field's datum [m]
+    :param z_m: above the field's datum [m], NaN if unknown
+    :param raw_counts: counts of all working tubes
+    :param exposure_s: live time that makes ``raw_counts / exposure_s`` the rate of *all* tubes [s]
+    :param effective_exposure_s: ``exposure_s / (f_pressure * f_humidity * f_intensity)`` [s]
+    :param f_pressure: pressure factor [-]
+    :param f_humidity: humidity factor [-]
+    :param f_intensity: incoming cosmic-ray intensity factor [-]
+    """
+
+    stamp_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    raw_counts: int
+    exposure_s: float
+    effective_exposure_s: float
+    f_pressure: float = 1.0
+    f_humidity: float = 1.0
+    f_intensity: float = 1.0
+
+    @property
+    def corrected_rate(self) -> float:
+        """Corrected count rate of the whole sensor [counts/s]."""
+        return self.raw_counts / self.effective_exposure_s
