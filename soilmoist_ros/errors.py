@@ -46,10 +46,12 @@ class InputError(SoilmoistError):
     :param path: file concerned, when ``mistakes`` is a plain string
     """
 
-    def __init__(
-        self, mistakes: str | Sequence[Mistake], remedy: str = "", path: Path | None = None
-    ) -> None:
+    def __init__(self, mistakes: str | Sequence[Mistake], remedy: str = "", path: Path | None = None) -> None:
         if isinstance(mistakes, str):
             mistakes = [Mistake(mistakes, remedy, path)]
         self.mistakes: tuple[Mistake, ...] = tuple(mistakes)
         super().__init__("\n".join(str(mistake) for mistake in self.mistakes))
+
+
+class IllConditionedError(SoilmoistError):
+    """A covariance matrix is not positive definite, even with jitter: the model contradicts itself numerically."""

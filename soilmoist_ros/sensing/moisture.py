@@ -47,7 +47,7 @@ class CalibrationCurve:
 
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
         """Where a rate has a soil moisture: above ``A1 * N0``. Check this before trusting a NaN."""
-        return np.asarray(rate_cps, float) > self.lowest_rate_cps
+        return np.asarray(rate_cps, float) / self.n0_cps > A1
 
     def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
         """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
@@ -92,8 +92,8 @@ class CalibrationCurve:
         return np.asarray(first * np.sqrt(1 + 8 * ratio + 15 * ratio**2))
 
     def _excess(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        excess = np.asarray(rate_cps, float) / self.n0_cps - A1
-        return np.where(excess > 0, excess, np.nan)
+        ratio = np.asarray(rate_cps, float) / self.n0_cps
+        return np.where(ratio > A1, ratio - A1, np.nan)
 
 
 def n0_from_calibration(

@@ -1,0 +1,1 @@
+"""Core dataclasses <-> ROS messages, both ways, and nothing else."""

@@ -1,0 +1,368 @@
+"""Time of kriging a raster: mean and variance of 70,000 cells, this package and four others, side by side.
+
+All get the same samples and the same fixed covariance parameters; nothing is fitted, one BLAS thread. The
+task has a noise of its own for every sample, which PyKrige cannot take: it gets equal noise as a nugget and
+is compared with this package on that task. scikit-learn has no unknown mean: it gets ours, and its
+variance leaves the mean's uncertainty out. libKriging's kernels are products over the axes, so only its
+Gaussian is the same model; its other kernels are timed for the same number of samples. It cannot take
+70,000 cells at once (matrix too large): it gets 1000 at a time.
+
+Usage: python scripts/bench_mapping.py [--quick] [--repeats N] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib.metadata
+import importlib.util
+import multiprocessing
+import os
+import platform
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_variable] = "1"  # before numpy is imported
+
+import numpy as np  # noqa: E402
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from soilmoist_ros.mapping import PoissonKriging, Variogram  # noqa: E402
+
+PATIENCE_S = 30.0
+"""What takes longer in all is not repeated further."""
+SIDE_M, RANGE_M, SILL = 300.0, 40.0, 0.3
+COLUMNS = ("model", "n", "package", "seconds", "slowest_s", "ratio", "rate_difference", "variance_difference")
+EXTRA_COLUMNS = ("memory_mb", "remark")
+
+
+@dataclass(frozen=True)
+class Task:
+    """Samples and raster axes of one comparison."""
+
+    model: str
+    xy: np.ndarray
+    counts: np.ndarray
+    exposure_s: np.ndarray
+    x_m: np.ndarray
+    y_m: np.ndarray
+
+    @property
+    def rate(self) -> np.ndarray:
+        """Count rates [counts/s]."""
+        return self.counts / self.exposure_s
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Variances of the rates [(counts/s)^2]."""
+        return self.counts.sum() / self.exposure_s.sum() / self.exposure_s
+
+    @property
+    def cells(self) -> np.ndarray:
+        """Cell centres, row by row [m]."""
+        return np.stack(np.meshgrid(self.x_m, self.y_m), axis=-1).reshape(-1, 2)
+
+    def with_equal_noise(self) -> Task:
+        """The same places with one exposure for all."""
+        exposure_s = np.full(len(self.xy), self.exposure_s.mean())
+        return Task(self.model, self.xy, np.rint(self.rate * exposure_s), exposure_s, self.x_m, self.y_m)
+
+
+def make_task(model: str, n: int, cells: int) -> Task:
+    rng = np.random.default_rng(n)
+    columns = round(np.sqrt(cells * 1.4))
+    rows = round(cells / columns)
+    xy = rng.uniform(0, SIDE_M, (n, 2))
+    exposure_s = rng.uniform(100, 600, n)
+    counts = rng.poisson((3 + np.sin(xy[:, 0] / 40)) * exposure_s)
+    return Task(model, xy, counts, exposure_s, np.linspace(0, SIDE_M, columns), np.linspace(0, SIDE_M, rows))
+
+
+# -- the packages: each makes the estimator (not timed) and returns what is timed ---------------------------
+
+Run = Callable[[], tuple[np.ndarray, np.ndarray]]
+
+
+def ours(task: Task) -> Run:
+    kriging = PoissonKriging(Variogram(task.model, 0.0, RANGE_M, SILL))
+
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        kriging.fit(task.xy, task.counts, task.exposure_s)
+        rate, variance = kriging.predict_grid(task.x_m, task.y_m)
+        return rate.ravel(), variance.ravel()
+
+    return run
+
+
+def pykrige(task: Task) -> Run | None:
+    from pykrige.ok import OrdinaryKriging
+
+    factors = {"gaussian": 7 / 4, "exponential": 3.0, "spherical": 1.0}
+    if task.model not in factors:
+        return None
+    nugget = float(task.noise[0])
+    parameters = {"psill": SILL, "range": RANGE_M * factors[task.model], "nugget": nugget}
+    x, y = task.cells.T
+
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        kriging = OrdinaryKriging(
+            *task.xy.T, task.rate, variogram_model=task.model, variogram_parameters=parameters, exact_values=True
+        )
+        rate, variance = kriging.execute("points", x, y, backend="vectorized")
+        return np.asarray(rate), np.asarray(variance) - nugget  # its target includes the nugget
+
+    return run
+
+
+def gstools(task: Task) -> Run:
+    import gstools as gs
+
+    kinds = {
+        "gaussian": (gs.Gaussian, {"rescale": 1.0}),
+        "exponential": (gs.Exponential, {"rescale": 1.0}),
+        "spherical": (gs.Spherical, {"rescale": 1.0}),
+        "matern32": (gs.Matern, {"nu": 1.5, "rescale": np.sqrt(2.0)}),
+        "matern52": (gs.Matern, {"nu": 2.5, "rescale": np.sqrt(2.0)}),
+    }
+    kind, options = kinds[task.model]
+    model = kind(dim=2, var=SILL, len_scale=RANGE_M, nugget=0.0, **options)
+
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        kriging = gs.krige.Ordinary(model, task.xy.T, task.rate, exact=False, cond_err=task.noise)
+        rate, variance = kriging.structured([task.x_m, task.y_m])
+        return rate.T.ravel(), variance.T.ravel()
+
+    return run
+
+
+def sklearn(task: Task) -> Run | None:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern
+
+    kernels = {
+        "gaussian": RBF(RANGE_M / np.sqrt(2)),
+        "exponential": Matern(RANGE_M, nu=0.5),
+        "matern32": Matern(RANGE_M, nu=1.5),
+        "matern52": Matern(RANGE_M, nu=2.5),
+    }
+    if task.model not in kernels:
+        return None
+    kriging = PoissonKriging(Variogram(task.model, 0.0, RANGE_M, SILL))
+    mean = kriging.fit(task.xy, task.counts, task.exposure_s).map_mean
+    cells = task.cells
+
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        kernel = ConstantKernel(SILL) * kernels[task.model]
+        process = GaussianProcessRegressor(kernel, alpha=task.noise, optimizer=None)
+        rate, sd = process.fit(task.xy, task.rate - mean).predict(cells, return_std=True)
+        return rate + mean, sd**2
+
+    return run
+
+
+def pylibkriging(task: Task) -> Run | None:
+    import pylibkriging
+
+    kernels = {"gaussian": "gauss", "exponential": "exp", "matern32": "matern3_2", "matern52": "matern5_2"}
+    if task.model not in kernels:
+        return None
+    theta = RANGE_M / np.sqrt(2) if task.model == "gaussian" else RANGE_M
+    parameters = {
+        "sigma2": SILL,
+        "theta": np.full((1, 2), theta),
+        "is_sigma2_estim": False,
+        "is_theta_estim": False,
+    }
+    cells = task.cells
+
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        kriging = pylibkriging.Kriging(
+            task.rate, task.xy, kernels[task.model], "constant", False, "none", "LL", parameters, task.noise
+        )
+        parts = [
+            kriging.predict(part, True, False, False) for part in np.array_split(cells, -(-len(cells) // 1000))
+        ]
+        return np.concatenate([np.ravel(p[0]) for p in parts]), np.concatenate(
+            [np.ravel(p[1]) for p in parts]
+        ) ** 2
+
+    return run
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A package, and how its task relates to ours."""
+
+    module: str
+    distribution: str
+    make: Callable[[Task], Run | None]
+    equal_noise: bool = False
+    remark: str = ""
+
+
+PEERS = (
+    Peer("pykrige", "PyKrige", pykrige, equal_noise=True, remark="equal noise only, compared on that task"),
+    Peer("gstools", "gstools", gstools),
+    Peer("sklearn", "scikit-learn", sklearn, remark="known mean (ours): smaller variance"),
+    Peer("pylibkriging", "pylibkriging", pylibkriging, remark="kernels are products over the axes"),
+)
+
+
+# -- measuring ----------------------------------------------------------------------------------------------
+
+
+def timed(run: Run, repeats: int) -> tuple[list[float], tuple[np.ndarray, np.ndarray]]:
+    seconds: list[float] = []
+    while len(seconds) < repeats and sum(seconds) < PATIENCE_S:
+        start = time.perf_counter()
+        result = run()
+        seconds.append(time.perf_counter() - start)
+    return seconds, result
+
+
+def _peak_mb() -> float:
+    """Peak resident memory of this process [MB]; getrusage would start from the parent's peak."""
+    try:
+        status = Path("/proc/self/status").read_text()
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return int(status.partition("VmHWM:")[2].split()[0]) / 1024
+
+
+def _memory_child(model: str, n: int, cells: int, connection: object) -> None:
+    ours(make_task(model, 30, 500))()  # libraries loaded
+    task = make_task(model, n, cells)
+    before = _peak_mb()
+    ours(task)()
+    connection.send(_peak_mb() - before)  # type: ignore[attr-defined]
+
+
+def memory_mb(model: str, n: int, cells: int) -> float:
+    """Growth of the peak memory of a fresh process, fit and map together [MB]."""
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    child = context.Process(target=_memory_child, args=(model, n, cells, sender))
+    child.start()
+    growth = float(receiver.recv())
+    child.join()
+    return growth
+
+
+def compare(model: str, n: int, cells: int, repeats: int) -> list[dict[str, object]]:
+    task = make_task(model, n, cells)
+    equal = task.with_equal_noise()
+    ours(make_task(model, 20, 100))()
+    seconds, reference = timed(ours(task), repeats)
+    own = statistics.median(seconds)
+    rows = [_row(model, n, "soilmoist_ros", seconds, own, None)]
+    rows[0]["memory_mb"] = f"{memory_mb(model, n, cells):.0f}"
+    for peer in PEERS:
+        if importlib.util.find_spec(peer.module) is None:
+            rows.append({"model": model, "n": n, "package": peer.distribution, "remark": "not installed"})
+            continue
+        run = peer.make(equal if peer.equal_noise else task)
+        if run is None:
+            rows.append({"model": model, "n": n, "package": peer.distribution, "remark": "has no such model"})
+            continue
+        warm_up = peer.make(make_task(model, 20, 100).with_equal_noise())
+        if warm_up is not None:
+            warm_up()  # loads its libraries
+        seconds, found = timed(run, repeats)
+        expected = ours(equal)() if peer.equal_noise else reference
+        difference = [float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True)]
+        rows.append(_row(model, n, peer.distribution, seconds, own, difference, peer.remark))
+    return rows
+
+
+def _row(
+    model: str,
+    n: int,
+    package: str,
+    seconds: list[float],
+    own: float,
+    difference: list[float] | None,
+    remark: str = "",
+) -> dict[str, object]:
+    median = statistics.median(seconds)
+    row: dict[str, object] = {"model": model, "n": n, "package": package, "remark": remark}
+    row |= {"seconds": f"{median:.3f}", "slowest_s": f"{max(seconds):.3f}", "ratio": f"{median / own:.1f}"}
+    if difference is not None:
+        row |= {"rate_difference": f"{difference[0]:.1e}", "variance_difference": f"{difference[1]:.1e}"}
+    return row
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def write(rows: list[dict[str, object]], folder: Path, cells: int, repeats: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    columns = [*COLUMNS, *EXTRA_COLUMNS]
+    with (folder / "mapping.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, columns)
+        table.writeheader()
+        table.writerows(rows)
+    packages = ["numpy", "scipy", *(peer.distribution for peer in PEERS if importlib.util.find_spec(peer.module))]
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
+    lines = [
+        "# Kriging a raster: time of mean and variance",
+        "",
+        f"{cells} cells, fixed covariance parameters, one BLAS thread, median of up to {repeats} runs; "
+        "ratio = seconds of the package / seconds of soilmoist_ros; differences are the largest over all "
+        "cells from soilmoist_ros on the same task [counts/s], [(counts/s)^2]; memory is the growth of the "
+        "peak of a fresh process.",
+        "",
+        f"Python {platform.python_version()}, {versions}. Processor: {_processor()}.",
+        "",
+        "| " + " | ".join(columns) + " |",
+        "|" + "---|" * len(columns),
+        *("| " + " | ".join(str(row.get(column, "")) for column in columns) + " |" for row in rows),
+    ]
+    (folder / "mapping.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a tenth of the cells, up to 300 samples, once each")
+    parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
+    parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
+    parser.add_argument("--sizes", type=int, nargs="+", help="numbers of samples (default 72 300 1000)")
+    parser.add_argument("--out", type=Path, default=ROOT / "bench", help="folder for mapping.csv and mapping.md")
+    arguments = parser.parse_args()
+    cells, sizes, repeats = 70_000, (72, 300, 1000), max(1, arguments.repeats)
+    if arguments.quick:
+        cells, sizes, repeats = 7_000, (72, 300), 1
+    sizes = arguments.sizes or sizes
+    if importlib.util.find_spec("threadpoolctl") is not None:
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(1)
+    rows: list[dict[str, object]] = []
+    for model in arguments.models:
+        for n in sizes:
+            for row in compare(model, n, cells, repeats):
+                rows.append(row)
+                print(
+                    "  ".join(f"{row.get(column, '')!s:>13}" for column in [*COLUMNS, *EXTRA_COLUMNS]), flush=True
+                )
+            write(rows, arguments.out, cells, repeats)  # what is done is kept if the rest is cut short
+    print(f"wrote {arguments.out / 'mapping.csv'} and {arguments.out / 'mapping.md'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""Package metadata, for pip and for colcon (ament_python)."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "soilmoist_ros"
+ROOT = Path(__file__).parent
+
+
+def shared(folder: str) -> list[tuple[str, list[str]]]:
+    """Files below a folder, to be installed at the same place below share/soilmoist_ros."""
+    folders = sorted({path.parent for path in (ROOT / folder).rglob("*") if path.is_file()})
+    return [
+        (
+            f"share/{NAME}/{here.relative_to(ROOT).as_posix()}",
+            [str(path.relative_to(ROOT)) for path in sorted(here.iterdir()) if path.is_file()],
+        )
+        for here in folders
+    ]
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Soil-moisture mapping with a cosmic-ray neutron sensor on a robot",
+    long_description=(ROOT / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    author="The soilmoist_ros developers",
+    maintainer="The soilmoist_ros developers",
+    maintainer_email="maintainers@soilmoist-ros.example.org",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
+    package_data={NAME: ["py.typed", "reporting/templates/*"], "msg_adapters": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        *shared("config"),
+    ],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "shapely>=2.0",
+        "pyproj>=3.6",
+        "pydantic>=2.7",
+        "ruamel.yaml>=0.17.21",
+        "pynmea2>=1.19",
+        "click>=8.1",
+        "rich>=13.7",
+        "rasterio>=1.3",
+        "matplotlib>=3.6",
+        "jinja2>=3.1",
+    ],
+    extras_require={
+        # Real ROS 2 Jazzy for laptops and CI (x86_64 only); a robot has ROS from apt.
+        "ros-wheels": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+        "test": [
+            "pytest>=8",
+            "pytest-xdist>=3.5",
+            "hypothesis>=6.100",
+            "mpmath>=1.3",
+            "pykrige>=1.7",
+            "crnpy>=0.7",
+            "mypy>=1.10",
+            "ruff>=0.6",
+        ],
+        "bench": ["pykrige>=1.7", "gstools>=1.5", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
+    },
+    entry_points={"console_scripts": ["soilmoist = soilmoist_ros.cli:main"]},
+    zip_safe=False,
+)

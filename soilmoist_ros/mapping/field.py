@@ -1,0 +1,170 @@
+"""The field file: where the field lies, its boundary, and what inside it must not be entered."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field as Setting
+from pydantic import model_validator
+
+from soilmoist_ros.configuration import Section, load_model
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.geodesy import LocalFrame
+
+Vertex = tuple[float, float]
+Ring = Annotated[list[Vertex], Setting(min_length=3)]
+
+
+class Datum(Section):
+    """Origin of the field's east-north coordinates."""
+
+    latitude_deg: Annotated[float, Setting(ge=-90, le=90)]
+    """Latitude, WGS-84 [deg]."""
+    longitude_deg: Annotated[float, Setting(ge=-180, le=180)]
+    """Longitude, WGS-84, east positive [deg]."""
+
+
+class FieldFile(Section):
+    """What a field file may hold."""
+
+    name: str = "unnamed field"
+    """Name shown in reports."""
+    datum: Datum | None = None
+    """Origin of x (east) and y (north); the mean of the boundary if left out."""
+    polygon: Ring | None = None
+    """Boundary as [x, y] in metres from the datum."""
+    polygon_lonlat: Ring | None = None
+    """Boundary as [longitude, latitude] in degrees, east and north positive."""
+    geojson: Path | None = None
+    """GeoJSON file with the boundary; a relative path starts at the field file. Its holes are no-go areas."""
+    no_go: tuple[Ring, ...] = ()
+    """Areas inside the boundary that are not mapped or entered, as [x, y] in metres from the datum."""
+    cell_m: Annotated[float, Setting(gt=0)] | None = None
+    """Cell size of the map [m]; chosen from the footprint and the extent if left out."""
+
+    @model_validator(mode="after")
+    def _one_boundary(self) -> FieldFile:
+        given = [key for key in ("polygon", "polygon_lonlat", "geojson") if getattr(self, key) is not None]
+        if len(given) != 1:
+            found = f"but there are {len(given)}: {', '.join(given)}" if given else "but there is none"
+            raise ValueError(f"give one boundary: 'polygon', 'polygon_lonlat' or 'geojson', {found}")
+        if self.datum is None and (self.polygon is not None or self.no_go):
+            raise ValueError("a boundary or no-go area in metres needs a 'datum' to start from")
+        for lon, lat in self.polygon_lonlat or []:
+            if not (-180 <= lon <= 180 and -90 <= lat <= 90):
+                raise ValueError(f"[{lon}, {lat}] is not [longitude, latitude] in degrees")
+        return self
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field in its own east-north plane.
+
+    :param name: name shown in reports
+    :param frame: the plane about the field's datum
+    :param polygon: boundary, shape (k, 2) [m], not closed
+    :param no_go: boundaries of areas to leave out, each of shape (k, 2) [m]
+    :param cell_m: cell size of the map [m], ``None`` to choose it
+    """
+
+    name: str
+    frame: LocalFrame
+    polygon: NDArray[np.float64]
+    no_go: tuple[NDArray[np.float64], ...] = ()
+    cell_m: float | None = None
+
+
+def load_field(path: Path) -> Field:
+    """Read a field file.
+
+    :raises InputError: with every mistake in the file or in the GeoJSON that it names
+    """
+    content = load_model(path, FieldFile)
+    holes_lonlat: list[NDArray[np.float64]] = []
+    lonlat: NDArray[np.float64] | None = None
+    if content.geojson is not None:
+        lonlat, holes_lonlat = _read_geojson(path.parent / content.geojson)
+    elif content.polygon_lonlat is not None:
+        lonlat = _open_ring(content.polygon_lonlat)
+    if content.datum is not None:
+        frame = LocalFrame(content.datum.latitude_deg, content.datum.longitude_deg)
+    else:
+        assert lonlat is not None  # the model refuses a boundary in metres without a datum
+        frame = LocalFrame(*(float(value) for value in np.round(lonlat.mean(axis=0)[::-1], 7)))
+    if lonlat is not None:
+        polygon = frame.to_local(lonlat[:, 1], lonlat[:, 0])
+        if not np.all(np.isfinite(polygon)):
+            raise InputError("the boundary is not on the datum's side of the earth", "check 'datum'", path)
+    else:
+        polygon = _open_ring(content.polygon or [])
+    no_go = [frame.to_local(hole[:, 1], hole[:, 0]) for hole in holes_lonlat]
+    no_go += [_open_ring(ring) for ring in content.no_go]
+    _require_valid(polygon, "the boundary", path)
+    for number, ring in enumerate(no_go, start=1):
+        _require_valid(ring, f"no-go area {number}", path)
+    return Field(content.name, frame, polygon, tuple(no_go), content.cell_m)
+
+
+def _open_ring(vertices: Iterable[Any]) -> NDArray[np.float64]:
+    ring = np.array(list(vertices), dtype=float)
+    return ring[:-1] if len(ring) > 3 and np.array_equal(ring[0], ring[-1]) else ring
+
+
+def _require_valid(ring: NDArray[np.float64], name: str, path: Path) -> None:
+    from shapely import Polygon
+    from shapely.validation import explain_validity
+
+    polygon = Polygon(ring)
+    if not polygon.is_valid:
+        raise InputError(
+            f"{name} is not a simple polygon: {explain_validity(polygon)}",
+            "list the corners in order around the field, without crossing lines",
+            path,
+        )
+    if polygon.area <= 0:
+        raise InputError(f"{name} encloses no area", "give at least three corners not on one line", path)
+
+
+def _read_geojson(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    """Exterior and holes, as longitude and latitude, of the only polygon in a GeoJSON file."""
+    try:
+        content = json.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", "check 'geojson' in the field file", path) from None
+    except ValueError as error:
+        raise InputError(f"is not valid JSON: {error}", "export the boundary again as GeoJSON", path) from None
+    polygons = list(_polygons(content))
+    if len(polygons) != 1:
+        raise InputError(
+            f"holds {len(polygons)} polygons", "a field is one polygon: export only its boundary, in WGS-84", path
+        )
+    try:
+        rings = [_open_ring(vertex[:2] for vertex in ring) for ring in polygons[0]]
+        inside = all(ring.ndim == 2 and np.all(np.abs(ring) <= (180, 90)) for ring in rings)
+    except (TypeError, ValueError):
+        rings, inside = [], False
+    if not (rings and inside):
+        raise InputError(
+            "the boundary is not in degrees of longitude and latitude", "export it as GeoJSON in WGS-84", path
+        )
+    return rings[0], rings[1:]
+
+
+def _polygons(node: Any) -> Iterable[list[Any]]:
+    if isinstance(node, dict):
+        if node.get("type") == "Polygon" and isinstance(node.get("coordinates"), list):
+            yield node["coordinates"]
+        elif node.get("type") == "MultiPolygon" and isinstance(node.get("coordinates"), list):
+            yield from node["coordinates"]
+        elif node.get("type") == "Feature":
+            yield from _polygons(node.get("geometry"))
+        else:
+            for key in ("features", "geometries"):
+                for child in node.get(key) or []:
+                    yield from _polygons(child)

@@ -1,0 +1,315 @@
+"""Poisson kriging: the count rate and its variance at unsampled places, from neutron counts.
+
+Monestiez, Dubroca, Bonnin, Durbec & Guinet (2006), Ecological Modelling 193:615-628. For samples i with
+counts Z_i and exposures t_i, and a target 0::
+
+    sum_j w_j C_ij + w_i m*/t_i + mu = C_i0   (i = 1..n),     sum_j w_j = 1
+    rate = sum_i w_i Z_i/t_i,                 variance = C_00 - sum_i w_i C_i0 - mu
+
+With the Cholesky factor L of the matrix, W = L^-1 C_.0, b = L^-1 1 and a = L^-1 (Z/t - c), where c is the
+generalised least-squares mean, this becomes ``rate = c + a.W`` and
+``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.errors import IllConditionedError
+from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
+from soilmoist_ros.mapping.targets import Points, RasterCells, Targets, coincident
+from soilmoist_ros.mapping.variogram import Variogram
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+JITTER = (0.0, 1e-13, 1e-11, 1e-9)
+"""What is added to the diagonal, relative to its mean, until the Cholesky factor exists."""
+MEAN_RATE_DRIFT = 0.01
+"""Relative drift of the mean rate after which :meth:`PoissonKriging.add` renews the noise variances."""
+_TILE_ELEMENTS = 400_000
+"""Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
+
+_log = logging.getLogger(__name__)
+
+
+class _Solution(NamedTuple):
+    """What does not depend on the target: L (lower), b = L^-1 1, a = L^-1 (rate - c) and the mean c."""
+
+    factor: Array
+    ones: Array
+    residual: Array
+    mean: float
+
+
+class PoissonKriging:
+    """Kriging of Poisson counts with unknown constant mean (the ordinary form).
+
+    Records at one place are merged, which is exact. The object is cheap to make; :meth:`fit` factors the
+    matrix, :meth:`add` extends the factor by new samples.
+
+    :param variogram: variogram of the latent rate
+    :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, and the
+        covariance with a sample at the same place is the sill), or its smooth part only (C_00 = sill -
+        nugget, and so everywhere)
+    :param mean_rate: mean rate m* in the noise variances m*/t [counts/s]; by default sum of counts / sum
+        of exposures. The mean of the *map* is estimated in any case
+    :raises ValueError: if ``mean_rate`` is not positive and finite
+
+    Attributes
+    ----------
+    clipped_variances : int
+        how many variances of the last prediction were negative and set to 0
+    jitter : float
+        what was added to the diagonal of the matrix to make it positive definite [(counts/s)^2]
+    noise_mean_rate : float
+        the m* in use [counts/s]; :meth:`add` keeps it until the data's has drifted by 1 %
+    """
+
+    def __init__(self, variogram: Variogram, keep_nugget: bool = True, mean_rate: float | None = None) -> None:
+        if mean_rate is not None and not (np.isfinite(mean_rate) and mean_rate > 0):
+            raise ValueError(f"mean_rate must be positive and finite, got {mean_rate}")
+        self.variogram = variogram
+        self.keep_nugget = keep_nugget
+        self.mean_rate = mean_rate
+        self.noise_mean_rate = float("nan")
+        self.jitter = 0.0
+        self.clipped_variances = 0
+        self._records: Samples | None = None
+        self._record_place: NDArray[np.intp] = np.empty(0, int)
+        self._places = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
+        self._solution = _Solution(np.empty((0, 0)), np.empty(0), np.empty(0), float("nan"))
+
+    # -- samples ---------------------------------------------------------------------------------------
+
+    @property
+    def places(self) -> Samples:
+        """The merged samples: one per distinct place, in the order of first appearance."""
+        return self._places
+
+    @property
+    def map_mean(self) -> float:
+        """Generalised least-squares mean of the rate, which the map tends to far from all samples [counts/s]."""
+        return self._solution.mean
+
+    def fit(self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike) -> PoissonKriging:
+        """Take samples, replacing earlier ones, and factor the kriging matrix.
+
+        :param xy: places, shape (n, 2), n >= 1 [m]
+        :param counts: raw counts, shape (n,)
+        :param exposure_s: effective exposures, shape (n,) [s]
+        :returns: itself
+        :raises ValueError: if there is no sample, or as :class:`~soilmoist_ros.mapping.samples.Samples`
+        :raises IllConditionedError: if the matrix cannot be factored
+        """
+        records = as_samples(xy, counts, exposure_s)
+        if not len(records):
+            raise ValueError("kriging needs at least one sample; wait for the first record")
+        self._take(records)
+        self._rebuild()
+        return self
+
+    def add(self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike) -> PoissonKriging:
+        """Take further samples; a new place appends a row to the factor, a known place is merged.
+
+        Costs O(n^2) for a place that is new or the newest, more for older ones. The mean rate in the noise
+        is kept until it has drifted by 1 %, then everything is built anew (as :meth:`fit` would).
+
+        :param xy: places, shape (k, 2), or one place (x, y) [m]
+        :param counts: raw counts, shape (k,), or a number
+        :param exposure_s: effective exposures, shape (k,), or a number [s]
+        :returns: itself
+        :raises ValueError: as :meth:`fit`; the samples taken before stay as they were
+        """
+        if self._records is None:
+            return self.fit(check_xy(xy), np.atleast_1d(counts), np.atleast_1d(exposure_s))
+        new = as_samples(xy, counts, exposure_s)
+        if not len(new):
+            return self
+        known = len(self._places)
+        self._take(_concatenate(self._records, new))
+        drift = abs(self._wanted_mean_rate() / self.noise_mean_rate - 1)
+        if drift > MEAN_RATE_DRIFT or not self._refactor(int(self._record_place[-len(new) :].min()), known):
+            self._rebuild()
+        return self
+
+    # -- prediction ------------------------------------------------------------------------------------
+
+    def predict(self, xy: ArrayLike, progress: Progress | None = None) -> tuple[Array, Array]:
+        """Rate and kriging variance at points.
+
+        :param xy: targets, shape (g, 2) [m]
+        :param progress: called with the fraction done, from above 0 to 1, after each tile
+        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (g,); counting noise is not
+            part of the variance
+        :raises RuntimeError: before :meth:`fit`
+        """
+        return self._predict(Points(self.variogram, self._fitted().xy, check_xy(xy)), progress)
+
+    def predict_grid(
+        self,
+        x_m: ArrayLike,
+        y_m: ArrayLike,
+        mask: NDArray[np.bool_] | None = None,
+        progress: Progress | None = None,
+    ) -> tuple[Array, Array]:
+        """Rate and kriging variance on a raster; the same answers as :meth:`predict`, faster.
+
+        :param x_m: centres of the columns, shape (nx,) [m]
+        :param y_m: centres of the rows, shape (ny,) [m]
+        :param mask: cells wanted, shape (ny, nx); the others are NaN. All by default
+        :param progress: as :meth:`predict`
+        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (ny, nx)
+        :raises ValueError: if an axis is not a finite vector or the mask does not fit
+        :raises RuntimeError: before :meth:`fit`
+        """
+        x, y = np.asarray(x_m, float), np.asarray(y_m, float)
+        for name, axis in (("x_m", x), ("y_m", y)):
+            if axis.ndim != 1 or not np.isfinite(axis).all():
+                raise ValueError(f"{name} must be a finite vector, got shape {axis.shape}")
+        wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
+        if wanted.shape != (len(y), len(x)):
+            raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
+        cells = RasterCells(self.variogram, self._fitted().xy, x, y, wanted)
+        rasters = np.full((2, len(y), len(x)), np.nan)
+        rasters[:, wanted] = self._predict(cells, progress)
+        return rasters[0], rasters[1]
+
+    def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
+        """Kriging weights and Lagrange multipliers.
+
+        :param xy: targets, shape (g, 2) [m]
+        :returns: weights, shape (n, g), of the n records *as given* (those at one place share the weight of
+            the place in proportion to exposure), and Lagrange multipliers mu, shape (g,) [(counts/s)^2]
+        :raises RuntimeError: before :meth:`fit`
+        """
+        from scipy.linalg import solve_triangular
+
+        targets = Points(self.variogram, self._fitted().xy, check_xy(xy))
+        factor, ones, _, _ = self._solution
+        solved = np.concatenate([tile for _, tile in self._solved_tiles(targets)] or [np.empty((0, len(ones)))])
+        lagrange = (solved @ ones - 1) / (ones @ ones)
+        right = (solved - lagrange[:, None] * ones).T
+        of_places = solve_triangular(factor, right, lower=True, trans="T", check_finite=False)
+        assert self._records is not None
+        share = self._records.exposure_s / self._places.exposure_s[self._record_place]
+        return of_places[self._record_place] * share[:, None], lagrange
+
+    def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
+        _, ones, residual, mean = self._solution
+        both = np.column_stack([residual, ones])
+        rate, variance = np.empty((2, len(targets.xy)))
+        for tile, solved in self._solved_tiles(targets):
+            products = solved @ both
+            rate[tile] = mean + products[:, 0]
+            variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
+            if progress is not None:
+                progress(tile.stop / len(rate))
+        variance += self.variogram.sill if self.keep_nugget else self.variogram.structured_sill
+        return rate, self._clip(variance)
+
+    def _solved_tiles(self, targets: Targets) -> Iterator[tuple[slice, Array]]:
+        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places)."""
+        from scipy.linalg.blas import dtrsm
+
+        places, variogram = self._places, self.variogram
+        target, place = coincident(targets.xy, places.xy)
+        step = max(1, _TILE_ELEMENTS // len(places))
+        for start in range(0, len(targets.xy), step):
+            tile = slice(start, min(start + step, len(targets.xy)))
+            covariance = targets.correlation(tile)
+            covariance *= variogram.structured_sill
+            if self.keep_nugget:
+                here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
+                covariance[target[here] - start, place[here]] += variogram.nugget
+            yield tile, dtrsm(1.0, self._solution.factor, covariance.T, lower=1, overwrite_b=1).T
+
+    def _clip(self, variance: Array) -> Array:
+        negative = variance < 0
+        self.clipped_variances = int(np.count_nonzero(negative))
+        if self.clipped_variances:
+            lowest = variance.min()
+            rounding = -1e-10 * max(self.variogram.sill, 1e-300)
+            level = logging.DEBUG if lowest >= rounding else logging.WARNING
+            _log.log(level, "%d negative variances (down to %.3g) set to 0", self.clipped_variances, lowest)
+            variance[negative] = 0.0
+        return variance
+
+    # -- factorisation ---------------------------------------------------------------------------------
+
+    def _fitted(self) -> Samples:
+        if self._records is None:
+            raise RuntimeError("the kriging has no samples yet; call fit() first")
+        return self._places
+
+    def _take(self, records: Samples) -> None:
+        self._records = records
+        self._places, self._record_place = merge_exactly(records)
+
+    def _wanted_mean_rate(self) -> float:
+        return noise_rate(self._places) if self.mean_rate is None else self.mean_rate
+
+    def _rebuild(self) -> None:
+        """Factor the whole matrix, with as little jitter as makes it positive definite."""
+        self.noise_mean_rate = self._wanted_mean_rate()
+        scale = self.variogram.sill + float(np.mean(self.noise_mean_rate / self._places.exposure_s))
+        for relative in JITTER:
+            self.jitter = relative * scale
+            if self._refactor(0, 0):
+                if relative:
+                    _log.warning("added %.3g to the diagonal: the kriging matrix is ill-conditioned", self.jitter)
+                return
+        raise IllConditionedError(
+            f"the kriging matrix of {len(self._places)} samples is not positive definite even with a jitter of "
+            f"{self.jitter:.3g}: the variogram is too smooth for places so close together; "
+            "use matern32 or exponential, a nugget, or merge close samples"
+        )
+
+    def _refactor(self, first: int, known: int) -> bool:
+        """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before.
+
+        :returns: whether the matrix is positive definite; if not, the factor is unchanged
+        """
+        from scipy.linalg import solve_triangular
+        from scipy.linalg.lapack import dpotrf
+
+        first = min(first, known)
+        places, n = self._places, len(self._places)
+        rows = Points(self.variogram, places.xy, places.xy[first:]).correlation(slice(0, n - first))
+        rows *= self.variogram.structured_sill
+        noise = self.variogram.nugget + self.jitter + self.noise_mean_rate / places.exposure_s[first:]
+        rows[np.arange(n - first), np.arange(first, n)] += noise
+        factor = np.zeros((n, n), order="F")
+        factor[:known, :known] = self._solution.factor[:known, :known]
+        if first > 0 and known < n:
+            right = rows[known - first :, :first].T
+            head = factor[:first, :first]
+            factor[known:, :first] = solve_triangular(head, right, lower=True, check_finite=False).T
+        left = factor[first:, :first]
+        tail, info = dpotrf(rows[:, first:] - left @ left.T, lower=1, clean=1)
+        if info:
+            return False
+        factor[first:, first:] = tail
+        self._solve_data(factor)
+        return True
+
+    def _solve_data(self, factor: Array) -> None:
+        from scipy.linalg import solve_triangular
+
+        right = np.column_stack([self._places.rate_cps, np.ones(len(self._places))])
+        rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
+        mean = float(rate @ ones / (ones @ ones))
+        self._solution = _Solution(factor, ones, rate - mean * ones, mean)
+
+
+def _concatenate(first: Samples, second: Samples) -> Samples:
+    return Samples(
+        np.concatenate([first.xy, second.xy]),
+        np.concatenate([first.counts, second.counts]),
+        np.concatenate([first.exposure_s, second.exposure_s]),
+    )

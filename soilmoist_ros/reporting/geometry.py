@@ -1,0 +1,75 @@
+"""Shapes behind the outputs: the field's polygon, the robot's track, both in local metres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.sensing.records import CountRecord
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping import SoilMap
+
+
+def field_polygon(soil_map: SoilMap) -> Any:
+    """The field without its holes, as a shapely (multi)polygon in local metres; exteriors counter-clockwise.
+
+    Holes may overlap each other and the boundary, so they are cut out rather than taken as rings.
+    """
+    from shapely import unary_union
+    from shapely.geometry import Polygon
+
+    outlines, holes = (
+        unary_union([Polygon(r) for r in rs]) for rs in (soil_map.grid.polygons, soil_map.grid.holes)
+    )
+    return right_handed(outlines.difference(holes))
+
+
+def right_handed(shape: Any) -> Any:
+    """The same shape with exteriors counter-clockwise and holes clockwise; lines and points as they are."""
+    from shapely.geometry import MultiPolygon
+    from shapely.geometry.polygon import orient
+
+    if shape.geom_type == "Polygon":
+        return orient(shape, 1.0)
+    if shape.geom_type == "MultiPolygon":
+        return MultiPolygon([orient(part, 1.0) for part in shape.geoms])
+    return shape
+
+
+def rings(soil_map: SoilMap) -> list[NDArray[np.float64]]:
+    """All boundary lines of the field, each closed, shape (k, 2) [m]."""
+    shape = field_polygon(soil_map)
+    parts = list(getattr(shape, "geoms", [shape]))
+    lines = [line for part in parts for line in (part.exterior, *part.interiors)]
+    return [np.asarray(line.coords, float) for line in lines if not line.is_empty]
+
+
+def inside_field(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (n, 2) lie in the field and not in one of its holes."""
+    from shapely import contains_xy, prepare
+
+    polygon = field_polygon(soil_map)
+    prepare(polygon)
+    return np.asarray(contains_xy(polygon, xy_m[:, 0], xy_m[:, 1]), bool)
+
+
+def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
+    """Places of the records that have one, in order, shape (n, 2) [m]."""
+    xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)
+    return np.asarray(xy[np.isfinite(xy).all(axis=1)])
+
+
+def distance_m(track: Sequence[CountRecord]) -> float:
+    """Length of the line through the records' places [m]."""
+    steps = np.diff(track_xy(track), axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def map_extent(soil_map: SoilMap) -> tuple[float, float, float, float]:
+    """Outer edges of the raster's cells: west, east, south, north [m]."""
+    x, y, half = soil_map.grid.x_m, soil_map.grid.y_m, soil_map.grid.cell_m / 2
+    return float(x[0] - half), float(x[-1] + half), float(y[0] - half), float(y[-1] + half)

@@ -1,0 +1,56 @@
+"""The output folder of a run: all files complete, or as they were before."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.reporting.geojson import write_samples
+from soilmoist_ros.reporting.geotiff import export_crs, write_geotiff
+from soilmoist_ros.reporting.report import write_report
+from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.reporting.summary import write_summary
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+NAMES = ("summary.json", "map.tif", "samples.geojson", "report.html")
+
+
+def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
+    """Write ``summary.json``, ``map.tif``, ``samples.geojson`` and ``report.html``.
+
+    All are first written to a hidden folder beside their place and moved only when every one is complete,
+    so that a reader never meets half a file, nor a map with another run's report after a failure.
+
+    :param folder: output folder; made if missing
+    :param run: the run
+    :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
+    :returns: the four paths, in the order above
+    :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
+    """
+    target = export_crs(run.frame, crs)
+    tags = {
+        "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
+        "SOILMOIST_CREATED_UTC": run.created,
+        "SOILMOIST_FIELD": run.field_name,
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        workshop = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
+    try:
+        write_geotiff(workshop / "map.tif", run.soil_map, run.frame, target, tags)
+        write_samples(workshop / "samples.geojson", run)
+        write_report(workshop / "report.html", run)
+        write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=NAMES)
+        for name in NAMES:
+            os.replace(workshop / name, folder / name)
+    finally:
+        shutil.rmtree(workshop, ignore_errors=True)
+    return [folder / name for name in NAMES]

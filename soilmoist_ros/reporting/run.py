@@ -1,0 +1,159 @@
+"""All that the outputs of one mapping run are made of."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.sensing.records import CountRecord
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping import SoilMap
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """One file that went into the run.
+
+    :param name: name or path as the user gave it
+    :param n_records: records read from it, ``None`` if it holds none (a polygon, a configuration)
+    :param size_bytes: its size, ``None`` if unknown
+    :param sha256: checksum of its bytes in hexadecimal, empty if unknown
+    :param role: what it was used for
+    """
+
+    name: str
+    n_records: int | None = None
+    size_bytes: int | None = None
+    sha256: str = ""
+    role: str = "logger data"
+
+
+@dataclass(frozen=True)
+class CorrectionRow:
+    """One correction factor as it was applied.
+
+    :param name: quantity corrected for, e.g. ``air pressure``
+    :param formula: the formula in plain text
+    :param parameters: parameter name (with its unit) -> value
+    :param mean_factor: mean of the factor over the records [-]
+    :param min_factor: smallest factor [-]
+    :param max_factor: largest factor [-]
+    :param remark: e.g. where the values came from, or why the correction was not applied
+    """
+
+    name: str
+    formula: str
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
+    mean_factor: float = 1.0
+    min_factor: float = 1.0
+    max_factor: float = 1.0
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class LossRow:
+    """One kind of trouble met in the input.
+
+    :param kind: short name, e.g. ``no position``
+    :param count: how often
+    :param example: message of one case, with file and line
+    :param consequence: ``lost``: these records are not in the map; ``kept``: they are, with a reservation
+    :param remedy: what the user can do about it
+    """
+
+    kind: str
+    count: int
+    example: str = ""
+    consequence: Literal["lost", "kept"] = "lost"
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class CalibrationInfo:
+    """Where the relation between count rate and soil moisture came from.
+
+    :param n0_cps: count rate over dry soil [counts/s]
+    :param bulk_density_gcm3: dry bulk density [g/cm^3]
+    :param n0_sd_cps: standard deviation of N0 [counts/s], ``None`` if unknown
+    :param lattice_water: gravimetric lattice water [g/g]
+    :param organic_water: gravimetric water equivalent of organic matter [g/g]
+    :param source: e.g. ``6 soil cores of 2024-05-02``
+    """
+
+    n0_cps: float
+    bulk_density_gcm3: float
+    n0_sd_cps: float | None = None
+    lattice_water: float = 0.0
+    organic_water: float = 0.0
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class MapRun:
+    """One finished mapping run: the map and all that a reader needs to judge it.
+
+    :param soil_map: the map
+    :param frame: local frame in which the map and the track lie
+    :param created_utc: when the outputs are made, time-zone aware
+    :param track: the processed records in order of time, those without a place included
+    :param title: title of the report
+    :param site: name of the site
+    :param field_name: name of the field
+    :param inputs: files that went in
+    :param logger_format: name of the logger's format
+    :param corrections: corrections as applied
+    :param losses: what was dropped or kept with reservations
+    :param warnings: plain sentences for the reader
+    :param calibration: origin of the calibration; ``None`` says no more than ``soil_map.curve``
+    :param simulated: the counts come from a simulation; every output says so
+    :param version: version of this package
+    :param settings: settings of the run, name (with its unit) -> value
+    :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
+    :param footprint_radius_m: radius of the soil seen by the sensor [m], ``None`` if unknown
+    :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
+    :param uncertain_rate_share: the same for the rate, as a share of the rate [-]
+    :raises ValueError: if ``created_utc`` has no time zone
+    """
+
+    soil_map: SoilMap
+    frame: LocalFrame
+    created_utc: datetime
+    track: Sequence[CountRecord] = ()
+    title: str = "Soil moisture map"
+    site: str = ""
+    field_name: str = ""
+    inputs: Sequence[InputFile] = ()
+    logger_format: str = ""
+    corrections: Sequence[CorrectionRow] = ()
+    losses: Sequence[LossRow] = ()
+    warnings: Sequence[str] = ()
+    calibration: CalibrationInfo | None = None
+    simulated: bool = False
+    version: str = ""
+    settings: Mapping[str, object] = field(default_factory=dict)
+    truth_rate: NDArray[np.float64] | None = None
+    footprint_radius_m: float | None = None
+    uncertain_vwc_sd: float = 0.03
+    uncertain_rate_share: float = 0.05
+
+    def __post_init__(self) -> None:
+        if self.created_utc.tzinfo is None:
+            raise ValueError("created_utc must have a time zone")
+
+    @property
+    def created(self) -> str:
+        """Time of creation as ISO 8601 in UTC, to the second."""
+        return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.created_utc.timestamp()))
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the map has soil moisture, not only a count rate."""
+        return self.soil_map.curve is not None

@@ -1,0 +1,127 @@
+"""The look of the figures: figures without global state, colours that colour-blind readers can tell apart."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK = "#22303c"
+SOFT = "#5d6b78"
+FAINT = "#d5dbe1"
+BLUE, ORANGE, GREEN, PURPLE = "#0072b2", "#d55e00", "#009e73", "#8c4a8c"
+SMALL, NORMAL, LARGE = 8.5, 9.5, 11.0
+PNG_DPI = 190
+LARGEST_SVG = 250_000
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One figure, ready to stand in an HTML file.
+
+    :param uri: the image as a data URI
+    :param alt: what it shows, in words
+    :param width_in: its natural width [in]
+    :param axes: where the main axes lie in the image: left, top, width, height, all 0..1
+    """
+
+    uri: str
+    alt: str
+    width_in: float
+    axes: tuple[float, float, float, float]
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """An empty white figure that knows nothing of pyplot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def plain(axes: Axes, grid: str = "") -> Axes:
+    """Take away what carries no data: the upper and right spines, strong ticks."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8)
+    if grid:
+        axes.grid(axis=grid, color=FAINT, linewidth=0.7)  # type: ignore[arg-type]
+        axes.set_axisbelow(True)
+    return axes
+
+
+def label(axes: Axes, x: str = "", y: str = "", title: str = "") -> None:
+    """Axis labels and a title at the left."""
+    axes.set_xlabel(x, fontsize=NORMAL, color=INK)
+    axes.set_ylabel(y, fontsize=NORMAL, color=INK)
+    if title:
+        axes.set_title(title, fontsize=NORMAL, color=INK, loc="left", fontweight="bold")
+
+
+def legend(axes: Axes, **kwargs: Any) -> None:
+    """A legend without a frame above the axes, where it hides nothing."""
+    where = {
+        "loc": "lower left",
+        "bbox_to_anchor": (0.0, 1.0),
+        "borderaxespad": 0.2,
+        "ncols": 4,
+        "columnspacing": 1.3,
+    }
+    axes.legend(**{"fontsize": SMALL, "frameon": False, "labelcolor": INK, "handlelength": 1.6, **where, **kwargs})
+
+
+def robust_range(values: ArrayLike, share: float = 0.95) -> tuple[float, float]:
+    """Colour limits that hold the middle ``share`` of the values.
+
+    A flat map gets limits around its value, so that noise of rounding is not painted as contrast.
+    """
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    if finite.size == 0:
+        return 0.0, 1.0
+    low, high = (float(q) for q in np.quantile(finite, (0.5 - share / 2, 0.5 + share / 2)))
+    least = max(abs(low), abs(high), 1e-9) * 1e-3
+    if high - low < least:
+        middle = (low + high) / 2
+        low, high = middle - least, middle + least
+    return low, high
+
+
+def extension(values: ArrayLike, low: float, high: float) -> str:
+    """Which ends of a colour bar need an arrow, in matplotlib's words."""
+    below, above = bool(np.nanmin(values, initial=low) < low), bool(np.nanmax(values, initial=high) > high)
+    return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
+
+
+def picture(figure: Figure, alt: str, vector: bool = False) -> Picture:
+    """Render: SVG where asked for and small, else PNG at twice the screen's resolution."""
+    width, _ = figure.get_size_inches()
+    figure.canvas.draw()
+    box = figure.axes[0].get_position()
+    axes = (float(box.x0), float(1 - box.y1), float(box.width), float(box.height))
+    if vector:
+        svg = _render(figure, "svg")
+        if len(svg) <= LARGEST_SVG:
+            return Picture(_data_uri("image/svg+xml", svg), alt, float(width), axes)
+    return Picture(_data_uri("image/png", _render(figure, "png")), alt, float(width), axes)
+
+
+def _render(figure: Figure, kind: str) -> bytes:
+    stream = io.BytesIO()
+    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
+    figure.savefig(stream, format=kind, dpi=PNG_DPI if kind == "png" else 72, metadata=metadata)
+    return stream.getvalue()
+
+
+def _data_uri(mime: str, content: bytes) -> str:
+    return f"data:{mime};base64,{base64.b64encode(content).decode('ascii')}"

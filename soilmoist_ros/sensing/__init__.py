@@ -1,0 +1,1 @@
+"""From logger bytes to corrected, geo-tagged counts."""

@@ -1,0 +1,123 @@
+"""A GNSS fix, and what the receiver's quality figures say about its error."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+from soilmoist_ros.sensing.records import NAN, Position
+
+Row = tuple[float, float, float]
+Covariance = tuple[Row, Row, Row]
+UNKNOWN_COVARIANCE: Covariance = ((NAN, NAN, NAN),) * 3
+
+
+class FixStatus(enum.IntEnum):
+    """Whether there is a fix, and how it was augmented; the numbers are those of sensor_msgs/NavSatStatus."""
+
+    NO_FIX = -1
+    FIX = 0
+    SBAS = 1
+    """Differential corrections, from a satellite or otherwise."""
+    RTK = 2
+    """Real-time kinematic, fixed or float (ground-based augmentation)."""
+
+
+class CovarianceKind(enum.IntEnum):
+    """How a position covariance is known; the numbers are those of sensor_msgs/NavSatFix."""
+
+    UNKNOWN = 0
+    APPROXIMATED = 1
+    """From HDOP and a user-equivalent range error."""
+    DIAGONAL_KNOWN = 2
+    """The receiver's standard deviations (GST without an error ellipse)."""
+    KNOWN = 3
+    """The receiver's error ellipse (GST)."""
+
+
+# By the quality of NMEA GGA: 1 autonomous, 2 differential, 3 PPS, 4 RTK fixed, 5 RTK float, 6 dead reckoning,
+# 8 simulator. 0 (none) and 7 (typed in by hand) are no fix.
+STATUS_OF_QUALITY: dict[int, FixStatus] = {
+    1: FixStatus.FIX,
+    2: FixStatus.SBAS,
+    3: FixStatus.FIX,
+    4: FixStatus.RTK,
+    5: FixStatus.RTK,
+    6: FixStatus.FIX,
+    8: FixStatus.FIX,
+}
+
+# User-equivalent range error [m], one standard deviation, by GGA quality: usual figures of single-frequency
+# receivers in the open. Meant to be replaced where the receiver is known.
+DEFAULT_UERE_M: dict[int, float] = {1: 4.0, 2: 1.5, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0, 8: 4.0}
+
+
+def horizontal_sd(quality: int, hdop: float, uere_m: dict[int, float] | None = None) -> float:
+    """Standard deviation of each horizontal coordinate [m], NaN if it cannot be said.
+
+    ``HDOP^2 = (var_east + var_north) / UERE^2``, so each of the two has ``HDOP * UERE / sqrt(2)``.
+
+    :param quality: as in NMEA GGA
+    :param hdop: horizontal dilution of precision, > 0
+    :param uere_m: user-equivalent range error by quality [m]; :data:`DEFAULT_UERE_M` if not given
+    """
+    error = (DEFAULT_UERE_M if uere_m is None else uere_m).get(quality, math.nan)
+    if not (0 < hdop < 100):
+        return math.nan
+    return hdop * error / math.sqrt(2)
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """What a GNSS receiver says about one epoch.
+
+    :param stamp_s: time of the epoch [s since 1970-01-01 UTC], NaN while the receiver has no date
+    :param position: position, NaN without a fix
+    :param status: whether there is a fix, and how it was augmented
+    :param quality: quality as in NMEA GGA; 0 is none
+    :param satellites: number of satellites in use, -1 if unknown
+    :param hdop: horizontal dilution of precision, NaN if unknown
+    :param speed_mps: speed over ground [m/s], NaN if unknown
+    :param course_deg: course over ground, clockwise from true north [deg], NaN if unknown
+    :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown: add it to the altitude above mean sea
+        level to have that above the ellipsoid
+    :param covariance_m2: covariance of east, north, up [m^2], rows; NaN where unknown
+    :param covariance_kind: how the covariance is known
+    """
+
+    stamp_s: float
+    position: Position
+    status: FixStatus
+    quality: int = 0
+    satellites: int = -1
+    hdop: float = NAN
+    speed_mps: float = NAN
+    course_deg: float = NAN
+    geoid_separation_m: float = NAN
+    covariance_m2: Covariance = UNKNOWN_COVARIANCE
+    covariance_kind: CovarianceKind = CovarianceKind.UNKNOWN
+
+
+def covariance_of_ellipse(major_m: float, minor_m: float, orientation_deg: float, up_m: float) -> Covariance:
+    """Covariance in east, north, up of an error ellipse [m^2].
+
+    With ``a`` along the direction ``t`` (clockwise from north) and ``b`` across it:
+    ``EE = a^2 sin^2 t + b^2 cos^2 t``,
+    ``NN = a^2 cos^2 t + b^2 sin^2 t``, ``EN = (a^2 - b^2) sin t cos t``.
+
+    :param major_m: standard deviation along the semi-major axis [m]
+    :param minor_m: standard deviation along the semi-minor axis [m]
+    :param orientation_deg: direction of the semi-major axis, clockwise from true north [deg]
+    :param up_m: standard deviation of the altitude [m]
+    """
+    sine, cosine = math.sin(math.radians(orientation_deg)), math.cos(math.radians(orientation_deg))
+    a2, b2 = major_m**2, minor_m**2
+    east, north = a2 * sine**2 + b2 * cosine**2, a2 * cosine**2 + b2 * sine**2
+    mixed = (a2 - b2) * sine * cosine
+    return (east, mixed, 0.0), (mixed, north, 0.0), (0.0, 0.0, up_m**2)
+
+
+def diagonal_covariance(east_m: float, north_m: float, up_m: float) -> Covariance:
+    """Covariance of uncorrelated errors with these standard deviations [m^2]."""
+    return (east_m**2, 0.0, 0.0), (0.0, north_m**2, 0.0), (0.0, 0.0, up_m**2)

@@ -1,0 +1,316 @@
+"""Logs of a survey -> corrected, geo-tagged counts, with an account of everything that was lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.errors import InputError, Mistake
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections import Corrections, effective_exposure
+from soilmoist_ros.sensing.logger_reader import LogFile
+from soilmoist_ros.sensing.neutron_monitor import NeutronMonitor, read_neutron_monitor
+from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.site import CorrectionSettings, Site
+from soilmoist_ros.sensing.track import Track
+from soilmoist_ros.sensing.tubes import combine_tubes, tube_shares
+
+LONGEST_WEATHER_GAP_S = 1800.0
+"""Missing weather values are interpolated in time over gaps up to this long [s]."""
+_POSITION_GAP_RECORDS = 3.0
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The processed logs of one survey.
+
+    :param records: corrected, geo-tagged records in order of time
+    :param frame: plane in which they lie
+    :param problems: everything that was dropped or kept with a reservation
+    :param tube_share: share of each tube in the rate of the whole sensor, shape (tubes,)
+    """
+
+    records: tuple[CountRecord, ...]
+    frame: LocalFrame
+    problems: tuple[Problem, ...]
+    tube_share: NDArray[np.float64]
+
+    @property
+    def xy_m(self) -> NDArray[np.float64]:
+        """Places of the records, shape (n, 2) [m]."""
+        return np.array([(record.x_m, record.y_m) for record in self.records], dtype=float).reshape(-1, 2)
+
+    @property
+    def raw_counts(self) -> NDArray[np.float64]:
+        """Raw counts of the records, shape (n,)."""
+        return np.array([record.raw_counts for record in self.records], dtype=float)
+
+    @property
+    def effective_exposure_s(self) -> NDArray[np.float64]:
+        """Effective exposures of the records, shape (n,) [s]."""
+        return np.array([record.effective_exposure_s for record in self.records], dtype=float)
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Air pressure [hPa], temperature [degC] and relative humidity [0..1] at one record; NaN if unknown."""
+
+    pressure_hpa: float
+    temperature_degc: float
+    relative_humidity: float
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """One record on its way through the survey."""
+
+    log: LogFile
+    record: LoggerRecord
+
+
+def process_logs(
+    logs: Sequence[LogFile],
+    site: Site,
+    frame: LocalFrame | None = None,
+    track: Track | None = None,
+) -> Survey:
+    """Correct and geo-tag the records of one probe.
+
+    :param logs: parsed logs, in any order
+    :param site: corrections and tubes
+    :param frame: plane to place the records in; about the first position if ``None``
+    :param track: positions of a separate GNSS receiver; those of the logger are used if ``None``
+    :raises InputError: if the logs are of different probes, or not one record can be placed and corrected
+    """
+    _require_one_probe(logs)
+    entries = sorted(
+        (_Entry(log, record) for log in logs for record in log.records), key=lambda entry: entry.record.stamp_s
+    )
+    problems = [problem for log in logs for problem in log.problems]
+    entries = _without_duplicates(entries, problems)
+    if not entries:
+        raise InputError(_all_lost(logs, problems))
+    shares = _shares([entry.record for entry in entries], site)
+    places = _positions([entry.record for entry in entries], site, track)
+    frame = frame or _frame_about(places)
+    weather = fill_weather([entry.record for entry in entries])
+    monitor = _intensity_source(site.corrections)
+    records = []
+    for entry, position, air in zip(entries, places, weather, strict=True):
+        try:
+            corrected = _correct(entry.record, air, site, monitor, shares)
+            records.append(_place(corrected, position, frame))
+        except _LostError as loss:
+            mistake = Mistake(loss.message, loss.remedy, entry.log.path, entry.record.line)
+            problems.append(Problem(loss.kind, mistake, lost=True))
+    if not records or frame is None:
+        raise InputError(_all_lost(logs, problems))
+    return Survey(tuple(records), frame, tuple(problems), shares)
+
+
+def correction_factors(
+    air: Weather, intensity: float | None, settings: CorrectionSettings, parameters: Corrections
+) -> Mapping[str, float]:
+    """Factors ``f_pressure``, ``f_humidity`` and ``f_intensity`` of one record [-].
+
+    A correction that is switched off is 1.
+
+    :raises ValueError: if a value that an active correction needs is missing or impossible; names it
+    """
+    factors = {"f_pressure": 1.0, "f_humidity": 1.0, "f_intensity": 1.0}
+    if settings.pressure is not None:
+        factors["f_pressure"] = parameters.f_pressure(air.pressure_hpa)
+    if settings.humidity is not None:
+        factors["f_humidity"] = parameters.f_humidity(air.temperature_degc, air.relative_humidity)
+    if settings.intensity is not None:
+        factors["f_intensity"] = parameters.f_intensity(math.nan if intensity is None else intensity)
+    return factors
+
+
+def fill_weather(records: Sequence[LoggerRecord]) -> list[Weather]:
+    """Weather at each record; short gaps are interpolated in time, long ones stay NaN.
+
+    :param records: records in order of time
+    """
+    stamps = np.array([record.stamp_s for record in records], dtype=float)
+    columns = [
+        _fill(stamps, np.array([getattr(record, name) for record in records], dtype=float))
+        for name in ("pressure_hpa", "temperature_degc", "relative_humidity")
+    ]
+    return [Weather(*map(float, values)) for values in zip(*columns, strict=True)]
+
+
+def _fill(stamps: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return values
+    at = stamps[known]
+    after = np.clip(np.searchsorted(at, stamps), 1, max(len(at) - 1, 1))
+    before_s, after_s = at[after - 1], at[np.minimum(after, len(at) - 1)]
+    inside = (stamps >= before_s) & (stamps <= after_s) & (after_s - before_s <= LONGEST_WEATHER_GAP_S)
+    nearest_s = np.minimum(np.abs(stamps - before_s), np.abs(stamps - after_s))
+    usable = inside | (nearest_s <= LONGEST_WEATHER_GAP_S / 2)
+    return np.asarray(np.where(known, values, np.where(usable, np.interp(stamps, at, values[known]), np.nan)))
+
+
+class _LostError(Exception):
+    """A record cannot be used."""
+
+    def __init__(self, kind: Kind, message: str, remedy: str) -> None:
+        super().__init__(message)
+        self.kind, self.message, self.remedy = kind, message, remedy
+
+
+def _correct(
+    record: LoggerRecord,
+    air: Weather,
+    site: Site,
+    monitor: NeutronMonitor | float | None,
+    shares: NDArray[np.float64],
+) -> CountRecord:
+    """The record with its corrections, not yet at a place."""
+    try:
+        raw_counts, exposure_s = combine_tubes(record, shares)
+    except ValueError as error:
+        raise _LostError(Kind.NO_COUNTS, str(error), "check the detector") from None
+    intensity = monitor.at(record.stamp_s) if isinstance(monitor, NeutronMonitor) else monitor
+    try:
+        factors = correction_factors(air, intensity, site.corrections, site.corrections_parameters)
+        factor = factors["f_pressure"] * factors["f_humidity"] * factors["f_intensity"]
+        effective_s = effective_exposure(exposure_s, factor)
+    except ValueError as error:
+        remedy = "complete the data, or switch the correction off in the site file (write null)"
+        raise _LostError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None
+    nowhere = math.nan
+    return CountRecord(record.stamp_s, nowhere, nowhere, nowhere, raw_counts, exposure_s, effective_s, **factors)
+
+
+def _place(record: CountRecord, position: Position | None, frame: LocalFrame | None) -> CountRecord:
+    if position is None or frame is None:
+        remedy = "give the GNSS log with --nmea, or the location of a stationary probe in the site file"
+        raise _LostError(Kind.NO_POSITION, "there is no position for this record", remedy)
+    x, y = frame.to_local(position.latitude_deg, position.longitude_deg)[0]
+    if not math.isfinite(x + y):
+        raise _LostError(Kind.NO_POSITION, "the position is on the far side of the earth", "check the datum")
+    return replace(record, x_m=float(x), y_m=float(y), z_m=position.altitude_m)
+
+
+def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
+    """Raw counts and effective exposures [s] of all records, wherever they were taken, as for a calibration.
+
+    :raises InputError: if the logs are of different probes, or a record cannot be corrected
+    """
+    _require_one_probe(logs)
+    records = sorted((record for log in logs for record in log.records), key=lambda record: record.stamp_s)
+    if not records:
+        raise InputError(_all_lost(logs, [problem for log in logs for problem in log.problems]))
+    shares, monitor = _shares(records, site), _intensity_source(site.corrections)
+    try:
+        corrected = [
+            _correct(record, air, site, monitor, shares)
+            for record, air in zip(records, fill_weather(records), strict=True)
+        ]
+    except _LostError as loss:
+        raise InputError(loss.message, loss.remedy, logs[0].path) from None
+    return [record.raw_counts for record in corrected], [record.effective_exposure_s for record in corrected]
+
+
+def _require_one_probe(logs: Sequence[LogFile]) -> None:
+    probes: dict[str, LogFile] = {}
+    for log in logs:
+        if log.serial:
+            probes.setdefault(log.serial, log)
+    if len(probes) > 1:
+        remedy = "map the logs of each probe on their own: probes differ in sensitivity"
+        raise InputError(
+            [Mistake(f"was written by probe {serial}", remedy, log.path) for serial, log in probes.items()]
+        )
+
+
+def _without_duplicates(entries: list[_Entry], problems: list[Problem]) -> list[_Entry]:
+    """Drop records that stand in two of the files."""
+    seen: dict[tuple[object, ...], _Entry] = {}
+    for entry in entries:
+        record = entry.record
+        # NaN differs from itself, so a missing tube is compared by its text.
+        key = (record.stamp_s, record.record_number, str(record.tube_counts))
+        first = seen.setdefault(key, entry)
+        if first is not entry:
+            message = f"repeats the record of {first.log.path}:{first.record.line}"
+            mistake = Mistake(message, "give every log once", entry.log.path, record.line)
+            problems.append(Problem(Kind.DUPLICATE, mistake, lost=True))
+    return list(seen.values())
+
+
+def _shares(records: Sequence[LoggerRecord], site: Site) -> NDArray[np.float64]:
+    tubes = len(records[0].tube_counts)
+    if any(len(record.tube_counts) != tubes for record in records):
+        raise InputError("the logs have different numbers of tubes", "map the logs of each probe on their own")
+    if site.tube_shares is None:
+        return tube_shares(records)
+    shares = np.array(site.tube_shares, dtype=float)
+    if len(shares) != tubes or shares.sum() <= 0:
+        raise InputError(
+            f"'tube_shares' in the site file has {len(shares)} values, but the log has {tubes} tubes",
+            "give one share per tube, or leave it out to have them estimated",
+        )
+    return np.asarray(shares / shares.sum())
+
+
+def _positions(records: Sequence[LoggerRecord], site: Site, track: Track | None) -> list[Position | None]:
+    """Position at the middle of each counting interval."""
+    if track is None:
+        own = [(record.stamp_s, record.position) for record in records if record.position is not None]
+        if not own and site.location is not None:
+            stand = site.location
+            altitude = math.nan if stand.altitude_m is None else stand.altitude_m
+            return [Position(stand.latitude_deg, stand.longitude_deg, altitude) for _ in records]
+        track = Track.from_positions(own)
+    places = []
+    for index, record in enumerate(records):
+        period_s = _interval_s(records, index)
+        place = track.at(record.stamp_s - period_s / 2, max_gap_s=max(_POSITION_GAP_RECORDS * period_s, 5.0))
+        places.append(place if place is not None else record.position)
+    return places
+
+
+def _interval_s(records: Sequence[LoggerRecord], index: int) -> float:
+    """Duration of the counting interval: since the previous record, or the live time after a gap."""
+    record = records[index]
+    live = [live for live in record.tube_live_s if math.isfinite(live)]
+    live_s = max(live, default=0.0)
+    since_s = record.stamp_s - records[index - 1].stamp_s if index else math.inf
+    return since_s if live_s <= since_s <= 1.5 * live_s else live_s
+
+
+def _frame_about(places: Sequence[Position | None]) -> LocalFrame | None:
+    known = [place for place in places if place is not None]
+    if not known:
+        return None
+    # Rounded to about 10 m, so that the datum can be written down and typed in again.
+    latitude = float(np.mean([place.latitude_deg for place in known]))
+    east = np.exp(1j * np.radians([place.longitude_deg for place in known]))
+    return LocalFrame(round(latitude, 4), round(math.degrees(float(np.angle(east.mean()))), 4))
+
+
+def _intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | None:
+    if settings.intensity is None:
+        return None
+    if settings.intensity.file is not None:
+        return read_neutron_monitor(settings.intensity.file)
+    return settings.intensity.constant
+
+
+def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
+    """Why nothing is left, most frequent reason first, one example each."""
+    lost = [problem for problem in problems if problem.lost]
+    kinds = sorted({problem.kind for problem in lost}, key=lambda kind: -sum(p.kind == kind for p in lost))
+    examples = [next(problem.mistake for problem in lost if problem.kind == kind) for kind in kinds]
+    total = sum(len(log.records) for log in logs)
+    head = Mistake(f"not one of {total} records can be placed on a map", "see the reasons below")
+    return [head, *examples]

@@ -1,0 +1,100 @@
+"""Several detector tubes as one sensor, also while some of them fail.
+
+Let the whole sensor count with the rate ``r`` and tube ``i`` with ``s_i r``, where the *shares* ``s_i`` add up
+to 1. In a record, the tubes that are present count ``N_i ~ Poisson(s_i r t_i)``, independently, over their
+live times ``t_i``. Their sum is Poisson too, with the mean ``r * sum(s_i t_i)``. So
+
+* raw counts ``sum N_i`` and
+* exposure ``sum s_i t_i``, both over the tubes that are present,
+
+make ``raw / exposure`` an unbiased estimate of the rate of *all* tubes, and the raw counts remain Poisson, with
+nothing rescaled. (The sum is also sufficient for ``r``: nothing is lost.) With all tubes present and the same
+live time ``t`` the exposure is ``t``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.sensing.records import LoggerRecord
+
+ITERATIONS = 100
+TOLERANCE = 1e-10
+
+
+def equal_shares(number_of_tubes: int) -> NDArray[np.float64]:
+    """Shares of tubes that are all alike.
+
+    :param number_of_tubes: how many there are, > 0
+    :raises ValueError: if it is not positive
+    """
+    if number_of_tubes <= 0:
+        raise ValueError(f"there must be at least one tube, got {number_of_tubes}")
+    return np.full(number_of_tubes, 1.0 / number_of_tubes)
+
+
+def tube_shares(records: Sequence[LoggerRecord]) -> NDArray[np.float64]:
+    """Share of each tube in the rate of the whole sensor, estimated from its records [-].
+
+    The maximum-likelihood estimate with an own rate for each record, so that neither changing soil nor tubes that
+    are missing here and there bias it. If all tubes are present with equal live times in every record, it is
+    the tube's part of all counts. A tube that never counts has the share 0.
+
+    :param records: records of one sensor, with the same number of tubes
+    :raises ValueError: if there are none, their numbers of tubes differ, or nothing was counted
+    """
+    if not records:
+        raise ValueError("there are no records to estimate the tubes' shares from")
+    if len({len(record.tube_counts) for record in records}) != 1:
+        raise ValueError("the records have different numbers of tubes")
+    counts = np.array([record.tube_counts for record in records], float)
+    live = np.array([record.tube_live_s for record in records], float)
+    present = np.isfinite(counts) & np.isfinite(live) & (live > 0)
+    counts, live = np.where(present, counts, 0.0), np.where(present, live, 0.0)
+    if not counts.sum() > 0:
+        raise ValueError("nothing was counted")
+    return _maximum_likelihood(counts, live)
+
+
+def _maximum_likelihood(counts: NDArray[np.float64], live: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Alternate between the records' rates given the shares and the shares given the rates."""
+    of_records, of_tubes = counts.sum(axis=1), counts.sum(axis=0)
+    shares = np.where(of_tubes > 0, 1.0, 0.0) / np.count_nonzero(of_tubes)
+    for _ in range(ITERATIONS):
+        exposure = live @ shares
+        rates = np.divide(of_records, exposure, out=np.zeros_like(exposure), where=exposure > 0)
+        seen = rates @ live
+        new = np.divide(of_tubes, seen, out=np.zeros_like(seen), where=seen > 0)
+        new /= new.sum()
+        if np.abs(new - shares).max() < TOLERANCE:
+            return np.asarray(new)
+        shares = new
+    return np.asarray(shares)
+
+
+def combine_tubes(record: LoggerRecord, shares: Sequence[float] | NDArray[np.float64]) -> tuple[int, float]:
+    """Raw counts of a record and the exposure that goes with them [s]; see the top of this module.
+
+    :param record: counts and live times, NaN where a tube is missing
+    :param shares: share of each tube in the whole rate [-], adding up to 1
+    :return: ``(raw_counts, exposure_s)``
+    :raises ValueError: if there is not one share per tube, or no tube with a share counted
+    """
+    if len(shares) != len(record.tube_counts):
+        raise ValueError(f"there are {len(shares)} shares for {len(record.tube_counts)} tubes")
+    used = [
+        (count, live_s, float(share))
+        for count, live_s, share in zip(record.tube_counts, record.tube_live_s, shares, strict=True)
+        if share > 0 and math.isfinite(count) and math.isfinite(live_s) and live_s > 0
+    ]
+    if not used:
+        raise ValueError("no tube of the record is usable")
+    raw_counts = int(sum(count for count, _, _ in used))
+    live_times = {live_s for _, live_s, _ in used}
+    if len(live_times) == 1 and len(used) == sum(share > 0 for share in shares):
+        return raw_counts, live_times.pop()  # exact, where the sum of the shares would round
+    return raw_counts, math.fsum(share * live_s for _, live_s, share in used)

@@ -1,0 +1,280 @@
+"""The whole way of ``soilmoist map``: logs -> counts -> samples -> variogram -> kriging -> report."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from soilmoist_ros import __version__
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.mapping import (
+    FieldGrid,
+    SoilMap,
+    default_cell_m,
+    estimate_variogram,
+    make_soil_map,
+    merge_records,
+)
+from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.variogram import ModelName
+from soilmoist_ros.mapping.variogram_fit import FitMethod
+from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
+from soilmoist_ros.sensing.logger_format import load_logger_format
+from soilmoist_ros.sensing.logger_reader import LogFile, detect_format, read_log
+from soilmoist_ros.sensing.nmea import read_nmea
+from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.site import Site, load_site
+from soilmoist_ros.sensing.survey import Survey, process_logs
+from soilmoist_ros.sensing.track import Track
+
+Progress = Callable[[str, float], None]
+"""Called with the step that is under way and the share of it that is done [0..1]."""
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """Choices of a mapping run; what is ``None`` is chosen from the data.
+
+    :param logger: logger format, a shipped name or a file
+    :param site: site file
+    :param field: field file; the hull of the track is mapped without one
+    :param nmea: GNSS logs, for loggers that have no positions of their own
+    :param model: variogram model
+    :param fit: ``reml`` or ``soft_l1``
+    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
+    :param cell_m: cell size of the map [m]
+    :param merge_radius_m: records closer together than this become one sample [m]
+    :param title: title of the report
+    """
+
+    logger: str | None = None
+    site: Path | None = None
+    field: Path | None = None
+    nmea: tuple[Path, ...] = ()
+    model: ModelName = "matern32"
+    fit: FitMethod = "reml"
+    keep_nugget: bool = True
+    cell_m: float | None = None
+    merge_radius_m: float | None = None
+    title: str | None = None
+
+
+def map_logs(
+    paths: Sequence[Path], settings: MapSettings, progress: Progress = lambda step, share: None
+) -> MapRun:
+    """Map the logs of a survey.
+
+    :param paths: log files of one probe
+    :param settings: choices
+    :param progress: called as the work goes on
+    :raises InputError: if a file cannot be used; with all mistakes that were found
+    """
+    site = load_site(settings.site) if settings.site else Site()
+    field = load_field(settings.field) if settings.field else None
+    logs = read_logs(paths, settings.logger, site, progress)
+    track, track_problems = _read_track(settings.nmea)
+    progress("correcting and placing records", 0.0)
+    survey = process_logs(logs, site, field.frame if field else None, track)
+    radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
+    samples = merge_records(survey.xy_m, survey.raw_counts, survey.effective_exposure_s, radius_m)
+    try:
+        grid = _grid(field, survey, site, settings.cell_m)
+    except ValueError as error:
+        raise InputError(f"the map cannot be laid out: {error}", "", settings.field) from None
+    progress(f"fitting the variogram of {len(samples)} samples", 0.0)
+    fit = estimate_variogram(
+        samples.xy,
+        samples.counts,
+        samples.exposure_s,
+        settings.model,
+        settings.fit,
+        extent_m=float(max(np.ptp(grid.x_m), np.ptp(grid.y_m))) + grid.cell_m,
+    )
+    kriging = f"kriging {np.count_nonzero(grid.mask)} cells"
+    soil_map = make_soil_map(
+        samples, grid, fit, site.curve, settings.keep_nugget, lambda share: progress(kriging, share)
+    )
+    return MapRun(
+        soil_map=soil_map,
+        frame=survey.frame,
+        created_utc=datetime.now(UTC),
+        track=survey.records,
+        title=settings.title or ("Soil moisture map" if site.curve else "Neutron count rate map"),
+        site=site.name,
+        field_name=field.name if field else "surroundings of the track",
+        inputs=_inputs(logs, settings),
+        logger_format=logs[0].format_title,
+        corrections=_correction_rows(survey, site),
+        losses=_loss_rows([*survey.problems, *track_problems]),
+        warnings=_warnings(survey, soil_map, site),
+        calibration=_calibration(site),
+        simulated=any(log.simulated for log in logs),
+        version=__version__,
+        settings={
+            "variogram_model": settings.model,
+            "variogram_fit": settings.fit,
+            "nugget": "kept" if settings.keep_nugget else "filtered",
+            "merge_radius_m": radius_m,
+            "cell_m": grid.cell_m,
+            "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
+        },
+        footprint_radius_m=site.footprint_radius_m,
+    )
+
+
+def read_logs(
+    paths: Sequence[Path], logger: str | None, site: Site, progress: Progress = lambda step, share: None
+) -> list[LogFile]:
+    """Read the logs of one probe.
+
+    :param paths: log files, at least one
+    :param logger: format, a shipped name or a file; told from the header of the first log if ``None``
+    :raises InputError: if a file cannot be used
+    """
+    form = load_logger_format(logger) if logger else detect_format(paths[0])
+    logs = []
+    for index, path in enumerate(paths):
+        progress("reading logs", index / len(paths))
+        logs.append(read_log(path, form, longitude=site.longitude))
+    return logs
+
+
+def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
+    if not paths:
+        return None, []
+    fixes, problems = [], []
+    for path in paths:
+        found, faults = read_nmea(path)
+        fixes += found
+        problems += faults
+    track = Track(fixes)
+    if len(track) == 0:
+        raise InputError("holds no position", "give a log of NMEA sentences (GGA and RMC) with a fix", paths[0])
+    return track, problems
+
+
+def _grid(field: Field | None, survey: Survey, site: Site, cell_m: float | None) -> FieldGrid:
+    if field is not None:
+        wanted = cell_m or field.cell_m
+        width, height = np.ptp(field.polygon, axis=0)
+        chosen = wanted or default_cell_m((width, height), site.footprint_radius_m)
+        return FieldGrid.from_polygon(field.polygon, chosen, field.no_go)
+    margin = site.footprint_radius_m
+    width, height = np.ptp(survey.xy_m, axis=0) + 2 * margin
+    return FieldGrid.from_track(survey.xy_m, margin, cell_m or default_cell_m((width, height), margin))
+
+
+def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:
+    others = [("GNSS log", path) for path in settings.nmea]
+    others += [("site", settings.site)] if settings.site else []
+    others += [("field", settings.field)] if settings.field else []
+    return [
+        *(_input_file(log.path, "neutron log", len(log.records)) for log in logs),
+        *(_input_file(path, role, None) for role, path in others),
+    ]
+
+
+def _input_file(path: Path, role: str, n_records: int | None) -> InputFile:
+    content = path.read_bytes()
+    return InputFile(str(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
+
+
+def _correction_rows(survey: Survey, site: Site) -> list[CorrectionRow]:
+    settings = site.corrections
+    monitor = settings.intensity
+    rows = [
+        (
+            "air pressure",
+            "exp(beta (P - P0))",
+            "f_pressure",
+            {"beta [1/hPa]": settings.pressure.beta_per_hpa, "P0 [hPa]": settings.pressure.reference_hpa}
+            if settings.pressure
+            else None,
+            "",
+        ),
+        (
+            "air humidity",
+            "1 + c (Q - Q0)",
+            "f_humidity",
+            {"c [m3/g]": settings.humidity.coefficient_m3g, "Q0 [g/m3]": settings.humidity.reference_gm3}
+            if settings.humidity
+            else None,
+            "",
+        ),
+        (
+            "incoming neutrons",
+            "C0 / C",
+            "f_intensity",
+            {"C0": monitor.reference} if monitor else None,
+            f"C from {monitor.file.name if monitor.file else 'a constant'}" if monitor else "",
+        ),
+    ]
+    return [
+        CorrectionRow(
+            name,
+            formula,
+            parameters or {},
+            *_range([getattr(record, factor) for record in survey.records]),
+            remark=remark if parameters else "not applied",
+        )
+        for name, formula, factor, parameters, remark in rows
+    ]
+
+
+def _range(factors: Sequence[float]) -> tuple[float, float, float]:
+    return float(np.mean(factors)), min(factors), max(factors)
+
+
+def _loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
+    """One row per kind of problem, losses first, then the most frequent."""
+    counts = Counter((problem.kind, problem.lost) for problem in problems)
+    examples = {(problem.kind, problem.lost): problem.mistake for problem in reversed(problems)}
+    order = sorted(counts, key=lambda key: (not key[1], -counts[key], str(key[0])))
+    return [
+        LossRow(
+            kind=str(kind.value),
+            count=counts[kind, lost],
+            example=str(replace(examples[kind, lost], remedy="")),
+            consequence="lost" if lost else "kept",
+            remedy=examples[kind, lost].remedy,
+        )
+        for kind, lost in order
+    ]
+
+
+def _warnings(survey: Survey, soil_map: SoilMap, site: Site) -> list[str]:
+    warnings = []
+    if site.calibration is not None and site.calibration.note and "illustrative" in site.calibration.note:
+        warnings.append("The calibration is illustrative: patterns are real, absolute soil moisture is not.")
+    if soil_map.undefined_vwc_cells:
+        warnings.append(
+            f"{soil_map.undefined_vwc_cells} cells have a count rate too low for any soil moisture: check N0."
+        )
+    if soil_map.fit is not None and soil_map.fit.prior_mattered:
+        warnings.append(
+            "The samples say little about how moisture varies in space: the variogram rests mostly on "
+            "assumptions. More samples, some of them close together, would help."
+        )
+    if soil_map.fit is not None and not soil_map.fit.converged:
+        warnings.append(f"The variogram fit did not converge: {soil_map.fit.message}.")
+    return warnings
+
+
+def _calibration(site: Site) -> CalibrationInfo | None:
+    if site.calibration is None or site.soil is None:
+        return None
+    source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
+    return CalibrationInfo(
+        n0_cps=site.calibration.n0_cps,
+        bulk_density_gcm3=site.soil.bulk_density_gcm3,
+        n0_sd_cps=site.calibration.n0_sd_cps,
+        lattice_water=site.soil.lattice_water,
+        organic_water=site.soil.organic_water,
+        source=source,
+    )

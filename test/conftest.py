@@ -1,0 +1,17 @@
+"""Fixtures that every folder of tests shares."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder with real logs and reference answers that are not part of the project."""
+    folder = Path(os.environ.get("SOILMOIST_SHARED_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"reference data not found in {folder}; set SOILMOIST_SHARED_DATA to their folder")
+    return folder

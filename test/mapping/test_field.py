@@ -1,0 +1,83 @@
+import json
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.configuration import config_folder, resource_names
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import load_field
+
+SQUARE = "datum: {latitude_deg: 53.27, longitude_deg: -0.52}\n"
+
+
+def write(tmp_path, text):
+    path = tmp_path / "field.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_every_shipped_field_is_valid():
+    names = resource_names("fields")
+    assert names
+    for name in names:
+        load_field(config_folder() / "fields" / f"{name}.yaml")
+
+
+def test_polygon_in_metres_with_a_closing_vertex_and_a_no_go_area(tmp_path):
+    text = SQUARE + "polygon: [[0,0],[60,0],[60,50],[0,50],[0,0]]\nno_go: [[[10,10],[20,10],[20,20]]]\ncell_m: 2\n"
+    field = load_field(write(tmp_path, text))
+    np.testing.assert_array_equal(field.polygon, [[0, 0], [60, 0], [60, 50], [0, 50]])
+    assert len(field.no_go) == 1
+    assert field.cell_m == 2
+
+
+def test_boundary_in_degrees_and_in_geojson_are_the_same_field(tmp_path):
+    frame = LocalFrame(-33.9, 18.4)
+    corners = np.array([[-100.0, -50.0], [100.0, -50.0], [100.0, 50.0], [-100.0, 50.0]])
+    lonlat = frame.to_geographic(corners)[:, ::-1].tolist()
+    datum = "datum: {latitude_deg: -33.9, longitude_deg: 18.4}\n"
+    listed = load_field(write(tmp_path, datum + f"polygon_lonlat: {lonlat}\n"))
+    feature = {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [[*lonlat, lonlat[0]]]}}
+    (tmp_path / "f.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    drawn = load_field(write(tmp_path, datum + "geojson: f.geojson\n"))
+    np.testing.assert_allclose(listed.polygon, corners, atol=1e-6)
+    np.testing.assert_allclose(drawn.polygon, corners, atol=1e-6)
+    undated = load_field(write(tmp_path, "geojson: f.geojson\n"))
+    np.testing.assert_allclose(undated.polygon, corners, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (SQUARE, "give one boundary: .* but there is none"),
+        (SQUARE + "polygon: [[0,0],[1,0],[1,1]]\ngeojson: a.json\n", "but there are 2: polygon, geojson"),
+        ("polygon: [[0,0],[1,0],[1,1]]\n", "needs a 'datum'"),
+        (SQUARE + "polygon: [[0,0],[10,10],[10,0],[0,10]]\n", "not a simple polygon: Self-intersection"),
+        (SQUARE + "polygon: [[0,0],[1,0],[2,0]]\n", "is not a simple polygon|encloses no area"),
+        (SQUARE + "polygon: [[0,0],[1,0]]\n", "at least 3 items"),
+        (SQUARE + "polygon_lonlat: [[53,200],[1,0],[1,1]]\n", "is not \\[longitude, latitude\\] in degrees"),
+        (SQUARE + "geojson: missing.json\n", "cannot be read"),
+        (SQUARE + "polgon: [[0,0],[1,0],[1,1]]\n", "did you mean 'polygon'"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        load_field(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("nothing", "is not valid JSON"),
+        ('{"type": "Point", "coordinates": [1, 2]}', "holds 0 polygons"),
+        (
+            '{"type": "Polygon", "coordinates": [[[500000, 5000000], [500100, 5000000], [500000, 5000100]]]}',
+            "degrees",
+        ),
+    ],
+)
+def test_mistakes_in_geojson_are_named(tmp_path, content, message):
+    (tmp_path / "f.geojson").write_text(content)
+    with pytest.raises(InputError, match=message):
+        load_field(write(tmp_path, "geojson: f.geojson\n"))

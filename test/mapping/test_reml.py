@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime
+from scipy.spatial.distance import cdist
+from scipy.stats import multivariate_normal
+
+from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
+from soilmoist_ros.mapping.reml import Prior, RestrictedLikelihood, maximise_reml, spatial_blocks
+from soilmoist_ros.mapping.variogram import MODELS
+
+
+def some_samples(n=40, seed=0):
+    rng = np.random.default_rng(seed)
+    exposure_s = rng.uniform(60, 600, n)
+    return Samples(rng.uniform(0, 200, (n, 2)), rng.poisson(3 * exposure_s), exposure_s)
+
+
+def simulated(truth, n, side, exposure_s, seed, mean=4.0):
+    """Counts from a Gaussian random field of rates."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, side, (n, 2))
+    rate = mean + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(n)
+    assert rate.min() > 0
+    return Samples(xy, rng.poisson(rate * exposure_s), np.full(n, exposure_s))
+
+
+def test_likelihood_is_that_of_contrasts():
+    """REML by its definition: the Gaussian density of n - 1 orthonormal contrasts of the rates."""
+    samples = some_samples(12)
+    n = len(samples)
+    contrasts = np.linalg.svd(np.ones((1, n)))[2][1:]
+    variogram = Variogram("matern52", 0.02, 30.0, 0.3)
+    noise = samples.mean_rate_cps / samples.exposure_s
+    covariance = contrasts @ (variogram.covariance(cdist(samples.xy, samples.xy)) + np.diag(noise)) @ contrasts.T
+    expected = multivariate_normal(np.zeros(n - 1), covariance).logpdf(contrasts @ samples.rate_cps)
+    found = RestrictedLikelihood(samples, "matern52").value(np.log([0.28, 30.0, 0.02]))
+    # The restricted likelihood is usually written without the constant log(n)/2 of the contrasts' scale.
+    assert found == pytest.approx(expected - 0.5 * np.log(n), rel=1e-10)
+
+
+@pytest.mark.parametrize("blocks", [None, [np.arange(15), np.arange(15, 40)]], ids=["full", "composite"])
+@pytest.mark.parametrize("model", MODELS)
+def test_gradient_is_the_derivative(model, blocks):
+    likelihood = RestrictedLikelihood(some_samples(), model, blocks)
+    for parameters in ([0.3, 40, 0.02], [0.01, 15, 0.3], [2.0, 150, 1e-3]):
+        at = np.log(parameters)
+        value, gradient = likelihood.value_and_gradient(at)
+        assert value == pytest.approx(likelihood.value(at), rel=1e-13)
+        numeric = [(likelihood.value(at + step) - likelihood.value(at - step)) / 2e-5 for step in 1e-5 * np.eye(3)]
+        np.testing.assert_allclose(gradient, numeric, rtol=1e-6, atol=1e-6 * np.abs(gradient).max())
+
+
+def test_composite_of_one_block_is_the_full_likelihood():
+    samples = some_samples()
+    at = np.log([0.3, 40, 0.02])
+    full = RestrictedLikelihood(samples, "matern32").value_and_gradient(at)
+    one = RestrictedLikelihood(samples, "matern32", spatial_blocks(samples.xy)).value_and_gradient(at)
+    assert one[0] == full[0]
+    np.testing.assert_array_equal(one[1], full[1])
+    shuffled = [np.random.default_rng(0).permutation(40)]
+    assert RestrictedLikelihood(samples, "matern32", shuffled).value(at) == pytest.approx(full[0], rel=1e-12)
+
+
+def test_blocks_are_a_compact_partition():
+    xy = np.random.default_rng(0).uniform(0, 100, (3000, 2)) * [3, 1]
+    blocks = spatial_blocks(xy)
+    np.testing.assert_array_equal(np.sort(np.concatenate(blocks)), np.arange(3000))
+    assert max(map(len, blocks)) <= 500
+    assert min(map(len, blocks)) >= 250
+    assert max(np.ptp(xy[block], axis=0).max() for block in blocks) < 120
+    assert len(spatial_blocks(xy[:1000])) == 1
+
+
+def test_the_mode_has_no_slope():
+    samples = some_samples()
+    prior = Prior.of(samples, "matern32", 200.0)
+    likelihood = RestrictedLikelihood(samples, "matern32")
+    fitted = maximise_reml(samples, "matern32", 200.0)
+    variogram = fitted.variogram
+    mode = np.log([variogram.structured_sill, variogram.range_m, variogram.nugget])
+
+    def log_posterior(at):
+        return likelihood.value(at) - 0.5 * np.sum(((at - prior.log_median) / prior.log_sd) ** 2)
+
+    np.testing.assert_allclose(approx_fprime(mode, log_posterior, 1e-6), 0, atol=1e-3)
+    assert fitted.log_likelihood == pytest.approx(likelihood.value(mode), rel=1e-9)
+    assert fitted.converged
+
+
+def test_the_truth_is_recovered_from_much_data():
+    truth = Variogram("matern32", 0.05, 25.0, 0.45)
+    fitted = maximise_reml(simulated(truth, 900, 300.0, 600.0, seed=3), "matern32", 300.0)
+    found = fitted.variogram
+    errors = np.log([found.structured_sill / 0.4, found.range_m / 25.0, found.nugget / 0.05])
+    assert (np.abs(errors) < 2.5 * np.array(fitted.log_sd)).all()
+    assert max(fitted.log_sd) < 0.35
+    assert max(fitted.prior_share) < 0.1
+
+
+def test_the_composite_likelihood_recovers_the_truth_too():
+    truth = Variogram("exponential", 0.05, 20.0, 0.45)
+    found = maximise_reml(simulated(truth, 1500, 400.0, 600.0, seed=4), "exponential", 400.0).variogram
+    assert found.range_m == pytest.approx(20, rel=0.35)
+    assert found.structured_sill == pytest.approx(0.4, rel=0.35)
+
+
+def test_the_prior_fades_as_samples_come_in():
+    truth = Variogram("matern32", 0.02, 40.0, 0.3)
+    samples = simulated(truth, 300, 300.0, 600.0, seed=5)
+    shares = []
+    for n in (3, 30, 300):
+        first = Samples(samples.xy[:n], samples.counts[:n], samples.exposure_s[:n])
+        shares.append(maximise_reml(first, "matern32", 300.0).prior_share)
+    assert (np.diff(shares, axis=0) < 0).all()
+    assert shares[0][1] > 0.6
+    assert max(shares[2]) < 0.3
+
+
+def test_intervals_of_the_latent_rate_cover_what_they_promise():
+    """95 % intervals of kriging, for the rate itself, micro-scale variation included."""
+    truth = Variogram("matern32", 0.02, 45.0, 0.35)
+    covered = np.empty((100, 2))
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        xy = rng.uniform([0, 0], [210, 330], (72 + 150, 2))
+        rate = 4 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(len(xy))
+        assert rate.min() > 0
+        exposure_s = rng.choice([60.0, 120.0, 300.0], 72)
+        samples = Samples(xy[:72], rng.poisson(rate[:72] * exposure_s), exposure_s)
+        for column, variogram in enumerate([truth, maximise_reml(samples, "matern32", 330.0).variogram]):
+            kriging = PoissonKriging(variogram).fit(samples.xy, samples.counts, samples.exposure_s)
+            estimate, variance = kriging.predict(xy[72:])
+            covered[seed, column] = np.mean(np.abs(rate[72:] - estimate) < 1.96 * np.sqrt(variance))
+    of_truth, of_fit = covered.mean(axis=0)
+    assert 0.94 < of_truth < 0.96
+    assert 0.93 < of_fit < 0.97
+    assert (covered.std(axis=0) / 10 < 0.005).all()  # so the figures above mean something

@@ -1,0 +1,61 @@
+import platform
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+if platform.machine() != "x86_64":
+    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
+
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.counts import counts_from_message, counts_to_message
+from soilmoist_ros.sensing.records import CountRecord
+
+coordinates = st.floats(-5e4, 5e4, width=32)
+positive = st.floats(1e-3, 1e5)
+records = st.builds(
+    CountRecord,
+    stamp_s=st.integers(0, 2**31 - 1).map(float),
+    x_m=coordinates,
+    y_m=coordinates,
+    z_m=coordinates,
+    raw_counts=st.integers(0, 2**32 - 1),
+    exposure_s=positive,
+    effective_exposure_s=positive,
+    f_pressure=positive,
+    f_humidity=positive,
+    f_intensity=positive,
+)
+
+
+@given(records)
+def test_a_record_comes_back_exactly(record):
+    assert counts_from_message(counts_to_message([record])) == [record]
+
+
+@given(st.lists(records, min_size=2, max_size=5))
+def test_the_wire_holds_what_the_record_says(many):
+    message = counts_to_message(many)
+    offset = next(field.offset for field in message.fields if field.name == "corrected_rate")
+    rows = np.frombuffer(bytes(message.data), np.uint8).reshape(len(many), message.point_step)
+    rates = np.ascontiguousarray(rows[:, offset : offset + 8]).view("<f8").ravel()
+    np.testing.assert_array_equal(rates, [record.corrected_rate for record in many])
+    assert [record.raw_counts for record in counts_from_message(message)] == [r.raw_counts for r in many]
+
+
+def test_messages_of_another_kind_are_refused():
+    record = CountRecord(0.0, 1.0, 2.0, 3.0, 4, 10.0, 9.0)
+    with pytest.raises(ValueError, match="has no field 'x'"):
+        counts_from_message(PointCloud2())
+    message = counts_to_message([record])
+    message.data = message.data[:-1]
+    with pytest.raises(ValueError, match="its data end early"):
+        counts_from_message(message)
+    message = counts_to_message([record])
+    message.fields[3].datatype = 7
+    with pytest.raises(ValueError, match="field 'raw_counts' is of datatype 7"):
+        counts_from_message(message)
+    with pytest.raises(ValueError, match="at least one record"):
+        counts_to_message([])

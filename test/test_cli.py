@@ -1,0 +1,168 @@
+"""The command as a user runs it: real files, exit codes, messages."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import rasterio
+import rasterio.warp
+from click.testing import CliRunner
+
+from soilmoist_ros.cli import main
+from soilmoist_ros.configuration import config_folder, resource_names
+from soilmoist_ros.simulation.virtual_survey import write_survey
+
+OUTPUTS = ["map.tif", "report.html", "samples.geojson", "summary.json"]
+
+
+def run(*arguments):
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("survey")
+    write_survey(folder, seed=2, spacing_m=15.0, dwell_s=60.0)
+    return folder
+
+
+def survey_options(survey, out):
+    return ["--nmea", survey / "survey.nmea", "--site", survey / "site.yaml", "--out", out]
+
+
+def test_a_survey_becomes_a_map_that_is_close_to_the_truth(survey, tmp_path):
+    options = survey_options(survey, tmp_path / "out")
+    result = run("map", survey / "survey.log", "--field", survey / "field.yaml", *options)
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == OUTPUTS
+    with rasterio.open(tmp_path / "out" / "map.tif") as raster:
+        assert raster.descriptions == ("rate", "rate_sd", "vwc", "vwc_sd")
+        assert raster.crs.to_epsg() == 32630
+        vwc = raster.read(3, masked=True)
+    assert vwc[:, :20].mean() == pytest.approx(0.08, abs=0.03)
+    assert vwc[:, -20:].mean() == pytest.approx(0.28, abs=0.05)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["simulated"] is True
+    assert "SIMULATED" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_the_field_may_be_left_out(survey, tmp_path):
+    result = run("map", survey / "survey.log", *survey_options(survey, tmp_path / "out"), "--crs", "EPSG:3857")
+    assert result.exit_code == 0, result.output
+    with rasterio.open(tmp_path / "out" / "map.tif") as raster:
+        assert raster.crs.to_epsg() == 3857
+
+
+def test_the_real_roving_record_is_mapped_by_the_documented_command(shared_data, tmp_path):
+    log = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+    site = config_folder() / "sites" / "gypsum_transect.yaml"
+    result = run("map", log, "--site", site, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["n_records"] == 200
+    assert summary["simulated"] is False
+    with rasterio.open(tmp_path / "out" / "map.tif") as raster:
+        assert raster.crs.to_epsg() == 32614
+        west, south, east, north = rasterio.warp.transform_bounds(raster.crs, "EPSG:4326", *raster.bounds)
+    assert -97.5 < west < east < -97.3
+    assert 38.6 < south < north < 38.8
+
+
+def test_without_a_calibration_there_is_a_rate_map_and_a_plain_word(survey, tmp_path):
+    out = tmp_path / "out"
+    result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "moisture   not mapped" in result.output
+
+
+def test_every_mistake_of_bad_files_is_named_with_exit_code_2(tmp_path):
+    (tmp_path / "site.yaml").write_text("soil: {bulk_densty_gcm3: 1.4}\nnmae: x\n")
+    (tmp_path / "field.yaml").write_text("polygon: [[0, 0], [1, 1]]\n")
+    result = run(
+        "check", "--site", tmp_path / "site.yaml", "--field", tmp_path / "field.yaml", "--logger", "finap"
+    )
+    assert result.exit_code == 2
+    for expected in ("bulk_densty_gcm3", "'nmae'", "did you mean 'name'?", "polygon", "'finapp'"):
+        assert expected in result.output
+
+
+def test_every_shipped_file_passes_the_check():
+    options = []
+    for kind, option in (("loggers", "--logger"), ("sites", "--site"), ("fields", "--field")):
+        for name in resource_names(kind):
+            options += [option, config_folder() / kind / f"{name}.yaml"]
+    result = run("check", *options)
+    assert result.exit_code == 0, result.output
+    assert result.output.count("ok: ") == len(options) / 2
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"PK\x03\x04" + bytes(100), "ZIP archive"),
+        (bytes(range(256)) * 20, "is not a text file"),
+        (b"hello,world\n1,2\n", "--logger"),
+    ],
+)
+def test_unreadable_logs_exit_with_2_and_a_remedy(tmp_path, content, message):
+    path = tmp_path / "log.txt"
+    path.write_bytes(content)
+    result = run("map", path, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "log.txt" in result.output
+    assert message in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_log_is_named(tmp_path):
+    result = run("map", tmp_path / "nothing.log", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "nothing.log: there is no such file -> check the path" in result.output
+
+
+def test_unsigned_longitudes_ask_for_the_hemisphere(shared_data, tmp_path):
+    log = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+    result = run("map", log, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "west" in result.output
+
+
+def test_calibration_is_written_into_the_site_file(survey, tmp_path):
+    (tmp_path / "cores.csv").write_text("vwc\n0.16\n0.18\n0.20\n")
+    site = tmp_path / "site.yaml"
+    site.write_text("# ours\nsoil: {bulk_density_gcm3: 1.4}\n")
+    result = run("calibrate", tmp_path / "cores.csv", "--site", site, "--log", survey / "survey.log", "--dry-run")
+    assert result.exit_code == 0, result.output
+    assert "calibration" not in site.read_text()
+    result = run("calibrate", tmp_path / "cores.csv", "--site", site, "--log", survey / "survey.log")
+    assert result.exit_code == 0, result.output
+    assert "# ours" in site.read_text()
+    assert "n0_cps" in site.read_text()
+    assert run("check", "--site", site).exit_code == 0
+
+
+def test_calibration_by_counts_takes_both_numbers_or_none(tmp_path):
+    (tmp_path / "cores.csv").write_text("vwc\n0.2\n")
+    (tmp_path / "site.yaml").write_text("soil: {bulk_density_gcm3: 1.4}\n")
+    common = ["calibrate", tmp_path / "cores.csv", "--site", tmp_path / "site.yaml"]
+    assert run(*common, "--counts", 1000, "--exposure", 250).exit_code == 0
+    result = run(*common, "--counts", 1000)
+    assert result.exit_code == 2
+    assert "--counts and --exposure" in result.output
+
+
+def test_help_answers_without_the_heavy_libraries():
+    code = (
+        "import sys; from soilmoist_ros.cli import main\n"
+        "try: main(['map', '--help'])\n"
+        "except SystemExit: pass\n"
+        "print('heavy:', *({'numpy', 'scipy', 'matplotlib', 'rasterio', 'pydantic', 'rich'} & set(sys.modules)))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "--field" in out
+    assert out.rstrip().endswith("heavy:")
