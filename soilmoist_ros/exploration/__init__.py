@@ -1,0 +1,1 @@
+"""Map + travel graph + clock -> where to measure next, and for how long."""

@@ -1,0 +1,130 @@
+"""One simulated mission: what determines it, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.variogram import ModelName
+from soilmoist_ros.mapping.variogram_fit import FitMethod
+
+if TYPE_CHECKING:
+    from soilmoist_ros.geodesy import LocalFrame
+    from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.sensing.records import CountRecord
+
+Array = NDArray[np.float64]
+Preset = Literal["paper", "authors"]
+
+
+@dataclass(frozen=True)
+class MissionSettings:
+    """Everything that determines a simulated mission, bit for bit.
+
+    :param field: name of a built-in surrogate field, or the path of a field file with a truth
+    :param strategy: ``greedy``, ``monte_carlo``, ``adaptive_sampling``, ``random`` or ``lattice``
+    :param dwell: ``fmi:SECONDS`` or ``ami:THRESHOLD``
+    :param hours: mission time [h]
+    :param seed: seed of all randomness
+    :param variogram: variogram model
+    :param fit: how the variogram is fitted
+    :param preset: constants of the exploration: the paper's text, or the authors' experiments
+    :param travel: ``free`` (straight lines) or ``graph`` (over the field's travel graph)
+    :param cell_m: cell size of the map [m]; the field's own if ``None``
+    :param footprint_m: radius of a Gaussian footprint of the sensor [m], 0 for a point sensor
+    :param position_sd_m: GNSS noise of each coordinate [m]
+    :param weather: whether the weather changes during the mission (and is corrected for)
+    :param series_every_s: time between entries of the series [s]; every map update is entered as well
+    """
+
+    field: str = "synthetic-high"
+    strategy: str = "greedy"
+    dwell: str = "ami:0.03"
+    hours: float = 2.0
+    seed: int = 1
+    variogram: ModelName = "gaussian"
+    fit: FitMethod = "soft_l1"
+    preset: Preset = "paper"
+    travel: Literal["free", "graph"] = "free"
+    cell_m: float | None = None
+    footprint_m: float = 0.0
+    position_sd_m: float = 0.02
+    weather: bool = True
+    series_every_s: float = 60.0
+
+
+class SeriesRow(NamedTuple):
+    """The state of a mission at one time; metrics are over the cells inside the polygon.
+
+    :param time_s: mission time [s]
+    :param distance_m: distance travelled [m]
+    :param samples: places measured
+    :param mse: mean squared error of the rate [(counts/s)^2]; NaN before the first map
+    :param mse_10s: the same in the authors' unit [(counts/10 s)^2]
+    :param vwc_rmse: root mean squared error of the moisture [m^3/m^3]; NaN without a calibration curve
+    :param coverage95: share of cells whose true rate lies in the 95 % interval of the map
+    :param counting_s: time spent counting at stops so far [s]
+    """
+
+    time_s: float
+    distance_m: float
+    samples: int
+    mse: float
+    mse_10s: float
+    vwc_rmse: float
+    coverage95: float
+    counting_s: float
+
+
+class Visit(NamedTuple):
+    """One measurement of a mission.
+
+    :param name: name of the stop
+    :param x_m: east [m]
+    :param y_m: north [m]
+    :param arrived_s: mission time of arrival [s]
+    :param dwell_s: time spent counting [s]
+    :param raw_counts: counts collected
+    :param reason: why the stop was chosen
+    """
+
+    name: str
+    x_m: float
+    y_m: float
+    arrived_s: float
+    dwell_s: float
+    raw_counts: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class MissionResult:
+    """What a simulated mission leaves.
+
+    :param settings: what it was run with
+    :param series: state over time, in order; the last row is the end of the mission
+    :param visits: measurements in order
+    :param track_xy: corner points of the robot's path [m], shape (p, 2)
+    :param records: all records of the sensor, as the driver would publish them
+    :param soil_map: final map, ``None`` if the mission ended before the first
+    :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside
+    :param frame: plane of the field
+    :param field_title: name of the field for reports
+    :param ended: why the mission ended
+    """
+
+    settings: MissionSettings
+    series: Sequence[SeriesRow]
+    visits: Sequence[Visit]
+    track_xy: Array
+    records: Sequence[CountRecord]
+    soil_map: SoilMap | None
+    truth_rate: Array
+    frame: LocalFrame
+    field_title: str = ""
+    ended: str = ""
+    log: Sequence[str] = field(default_factory=tuple)
