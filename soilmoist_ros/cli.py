@@ -83,15 +83,29 @@ def told_plainly(command: Callable[..., None]) -> Callable[..., None]:
 @click.option("--title", help="Title of the report.")
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
 @told_plainly
-def map_command(logs: tuple[Path, ...], nugget: str, crs: str | None, out: Path, **choices: Any) -> None:
+def map_command(
+    logs: tuple[Path, ...],
+    site: str | None,
+    field: str | None,
+    nugget: str,
+    crs: str | None,
+    out: Path,
+    **choices: Any,
+) -> None:
     """Map soil moisture from neutron LOGS.
 
     Writes summary.json, map.tif, samples.geojson and report.html to the folder --out.
     """
+    from soilmoist_ros.configuration import resource
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.survey_map import MapSettings, map_logs
 
-    settings = MapSettings(keep_nugget=nugget == "keep", **choices)
+    settings = MapSettings(
+        site=resource("sites", site) if site else None,
+        field=resource("fields", field) if field else None,
+        keep_nugget=nugget == "keep",
+        **choices,
+    )
     with progress_bar() as progress:
         run = map_logs(logs, settings, progress)
         progress("writing the results", 0.0)
@@ -170,25 +184,26 @@ def calibrate_command(
 
 @main.command("check")
 @click.option("--logger", multiple=True, help="Logger format: a shipped name or a YAML file. Repeatable.")
-@click.option("--site", type=FILE, multiple=True, help="Site file. Repeatable.")
-@click.option("--field", type=FILE, multiple=True, help="Field file. Repeatable.")
+@click.option("--site", multiple=True, help="Site file: a shipped name or a YAML file. Repeatable.")
+@click.option("--field", multiple=True, help="Field file: a shipped name or a YAML file. Repeatable.")
 @told_plainly
-def check_command(logger: tuple[str, ...], site: tuple[Path, ...], field: tuple[Path, ...]) -> None:
+def check_command(logger: tuple[str, ...], site: tuple[str, ...], field: tuple[str, ...]) -> None:
     """Check configuration files; name every mistake in all of them."""
+    from soilmoist_ros.configuration import resource
     from soilmoist_ros.mapping.field import load_field
     from soilmoist_ros.sensing.logger_format import load_logger_format
     from soilmoist_ros.sensing.neutron_monitor import read_neutron_monitor
     from soilmoist_ros.sensing.site import load_site
 
-    def check_site(path: Path) -> None:
-        intensity = load_site(path).corrections.intensity
+    def check_site(name: str) -> None:
+        intensity = load_site(resource("sites", name)).corrections.intensity
         if intensity is not None and intensity.file is not None:
             read_neutron_monitor(intensity.file)
 
     checks: list[tuple[str, Callable[[], object]]] = [
         *((name, lambda name=name: load_logger_format(name)) for name in logger),
-        *((str(path), lambda path=path: check_site(path)) for path in site),
-        *((str(path), lambda path=path: load_field(path)) for path in field),
+        *((name, lambda name=name: check_site(name)) for name in site),
+        *((name, lambda name=name: load_field(resource("fields", name))) for name in field),
     ]
     if not checks:
         raise click.UsageError("give at least one of --logger, --site, --field")

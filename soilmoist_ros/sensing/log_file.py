@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from soilmoist_ros.errors import InputError, Mistake
@@ -77,11 +78,16 @@ def matching_formats(lines: Sequence[bytes]) -> list[str]:
     """Names of the shipped formats whose columns the first lines hold, the best match first."""
     matches = []
     for name in available_formats():
-        logger = load_logger_format(name)
+        logger = _shipped(name)
         best = max((_number_of_sources(logger, names) for names in header_candidates(logger, lines)), default=0)
         if best:
             matches.append((-best, name))
     return [name for _, name in sorted(matches)]
+
+
+@cache
+def _shipped(name: str) -> LoggerFormat:
+    return load_logger_format(name)
 
 
 def _number_of_sources(logger: LoggerFormat, names: Sequence[str]) -> int:
@@ -121,7 +127,7 @@ def nothing_usable(
     """
     first = mistakes[0]
     fitting = matching_formats(lines)
-    same = any(load_logger_format(name) == logger for name in fitting[:1])
+    same = any(_shipped(name) == logger for name in fitting[:1])
     remedy = first.remedy or "check the file" if same else other_format(lines)
     message = f"{logger.title}: none of the {len(mistakes)} records is usable; the first: {first.message}"
     return Mistake(message, remedy, path, first.line, first.column)

@@ -87,6 +87,7 @@ class FieldReader:
         self._check_live_time(longest, period_s)
         if self._logger.time.marks == "start":
             stamp_s += period_s or longest
+        humidity = self._quantity(fields, "humidity", self._logger.humidity, self.layout.humidity)
         record = LoggerRecord(
             stamp_s=stamp_s,
             tube_counts=tuple(counts),
@@ -95,9 +96,7 @@ class FieldReader:
             temperature_degc=self._quantity(
                 fields, "temperature", self._logger.temperature, self.layout.temperature
             ),
-            relative_humidity=min(
-                1.0, self._quantity(fields, "humidity", self._logger.humidity, self.layout.humidity)
-            ),
+            relative_humidity=humidity if math.isnan(humidity) else min(humidity, 1.0),
             position=self._position(fields, self.layout.position) if self.layout.position else None,
             line=line,
             record_number=self._record_number(fields),

@@ -96,7 +96,7 @@ def process_logs(
     if not entries:
         raise InputError(_all_lost(logs, problems))
     shares = _shares([entry.record for entry in entries], site)
-    places = _positions([entry.record for entry in entries], site, track)
+    places = _positions(entries, site, track)
     frame = frame or _frame_about(places)
     weather = fill_weather([entry.record for entry in entries])
     monitor = _intensity_source(site.corrections)
@@ -262,8 +262,11 @@ def _shares(records: Sequence[LoggerRecord], site: Site) -> NDArray[np.float64]:
     return np.asarray(shares / shares.sum())
 
 
-def _positions(records: Sequence[LoggerRecord], site: Site, track: Track | None) -> list[Position | None]:
+def _positions(entries: Sequence[_Entry], site: Site, track: Track | None) -> list[Position | None]:
     """Position at the middle of each counting interval."""
+    records = [entry.record for entry in entries]
+    # A logger's own positions carry its own clock; a separate receiver's carry GNSS time.
+    ahead_s = [0.0 if track is None else _clock_ahead_s(entry.log) for entry in entries]
     if track is None:
         own = [(record.stamp_s, record.position) for record in records if record.position is not None]
         if not own and site.location is not None:
@@ -274,9 +277,15 @@ def _positions(records: Sequence[LoggerRecord], site: Site, track: Track | None)
     places = []
     for index, record in enumerate(records):
         period_s = _interval_s(records, index)
-        place = track.at(record.stamp_s - period_s / 2, max_gap_s=max(_POSITION_GAP_RECORDS * period_s, 5.0))
+        middle_s = record.stamp_s - period_s / 2 - ahead_s[index]
+        place = track.at(middle_s, max_gap_s=max(_POSITION_GAP_RECORDS * period_s, 5.0))
         places.append(place if place is not None else record.position)
     return places
+
+
+def _clock_ahead_s(log: LogFile) -> float:
+    """What the logger's clock is ahead of GNSS time [s], as far as the log tells."""
+    return log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0
 
 
 def _interval_s(records: Sequence[LoggerRecord], index: int) -> float:

@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.log_values import (
@@ -71,6 +71,7 @@ def test_checksum_of_a_known_sentence() -> None:
     assert strip_checksum(b"ab") is None
 
 
+@settings(deadline=None)
 @given(st.text())
 def test_readers_never_raise(text) -> None:
     number = read_number(text)
@@ -78,6 +79,7 @@ def test_readers_never_raise(text) -> None:
     read_time(text, FORMATS, 3)
 
 
+@settings(deadline=None)
 @given(st.binary())
 def test_bytes_never_raise(data) -> None:
     lines, _ = split_lines(data)

@@ -2,7 +2,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.logger_format import load_logger_format
@@ -36,6 +36,7 @@ def records(draw) -> LoggerRecord:
     )
 
 
+@settings(deadline=None)
 @given(records())
 def test_what_is_written_is_read(record) -> None:
     parser = RecordParser(FORMAT)
@@ -65,6 +66,7 @@ def test_a_stream_is_understood_from_the_middle_and_after_a_new_header() -> None
     assert sum(record is not None for record in found) == 2
 
 
+@settings(deadline=None)
 @given(st.integers(0, 60), st.integers(1, 255))
 def test_one_changed_byte_is_always_found(place, change) -> None:
     line = bytearray(format_record(RECORD).encode())

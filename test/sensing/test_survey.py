@@ -72,6 +72,16 @@ def test_moving_records_are_placed_at_the_middle_of_their_interval(tmp_path):
     )
 
 
+def test_a_separate_track_is_joined_by_gnss_time_where_the_loggers_clock_is_off(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(200.0 + 10.0 * k) for k in range(1, 6)])
+    moving = track((0, 50.0), (60, 50.006))
+    with pytest.raises(InputError, match="not one of 5 records"):
+        process_logs([log], NO_CORRECTIONS, track=moving)
+    late = process_logs([replace(log, clock_offset_s=200.0)], NO_CORRECTIONS, track=moving)
+    expected = 50.0005 + 0.001 * np.arange(5)
+    assert late.frame.to_geographic(late.xy_m)[:, 0] == pytest.approx(expected, abs=1e-8)
+
+
 def replace_records(log, records):
     return replace(log, records=tuple(records))
 

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.records import LoggerRecord
@@ -97,6 +97,7 @@ def test_no_shares(records) -> None:
         tube_shares(records)
 
 
+@settings(deadline=None)
 @given(
     st.lists(
         st.lists(st.one_of(st.just(NAN), st.integers(0, 1000)), min_size=3, max_size=3), min_size=1, max_size=20
