@@ -52,12 +52,8 @@ def told_plainly(command: Callable[..., None]) -> Callable[..., None]:
 @main.command("map")
 @click.argument("logs", type=FILE, nargs=-1, required=True)
 @click.option("--logger", help="Logger format: a shipped name or a YAML file. Default: told from the header.")
-@click.option(
-    "--site", type=FILE, help="Site file: corrections, soil, calibration. Default: standard corrections."
-)
-@click.option(
-    "--field", type=FILE, help="Field file: boundary, cell size. Default: the surroundings of the track."
-)
+@click.option("--site", help="Site file: corrections, soil, calibration. Default: standard corrections.")
+@click.option("--field", help="Field file: boundary, cell size. Default: the surroundings of the track.")
 @click.option(
     "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
 )

@@ -59,8 +59,7 @@ def test_the_field_may_be_left_out(survey, tmp_path):
 
 def test_the_real_roving_record_is_mapped_by_the_documented_command(shared_data, tmp_path):
     log = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
-    site = config_folder() / "sites" / "gypsum_transect.yaml"
-    result = run("map", log, "--site", site, "--out", tmp_path / "out")
+    result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["n_records"] == 200
