@@ -46,6 +46,7 @@ setup(
         "pyproj>=3.6",
         "pydantic>=2.7",
         "ruamel.yaml>=0.17.21",
+        "pykrige>=1.7",
         "pynmea2>=1.19",
         "click>=8.1",
         "rich>=13.7",
@@ -56,12 +57,14 @@ setup(
     extras_require={
         # Real ROS 2 Jazzy for laptops and CI (x86_64 only); a robot has ROS from apt.
         "ros-wheels": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+        # Tables of simulated campaigns, and campaigns on more than one machine.
+        "campaign": ["pandas>=2.2", "pyarrow>=14"],
+        "cluster": ["distributed>=2024.1"],
         "test": [
             "pytest>=8",
             "pytest-xdist>=3.5",
             "hypothesis>=6.100",
             "mpmath>=1.3",
-            "pykrige>=1.7",
             "crnpy>=0.7",
             "mypy>=1.10",
             "ruff>=0.6",

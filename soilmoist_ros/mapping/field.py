@@ -47,6 +47,8 @@ class FieldFile(Section):
     """Areas inside the boundary that are not mapped or entered, as [x, y] in metres from the datum."""
     cell_m: Annotated[float, Setting(gt=0)] | None = None
     """Cell size of the map [m]; chosen from the footprint and the extent if left out."""
+    truth: Any = None
+    """Truth of a surrogate field, for simulations; a field is mapped the same with or without it."""
 
     @model_validator(mode="after")
     def _one_boundary(self) -> FieldFile:

@@ -57,7 +57,7 @@ def band_map(
     soil_map = run.soil_map
     shown = band.scale * np.asarray(getattr(soil_map, band.values) if values is None else values, float)
     shown = np.where(soil_map.grid.mask, shown, np.nan)
-    figure, axes, unit_m = _map_axes(run, width_in)
+    figure, axes, unit_m = map_axes(run, width_in)
     _paint_undefined(run, axes, shown, unit_m)
     low, high = colour_range(run, band)
     west, east, south, north = (edge / unit_m for edge in map_extent(soil_map))
@@ -65,9 +65,32 @@ def band_map(
         shown, origin="lower", extent=(west, east, south, north), cmap=colours(band.colours),
         vmin=low, vmax=high, interpolation="nearest", aspect="equal",
     )  # fmt: skip
-    _boundary(run, axes, unit_m)
+    draw_boundary(run, axes, unit_m)
     _sample_places(run, axes, unit_m)
     _colour_bar(figure, axes, image, band.label, extension(shown, low, high))
+    return figure
+
+
+def error_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
+    """Estimated less true rate, in colours that are white where the map is right.
+
+    :raises ValueError: without a truth
+    """
+    if run.truth_rate is None:
+        raise ValueError("an error map needs a truth")
+    soil_map = run.soil_map
+    shown = np.where(soil_map.grid.mask, soil_map.rate - np.asarray(run.truth_rate, float), np.nan)
+    figure, axes, unit_m = map_axes(run, width_in)
+    _paint_undefined(run, axes, shown, unit_m)
+    most = robust_range(np.abs(shown))[1]
+    west, east, south, north = (edge / unit_m for edge in map_extent(soil_map))
+    image = axes.imshow(
+        shown, origin="lower", extent=(west, east, south, north), cmap="PuOr", vmin=-most, vmax=most,
+        interpolation="nearest", aspect="equal",
+    )  # fmt: skip
+    draw_boundary(run, axes, unit_m)
+    _sample_places(run, axes, unit_m)
+    _colour_bar(figure, axes, image, "Map less truth [counts/s]", extension(shown, -most, most))
     return figure
 
 
@@ -99,8 +122,8 @@ def samples_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
     samples = run.soil_map.samples
     xy, rate = np.asarray(samples.xy, float), np.asarray(samples.rate_cps, float)
     exposure = np.asarray(samples.exposure_s, float)
-    figure, axes, unit_m = _map_axes(run, width_in)
-    _boundary(run, axes, unit_m)
+    figure, axes, unit_m = map_axes(run, width_in)
+    draw_boundary(run, axes, unit_m)
     track = track_xy(run.track) / unit_m
     axes.plot(track[:, 0], track[:, 1], color=SOFT, linewidth=0.8, alpha=0.6, zorder=2)
     low, high = _widened(*robust_range(rate), np.asarray(samples.rate_sd_cps, float))
@@ -122,7 +145,7 @@ def colours(name: str) -> Any:
     return LinearSegmentedColormap.from_list(name, colormaps[name](np.linspace(0.06, 0.97, 256)))
 
 
-def _map_axes(run: MapRun, width_in: float) -> tuple[Figure, Axes, float]:
+def map_axes(run: MapRun, width_in: float) -> tuple[Figure, Axes, float]:
     """Axes of the map's true shape in a figure that fits around them, and the metres per axis unit."""
     west, east, south, north = view(run)
     unit_m = 1000.0 if max(east - west, north - south) >= KILOMETRES_FROM_M else 1.0
@@ -213,7 +236,8 @@ def _round_down(value: float) -> float:
     return float(max(step * power for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))
 
 
-def _boundary(run: MapRun, axes: Axes, unit_m: float) -> None:
+def draw_boundary(run: MapRun, axes: Axes, unit_m: float) -> None:
+    """The field's boundary and its holes."""
     for ring in rings(run.soil_map):
         axes.plot(*(ring.T / unit_m), color=INK, linewidth=1.1, zorder=2.5)
 

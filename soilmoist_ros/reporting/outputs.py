@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.reporting.geojson import write_samples
 from soilmoist_ros.reporting.geotiff import export_crs, write_geotiff
+from soilmoist_ros.reporting.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.summary import write_summary
@@ -19,10 +20,13 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 NAMES = ("summary.json", "map.tif", "samples.geojson", "report.html")
+MISSION_NAMES = ("series.csv", "visits.csv")
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson`` and ``report.html``.
+
+    For a simulated mission also ``series.csv`` and ``visits.csv``.
 
     All are first written to a hidden folder beside their place and moved only when every one is complete,
     so that a reader never meets half a file, nor a map with another run's report after a failure.
@@ -30,10 +34,11 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     :param folder: output folder; made if missing
     :param run: the run
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
-    :returns: the four paths, in the order above
+    :returns: the paths, in the order above
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
     """
     target = export_crs(run.frame, crs)
+    names = NAMES if run.mission is None else NAMES + MISSION_NAMES
     tags = {
         "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
         "SOILMOIST_CREATED_UTC": run.created,
@@ -48,9 +53,12 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         write_geotiff(workshop / "map.tif", run.soil_map, run.frame, target, tags)
         write_samples(workshop / "samples.geojson", run)
         write_report(workshop / "report.html", run)
-        write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=NAMES)
-        for name in NAMES:
+        if run.mission is not None:
+            write_series(workshop / "series.csv", run.mission)
+            write_visits(workshop / "visits.csv", run.mission)
+        write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=names)
+        for name in names:
             os.replace(workshop / name, folder / name)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
-    return [folder / name for name in NAMES]
+    return [folder / name for name in names]

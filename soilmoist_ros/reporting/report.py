@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -11,30 +10,16 @@ from typing import Any
 import numpy as np
 
 from soilmoist_ros.reporting import charts, maps, wording
+from soilmoist_ros.reporting.mission_section import mission_part
 from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.reporting.section import Section
 from soilmoist_ros.reporting.statistics import TruthScore, leave_one_out, truth_score
-from soilmoist_ros.reporting.style import Picture, picture
+from soilmoist_ros.reporting.style import picture
 
 MOST_READOUT_CELLS = 150
 """Along each axis of the grid that is embedded for reading values under the pointer."""
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
-
-
-@dataclass(frozen=True)
-class Section:
-    """One figure of the report.
-
-    :param key: anchor in the page
-    :param title: heading
-    :param picture: the figure
-    :param caption: what to see in it
-    """
-
-    key: str
-    title: str
-    picture: Picture
-    caption: str
 
 
 def write_report(path: Path, run: MapRun) -> Path:
@@ -45,26 +30,36 @@ def write_report(path: Path, run: MapRun) -> Path:
 
 def render_report(run: MapRun) -> str:
     """The report as HTML."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    for name in ("number", "percent", "plain", "tidy", "with_sd"):
-        environment.filters[name] = getattr(wording, name)
-    source = resources.files("soilmoist_ros.reporting").joinpath("templates", "report.html.j2")
-    template = environment.from_string(source.read_text(encoding="utf-8"))
-    return template.render(
+    return render_page(
+        "report.html.j2",
         run=run,
         curve=run.soil_map.curve,
         facts=wording.facts(run),
         headline=wording.headline(run),
         notes=[*run.warnings, *wording.doubts(run)],
         maps=list(_maps(run)),
+        mission=mission_part(run),
         charts=list(_charts(run)),
         truth=_truth(run),
         variogram=_variogram_rows(run),
         lost=sum(row.count for row in run.losses if row.consequence == "lost"),
         datum=maps.datum_text(run),
         readout=readout(run),
+    )
+
+
+def render_page(template: str, **content: Any) -> str:
+    """A page of one of the package's templates, in the common style."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    for name in ("number", "percent", "plain", "tidy", "with_sd"):
+        environment.filters[name] = getattr(wording, name)
+    folder = resources.files("soilmoist_ros.reporting").joinpath("templates")
+    css = Markup(folder.joinpath("page.css").read_text(encoding="utf-8"))
+    return environment.from_string(folder.joinpath(template).read_text(encoding="utf-8")).render(
+        css=css, **content
     )
 
 
@@ -134,6 +129,12 @@ def _maps(run: MapRun) -> Iterator[Section]:
             "truth", "True rate of the simulated field" if run.simulated else "True rate",
             picture(figure, f"Map of the true count rate of {where}"),
             "What the rate map should show, in the same colours.",
+        )  # fmt: skip
+        yield Section(
+            "error", "Error of the rate map",
+            picture(maps.error_map(run), f"Map of estimated less true count rate of {where}"),
+            "Estimated less true rate: purple where the map shows more neutrons (drier soil) than there are, "
+            "orange where fewer, white where it is right.",
         )  # fmt: skip
 
 

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.reporting.geometry import distance_m
 from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.simulation.mission_run import MissionResult
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,7 @@ class MapRun:
     :param settings: settings of the run, name (with its unit) -> value
     :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
     :param footprint_radius_m: radius of the soil seen by the sensor [m], ``None`` if unknown
+    :param mission: the simulated mission behind the map, if there was one
     :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
     :param uncertain_rate_share: the same for the rate, as a share of the rate [-]
     :raises ValueError: if ``created_utc`` has no time zone
@@ -141,6 +144,7 @@ class MapRun:
     settings: Mapping[str, object] = field(default_factory=dict)
     truth_rate: NDArray[np.float64] | None = None
     footprint_radius_m: float | None = None
+    mission: MissionResult | None = None
     uncertain_vwc_sd: float = 0.03
     uncertain_rate_share: float = 0.05
 
@@ -152,6 +156,13 @@ class MapRun:
     def created(self) -> str:
         """Time of creation as ISO 8601 in UTC, to the second."""
         return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.created_utc.timestamp()))
+
+    @property
+    def travelled_m(self) -> float:
+        """Distance driven [m]: the mission's own, else the length of the line through the records' places."""
+        if self.mission is not None and self.mission.series:
+            return self.mission.series[-1].distance_m
+        return distance_m(self.track)
 
     @property
     def calibrated(self) -> bool:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from soilmoist_ros.reporting.geometry import distance_m, field_polygon, track_xy
+from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.statistics import (
@@ -23,6 +23,9 @@ from soilmoist_ros.reporting.statistics import (
 )
 from soilmoist_ros.reporting.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.wording import doubts
+
+if TYPE_CHECKING:
+    from soilmoist_ros.simulation.mission_run import MissionResult
 
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
@@ -58,6 +61,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "map": _map(run),
         "cross_validation": _cross_validation(run),
         "truth": None if run.truth_rate is None else _truth(run),
+        "mission": None if run.mission is None else mission_summary(run.mission),
         "corrections": [_correction(row) for row in run.corrections],
         "calibration": _calibration(run),
         "warnings": [*run.warnings, *doubts(run)],
@@ -84,7 +88,7 @@ def _records(run: MapRun) -> dict[str, Any]:
         "first_stamp_s": min(stamps, default=None),
         "last_stamp_s": max(stamps, default=None),
         "exposure_s": float(sum(record.exposure_s for record in run.track)),
-        "distance_m": distance_m(run.track),
+        "distance_m": run.travelled_m,
         "n_samples": len(samples.xy),
         "sample_counts": round(float(counts.sum())),
         "sample_effective_exposure_s": float(np.sum(samples.exposure_s)),
@@ -133,6 +137,17 @@ def _cross_validation(run: MapRun) -> dict[str, float] | None:
 def _truth(run: MapRun) -> dict[str, float]:
     score = truth_score(run.soil_map, np.asarray(run.truth_rate))
     return {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95}
+
+
+def mission_summary(mission: MissionResult) -> dict[str, Any]:
+    """What a simulated mission was run with and how it ended."""
+    return {
+        "settings": asdict(mission.settings),
+        "field": mission.field_title,
+        "ended": mission.ended,
+        "stops": len(mission.visits),
+        "final": mission.series[-1]._asdict() if mission.series else None,
+    }
 
 
 def _correction(row: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from soilmoist_ros.reporting.geometry import distance_m, field_polygon
+from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.statistics import (
     band_statistics,
@@ -150,7 +150,7 @@ def _effort_facts(run: MapRun) -> list[Fact]:
     if run.track:
         seconds = sum(record.exposure_s for record in run.track)
         found.append(Fact(duration(seconds), "", f"of counting in {len(run.track)} records"))
-        value, unit = length(distance_m(run.track))
+        value, unit = length(run.travelled_m)
         found.append(Fact(value, unit, "travelled"))
     return found
 

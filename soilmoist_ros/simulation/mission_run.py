@@ -33,7 +33,12 @@ class MissionSettings:
     :param variogram: variogram model
     :param fit: how the variogram is fitted
     :param preset: constants of the exploration: the paper's text, or the authors' experiments
-    :param travel: ``free`` (straight lines) or ``graph`` (over the field's travel graph)
+    :param travel: ``free`` (straight lines) or ``graph`` (over a travel graph)
+    :param graph: topological map with the travel graph, a file; an open lattice of about 300 nodes if ``None``
+    :param speed_mps: speed of the robot [m/s]
+    :param stop_overhead_s: time lost at each stop [s]
+    :param turn_s_per_rad: time for each radian turned on the way [s/rad]
+    :param cadence_s: duration of a record [s]
     :param cell_m: cell size of the map [m]; the field's own if ``None``
     :param footprint_m: radius of a Gaussian footprint of the sensor [m], 0 for a point sensor
     :param position_sd_m: GNSS noise of each coordinate [m]
@@ -50,6 +55,11 @@ class MissionSettings:
     fit: FitMethod = "soft_l1"
     preset: Preset = "paper"
     travel: Literal["free", "graph"] = "free"
+    graph: str | None = None
+    speed_mps: float = 0.6
+    stop_overhead_s: float = 12.0
+    turn_s_per_rad: float = 0.0
+    cadence_s: float = 10.0
     cell_m: float | None = None
     footprint_m: float = 0.0
     position_sd_m: float = 0.02

@@ -19,6 +19,7 @@ from soilmoist_ros.sensing.corrections import Corrections
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.robot_logger import format_header, format_record
 from soilmoist_ros.simulation.surrogate_field import SurrogateField, half_wet_field
+from soilmoist_ros.simulation.weather import warming_morning
 
 START_S = datetime(2026, 6, 1, 8, 0, tzinfo=UTC).timestamp()
 RECORD_PERIOD_S = 10.0
@@ -98,17 +99,17 @@ def simulate_log(
     for number, end in enumerate(ends, start=1):
         inside = end - RECORD_PERIOD_S * (np.arange(10) + 0.5) / 10
         rate = float(field.rate_at(trajectory.at(inside)).mean())
-        pressure, temperature, humidity = _weather(end)
-        factor = corrections.f_pressure(pressure) * corrections.f_humidity(temperature, humidity)
+        weather = warming_morning(float(end))
+        factor = math.prod(weather.factors(corrections))
         counts = rng.poisson(shares * rate / factor * RECORD_PERIOD_S)
         records.append(
             LoggerRecord(
                 stamp_s=START_S + float(end),
                 tube_counts=tuple(float(count) for count in counts),
                 tube_live_s=(RECORD_PERIOD_S,) * TUBES,
-                pressure_hpa=pressure,
-                temperature_degc=temperature,
-                relative_humidity=humidity,
+                pressure_hpa=weather.pressure_hpa,
+                temperature_degc=weather.temperature_degc,
+                relative_humidity=weather.relative_humidity,
                 record_number=number,
             )
         )
@@ -118,14 +119,6 @@ def simulate_log(
             lines.append(format_header(serial="virtual", period_s=RECORD_PERIOD_S, simulated=True))
         lines.append(format_record(record))
     return VirtualLog(lines, _nmea(field, trajectory, rng, position_sd_m), records)
-
-
-def _weather(elapsed_s: float) -> tuple[float, float, float]:
-    """Pressure [hPa], temperature [degC], relative humidity [0..1] of a morning that warms up, as logged."""
-    hours = elapsed_s / 3600
-    pressure = 1009.0 + 2.5 * math.sin(0.8 * hours)
-    temperature = 14.0 + 3.0 * hours
-    return round(pressure, 1), round(temperature, 1), round(0.75 - 0.08 * min(hours, 5.0), 3)
 
 
 def _nmea(field: SurrogateField, trajectory: Trajectory, rng: np.random.Generator, sd_m: float) -> list[str]:
@@ -183,15 +176,16 @@ def write_survey(folder: Path, seed: int, spacing_m: float = 10.0, dwell_s: floa
 def _field_yaml(field: SurrogateField) -> str:
     corners = "".join(f"  - [{x:g}, {y:g}]\n" for x, y in field.polygon)
     return (
-        f"name: {field.name} (simulated)\n"
+        f"name: {field.title} (simulated)\n"
         f"datum: {{latitude_deg: {field.frame.latitude_deg}, longitude_deg: {field.frame.longitude_deg}}}\n"
-        f"polygon: # [east, north] in metres from the datum\n{corners}cell_m: 0.5\n"
+        f"polygon: # [east, north] in metres from the datum\n{corners}cell_m: {field.field.cell_m:g}\n"
     )
 
 
 def _site_yaml(field: SurrogateField) -> str:
+    assert field.curve is not None
     return (
-        f"name: {field.name} (simulated)\n"
+        f"name: {field.title} (simulated)\n"
         "footprint_radius_m: 10\n"
         f"soil: {{bulk_density_gcm3: {field.curve.bulk_density_gcm3}}}\n"
         f"calibration: {{n0_cps: {field.curve.n0_cps}, note: the calibration that the simulation used}}\n"

@@ -1,0 +1,107 @@
+"""Where the robot may drive: inside the field and not in a no-go area."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+TOLERANCE_M = 1e-6
+"""A line this far over the border still counts as inside, so that one may drive along it."""
+
+
+class DrivableArea:
+    """Outlines of the field minus the no-go areas.
+
+    :param polygons: outlines of the field, each of shape (k, 2) [m], at least one
+    :param no_go: outlines of areas that must not be entered, likewise
+    :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
+    """
+
+    def __init__(
+        self, polygons: Sequence[ArrayLike], no_go: Sequence[ArrayLike] = (), margin_m: float = 0.0
+    ) -> None:
+        import shapely
+
+        if not len(polygons):
+            raise ValueError("a drivable area needs the outline of a field")
+        if not (np.isfinite(margin_m) and margin_m >= 0):
+            raise ValueError(f"margin_m must be >= 0 and finite, got {margin_m}")
+        area = shapely.union_all([shapely.Polygon(np.asarray(ring, float)) for ring in polygons])
+        area = area.difference(shapely.union_all([shapely.Polygon(np.asarray(ring, float)) for ring in no_go]))
+        self.shape: BaseGeometry = area.buffer(-margin_m, join_style="mitre") if margin_m > TOLERANCE_M else area
+        self._tolerant = self.shape.buffer(TOLERANCE_M, join_style="mitre")
+        shapely.prepare(self._tolerant)
+
+    @cached_property
+    def _parts(self) -> list[Any]:
+        import shapely
+
+        return [part for part in shapely.get_parts(self.shape) if part.geom_type == "Polygon"]
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """Whether every straight line between two places inside stays inside."""
+        return len(self._parts) == 1 and not len(self.turning_corners)
+
+    @cached_property
+    def turning_corners(self) -> Array:
+        """Corners around which a shortest way may bend (those that stick into the area), shape (c, 2) [m]."""
+        import shapely
+        from shapely.geometry.polygon import orient
+
+        found = [np.empty((0, 2))]
+        for part in self._parts:
+            area = orient(part)
+            for ring in (area.exterior, *area.interiors):
+                corners = shapely.get_coordinates(ring)[:-1]
+                before = corners - np.roll(corners, 1, axis=0)
+                after = np.roll(corners, -1, axis=0) - corners
+                found.append(corners[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0])
+        return np.unique(np.concatenate(found), axis=0)
+
+    def contains(self, xy: ArrayLike) -> Flags:
+        """Whether each place is inside or on the border, shape (k,)."""
+        import shapely
+
+        return np.asarray(
+            shapely.covers(self._tolerant, shapely.points(np.asarray(xy, float).reshape(-1, 2))), bool
+        )
+
+    def allows(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
+        """Whether each straight line from a start to its end stays inside, shape (k,).
+
+        :param start_xy: shape (k, 2) or (2,) [m]
+        :param end_xy: likewise [m]
+        """
+        import shapely
+
+        start, end = np.broadcast_arrays(
+            np.atleast_2d(start_xy).astype(float), np.atleast_2d(end_xy).astype(float)
+        )
+        inside = np.asarray(
+            shapely.covers(self._tolerant, shapely.linestrings(np.stack([start, end], axis=1))), bool
+        )
+        point = np.all(start == end, axis=1)
+        if point.any():
+            inside[point] = self.contains(start[point])
+        return inside
+
+    def nearest(self, xy: ArrayLike) -> Array:
+        """The place itself if it is inside, else the nearest place of the area, shape (2,) [m]."""
+        import shapely
+
+        place = np.asarray(xy, float)
+        if self.contains(place)[0]:
+            return place
+        line = shapely.shortest_line(self.shape, shapely.Point(place))
+        return np.asarray(shapely.get_coordinates(line)[0], float)

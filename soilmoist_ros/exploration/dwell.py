@@ -1,0 +1,209 @@
+"""Dwell rules: how long to count at a stop.
+
+A rule sees only what was counted at the stop. A rule that weighs the gain of counting on against the price
+of time also needs kriging quantities of the stop; it fits the same protocol as an object that is made for one
+stop with these quantities inside.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from fractions import Fraction
+from functools import cached_property
+from typing import Protocol
+
+from soilmoist_ros.errors import InputError
+
+LONGEST_DWELL_S = 3600.0
+"""Default of the longest dwell [s]: a dead or drowned sensor must not hold the robot for the rest of the day."""
+
+SHORTEST_INTERVAL_S, LONGEST_INTERVAL_S = 1, 86400
+FINEST_THRESHOLD, COARSEST_THRESHOLD = Decimal("0.001"), Decimal("0.5")
+
+_EXAMPLES = "write for example 'fmi:600' (600 s), 'ami:0.025' or 'ami:2.5%' (standard error of the count)"
+_ROUNDING = 1e-9
+"""Relative error that sums of exposures may have collected."""
+
+
+class DwellRule(Protocol):
+    """Decides when enough has been counted at a stop. ``str(rule)`` is the text that :func:`parse_dwell` reads."""
+
+    @property
+    def longest_s(self) -> float:
+        """Time at the stop after which counting ends whatever was counted [s]."""
+        ...
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether to stop counting.
+
+        :param raw_counts: raw counts gathered at the stop
+        :param live_s: exposure in which they were gathered [s]
+        """
+        ...
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """Whole dwell to expect, for planning [s]; ``longest_s`` where the rate is unknown (NaN) or not positive.
+
+        :param rate_cps: corrected rate expected at the stop [counts/s]
+        :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
+        """
+        ...
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """How much of the dwell is done, 0..1; 1 exactly if :meth:`enough`."""
+        ...
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words, once counting has ended."""
+        ...
+
+
+@dataclass(frozen=True)
+class FixedInterval:
+    """Count for a fixed time ("FMI").
+
+    :param interval_s: time to count [s], > 0
+    :param longest_s: longest time at the stop [s]; at least twice the interval when made by :func:`parse_dwell`,
+        so that only a sensor with little live time is cut short
+    """
+
+    interval_s: float
+    longest_s: float = LONGEST_DWELL_S
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether the interval has been counted."""
+        return live_s >= self.interval_s * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """The interval [s]."""
+        return self.interval_s
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of the interval that has been counted, 0..1."""
+        return 1.0 if self.enough(raw_counts, live_s) else live_s / self.interval_s
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        return f"{raw_counts} counts in {live_s:.0f} of {_plain(self.interval_s)} s"
+
+    def __str__(self) -> str:
+        return f"fmi:{_plain(self.interval_s)}"
+
+
+@dataclass(frozen=True)
+class AdaptiveInterval:
+    """Count until the relative standard error ``1 / sqrt(raw counts)`` falls to a threshold ("AMI").
+
+    The *raw* counts decide: they are Poisson, the corrected ones are not.
+
+    :param threshold: relative standard error to reach, 0 < threshold < 1 [-]
+    :param longest_s: counting ends after this time in any case [s]
+    """
+
+    threshold: float
+    longest_s: float = LONGEST_DWELL_S
+
+    @cached_property
+    def counts_needed(self) -> int:
+        """Smallest count that meets the threshold: 1600 for 0.025, 1112 for 0.03.
+
+        Taken from the decimal number as written: in floating point ``1 / 0.025**2`` is not 1600.
+        """
+        return math.ceil(1 / Fraction(repr(float(self.threshold))) ** 2)
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether the threshold is met, or the longest dwell is over."""
+        return raw_counts >= self.counts_needed or live_s >= self.longest_s * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """Time in which the counts needed are expected, at most the longest dwell [s]."""
+        if not (rate_cps > 0 and factor > 0):
+            return self.longest_s
+        return min(self.counts_needed * factor / rate_cps, self.longest_s)
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of the counts needed or of the longest dwell, whichever ends the dwell sooner, 0..1."""
+        if self.enough(raw_counts, live_s):
+            return 1.0
+        return max(raw_counts / self.counts_needed, live_s / self.longest_s)
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        error = f"{100 / math.sqrt(raw_counts):.2g} %" if raw_counts > 0 else "no standard error"
+        text = f"{raw_counts} counts ({error}) in {live_s:.0f} s"
+        if raw_counts < self.counts_needed:
+            text += f"; {100 * self.threshold:.3g} % would need {self.counts_needed} counts"
+        return text
+
+    def __str__(self) -> str:
+        return f"ami:{_plain(self.threshold)}"
+
+
+def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
+    """Read a dwell rule.
+
+    ``str`` of the result is the rule in its plainest form (``ami:2.5%`` becomes ``ami:0.025``), which reads
+    back as the same rule.
+
+    :param text: ``fmi:SECONDS``, ``ami:THRESHOLD`` or ``ami:PERCENT%``; upper case and spaces do not matter
+    :param longest_s: counting by ``ami`` ends after this time in any case [s], > 0
+    :raises InputError: if the text is not a rule; it says what would be one
+    """
+    if not (math.isfinite(longest_s) and longest_s > 0):
+        raise InputError(
+            f"the longest dwell of {longest_s} s is not positive and finite", "give seconds, e.g. 3600"
+        )
+    name, colon, number = (part.strip() for part in text.lower().partition(":"))
+    if name not in _RULES:
+        close = difflib.get_close_matches(name, _RULES, n=1, cutoff=0.5)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        raise InputError(f"unknown dwell rule {text.strip()!r}{hint}", _EXAMPLES)
+    if not colon or not number:
+        raise InputError(f"the dwell rule {text.strip()!r} has no number after '{name}:'", _EXAMPLES)
+    return _RULES[name](number, longest_s)
+
+
+def _fixed(number: str, longest_s: float) -> DwellRule:
+    seconds = _decimal(number, "fmi")
+    if not SHORTEST_INTERVAL_S <= seconds <= LONGEST_INTERVAL_S:
+        raise InputError(
+            f"'fmi:{number}' is not between {SHORTEST_INTERVAL_S} and {LONGEST_INTERVAL_S} s",
+            "give the seconds to count at each stop, for example 'fmi:600'",
+        )
+    interval_s = float(seconds)
+    return FixedInterval(interval_s, max(longest_s, 2 * interval_s))
+
+
+def _adaptive(number: str, longest_s: float) -> DwellRule:
+    percent = number.endswith("%")
+    threshold = _decimal(number.removesuffix("%").strip(), "ami")
+    if percent:
+        threshold /= 100
+    if not FINEST_THRESHOLD <= threshold <= COARSEST_THRESHOLD:
+        meant_percent = not percent and FINEST_THRESHOLD <= threshold / 100 <= COARSEST_THRESHOLD
+        raise InputError(
+            f"the threshold of 'ami:{number}' is not between {FINEST_THRESHOLD} and {COARSEST_THRESHOLD}",
+            f"did you mean 'ami:{number}%'?" if meant_percent else "it is 1/sqrt(counts), for example 'ami:0.025'",
+        )
+    return AdaptiveInterval(float(threshold), longest_s)
+
+
+_RULES: dict[str, Callable[[str, float], DwellRule]] = {"fmi": _fixed, "ami": _adaptive}
+
+
+def _decimal(number: str, rule: str) -> Decimal:
+    try:
+        value = Decimal(number)
+    except InvalidOperation:
+        raise InputError(f"{number!r} in '{rule}:{number}' is not a number", _EXAMPLES) from None
+    if not value.is_finite():
+        raise InputError(f"'{rule}:{number}' is not finite", _EXAMPLES)
+    return value
+
+
+def _plain(value: float) -> str:
+    return repr(int(value)) if float(value).is_integer() else repr(float(value))

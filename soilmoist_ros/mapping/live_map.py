@@ -1,0 +1,96 @@
+"""The map of a mission under way: samples come in, the variogram is fitted anew, the map follows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.field_grid import FieldGrid
+from soilmoist_ros.mapping.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
+from soilmoist_ros.mapping.variogram import ModelName
+from soilmoist_ros.mapping.variogram_fit import FitMethod, VariogramFit, estimate_variogram
+from soilmoist_ros.sensing.moisture import CalibrationCurve
+
+Array = NDArray[np.float64]
+
+
+class LiveMap:
+    """Samples so far, and the map of the last :meth:`update`.
+
+    :param grid: the field
+    :param model: variogram model
+    :param method: how the variogram is fitted
+    :param keep_nugget: as :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`
+
+    Attributes
+    ----------
+    fit : VariogramFit | None
+        the variogram of the last update
+    kriging : PoissonKriging | None
+        the kriging of the last update
+    rate, variance : NDArray
+        rate [counts/s] and kriging variance [(counts/s)^2] of ``grid.cells``, shape (g,); NaN before the first
+        update
+    """
+
+    def __init__(
+        self,
+        grid: FieldGrid,
+        model: ModelName = "matern32",
+        method: FitMethod = "reml",
+        keep_nugget: bool = True,
+    ) -> None:
+        self.grid = grid
+        self.model = model
+        self.method = method
+        self.keep_nugget = keep_nugget
+        self.samples = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
+        self.fit: VariogramFit | None = None
+        self.kriging: PoissonKriging | None = None
+        self.rate: Array = np.full(np.count_nonzero(grid.mask), np.nan)
+        self.variance: Array = self.rate.copy()
+
+    def add(self, xy: tuple[float, float], raw_counts: float, effective_exposure_s: float) -> None:
+        """Take a sample; the map does not change before :meth:`update`.
+
+        :param xy: place [m]
+        :param raw_counts: raw counts, a whole number
+        :param effective_exposure_s: effective exposure [s], > 0
+        :raises ValueError: if a value is out of range; the samples stay as they were
+        """
+        new = Samples(np.array([xy]), np.array([raw_counts]), np.array([effective_exposure_s]))
+        old = self.samples
+        self.samples = Samples(
+            np.concatenate([old.xy, new.xy]),
+            np.concatenate([old.counts, new.counts]),
+            np.concatenate([old.exposure_s, new.exposure_s]),
+        )
+
+    @property
+    def ready(self) -> bool:
+        """Whether there are samples enough for a map: at two places for soft-L1, at one for REML."""
+        places = len(np.unique(self.samples.xy, axis=0))
+        return places >= (2 if self.method == "soft_l1" else 1)
+
+    def update(self) -> None:
+        """Fit the variogram and krige the map from all samples.
+
+        :raises ValueError: if the map is not :attr:`ready`
+        """
+        samples, grid = self.samples, self.grid
+        extent_m = float(max(np.ptp(grid.x_m), np.ptp(grid.y_m))) + grid.cell_m
+        self.fit = estimate_variogram(
+            samples.xy, samples.counts, samples.exposure_s, self.model, self.method, extent_m=extent_m
+        )
+        self.kriging = PoissonKriging(self.fit.variogram, self.keep_nugget)
+        self.kriging.fit(samples.xy, samples.counts, samples.exposure_s)
+        rate, variance = self.kriging.predict_grid(grid.x_m, grid.y_m, grid.mask)
+        self.rate, self.variance = rate[grid.mask], variance[grid.mask]
+
+    def soil_map(self, curve: CalibrationCurve | None = None) -> SoilMap | None:
+        """The map of the last update with all its bands, ``None`` before the first."""
+        if self.fit is None:
+            return None
+        return make_soil_map(self.samples, self.grid, self.fit, curve, self.keep_nugget)

@@ -1,0 +1,105 @@
+"""What one simulated mission leaves in its output folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from soilmoist_ros import __version__
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.reporting.mission_tables import write_series, write_visits
+from soilmoist_ros.reporting.outputs import write_outputs
+from soilmoist_ros.reporting.run import LossRow, MapRun
+from soilmoist_ros.reporting.strict_json import write_json
+from soilmoist_ros.reporting.summary import SCHEMA, mission_summary
+from soilmoist_ros.simulation.mission_run import MissionResult
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+UNUSED_COUNTS = 0.01
+"""Share of the counts that may lie outside the stops without being mentioned."""
+
+
+def write_mission(
+    folder: Path, result: MissionResult, crs: CRS | str | int | None = None, created_utc: datetime | None = None
+) -> list[Path]:
+    """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``series.csv``, ``visits.csv``.
+
+    A mission that ended before its first map leaves ``summary.json``, ``series.csv`` and ``visits.csv`` only.
+
+    :param folder: output folder; made if missing
+    :param result: the mission
+    :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
+    :param created_utc: when the outputs are made; default now
+    :returns: the paths written
+    :raises InputError: if the folder cannot be written
+    """
+    created = created_utc or datetime.now(UTC)
+    if result.soil_map is not None:
+        return write_outputs(folder, mission_run(result, created), crs)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        about = {
+            "schema": SCHEMA,
+            "software": "soilmoist_ros",
+            "version": __version__,
+            "created_utc": created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "simulated": True,
+            "map": None,
+            "mission": mission_summary(result),
+            "warnings": ["The mission ended before its first map."],
+            "outputs": ["summary.json", "series.csv", "visits.csv"],
+        }
+        return [
+            write_json(folder / "summary.json", about),
+            write_series(folder / "series.csv", result),
+            write_visits(folder / "visits.csv", result),
+        ]
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
+
+
+def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
+    """A simulated mission as a mapping run, for the outputs.
+
+    :raises ValueError: if the mission has no map
+    """
+    if result.soil_map is None:
+        raise ValueError("the mission ended before its first map")
+    settings = result.settings
+    return MapRun(
+        soil_map=result.soil_map,
+        frame=result.frame,
+        created_utc=created_utc,
+        track=result.records,
+        title="Simulated soil moisture mission",
+        field_name=result.field_title or settings.field,
+        losses=list(_left_out(result)),
+        warnings=list(result.log),
+        simulated=True,
+        version=__version__,
+        settings=asdict(settings),
+        truth_rate=result.truth_rate,
+        footprint_radius_m=settings.footprint_m or None,
+        mission=result,
+    )
+
+
+def _left_out(result: MissionResult) -> Iterator[LossRow]:
+    """Records outside the stops, told by their counts."""
+    total = sum(record.raw_counts for record in result.records)
+    left = total - sum(visit.raw_counts for visit in result.visits)
+    if left > UNUSED_COUNTS * total:
+        period_s = float(np.median([record.exposure_s for record in result.records]))
+        at_stops_s = sum(visit.dwell_s for visit in result.visits)
+        count = round((sum(record.exposure_s for record in result.records) - at_stops_s) / period_s)
+        yield LossRow(
+            "counted on the way", max(count, 1), "records while the robot drove between stops", "lost",
+            "none is needed: this mission maps what was counted at stops",
+        )  # fmt: skip

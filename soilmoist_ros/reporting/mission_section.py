@@ -1,0 +1,184 @@
+"""The part of a report about the mission behind the map: its course over time, its stops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.reporting import maps
+from soilmoist_ros.reporting.geometry import map_extent
+from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.reporting.section import Section
+from soilmoist_ros.reporting.style import BLUE, INK, SMALL, label, new_figure, picture, plain
+from soilmoist_ros.reporting.wording import duration, length, number, percent
+from soilmoist_ros.simulation.mission_run import MissionResult, SeriesRow, Visit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+MOST_VISITS = 100
+MOST_NUMBERS = 80
+
+
+@dataclass(frozen=True)
+class MissionPart:
+    """What the page shows of a mission.
+
+    :param text: how it went, in sentences
+    :param sections: figures
+    :param visits: the first stops
+    :param hidden: number of stops that are left out of the table
+    """
+
+    text: str
+    sections: tuple[Section, ...]
+    visits: tuple[Visit, ...]
+    hidden: int
+
+
+def mission_part(run: MapRun) -> MissionPart | None:
+    """The mission's part of the report, ``None`` without a mission."""
+    mission = run.mission
+    if mission is None:
+        return None
+    sections = [
+        Section(
+            "trajectory", "Path and stops",
+            picture(trajectory_map(run), "Path of the robot with its stops numbered in order"),
+            "The robot's path over the map of the rate. Stops are numbered in order; the square is the start.",
+        )
+    ]  # fmt: skip
+    if mission.series:
+        sections.append(
+            Section(
+                "course", "The course of the mission",
+                picture(course_chart(mission.series), "Error, coverage and distance against mission time", True),
+                "From above: the mean squared error of the rate map (logarithmic; multiply by 100 for "
+                "(counts/10 s)²), the share of the field whose true rate lies in the 95 % interval of the map, "
+                "and the distance. Ticks at the foot: times at which a measurement was finished.",
+            )
+        )  # fmt: skip
+    shown = tuple(mission.visits[:MOST_VISITS])
+    return MissionPart(_text(mission), tuple(sections), shown, len(mission.visits) - len(shown))
+
+
+def _text(mission: MissionResult) -> str:
+    settings, sentences = mission.settings, []
+    sentences.append(
+        f"Strategy {settings.strategy.replace('_', ' ')}, counting interval {settings.dwell}, "
+        f"{settings.hours:g} h, seed {settings.seed}: {len(mission.visits)} measurements"
+    )
+    if mission.series:
+        end = mission.series[-1]
+        value, unit = length(end.distance_m)
+        sentences[0] += f" in {duration(end.time_s)} and on {value} {unit}"
+        if end.time_s > 0:
+            sentences[0] += f", {percent(end.counting_s / end.time_s)} of the time spent counting"
+        if np.isfinite(end.mse):
+            sentences.append(
+                f"At the end the map has a mean squared error of {number(end.mse)} (counts/s)², which is "
+                f"{number(end.mse_10s)} (counts/10 s)²"
+            )
+            if np.isfinite(end.vwc_rmse):
+                sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
+            sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
+    if mission.ended:
+        sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
+    return ". ".join(sentences) + "."
+
+
+def course_chart(series: Sequence[SeriesRow]) -> Figure:
+    """Error, coverage and distance against time, one above the other."""
+    state = np.array(series, float)
+    hours, distance, samples, error, coverage = (
+        state[:, 0] / 3600,
+        state[:, 1],
+        state[:, 2],
+        state[:, 3],
+        state[:, 6],
+    )
+    figure = new_figure(maps.NARROW_IN, 5.6)
+    axes = [
+        figure.add_axes((0.155, bottom, 0.81, high))
+        for bottom, high in ((0.57, 0.385), (0.325, 0.18), (0.085, 0.18))
+    ]
+    for panel, values, y in (
+        (axes[0], error, "Mean squared error\n[(counts/s)²]"),
+        (axes[1], 100 * coverage, "Coverage [%]"),
+        (axes[2], distance, "Distance [m]"),
+    ):
+        plain(panel, "y").plot(hours, values, color=BLUE, linewidth=1.8)
+        panel.set_xlim(0, max(float(hours[-1]), 1e-9))
+        label(panel, "", y)
+    _error_axis(axes[0], error)
+    axes[1].set_ylim(min(50.0, float(np.nanmin(100 * coverage, initial=100.0)) - 5), 102)
+    axes[1].axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
+    axes[1].annotate("95 %, as stated", (0.01, 95), xycoords=("axes fraction", "data"), xytext=(0, -3),
+                     textcoords="offset points", ha="left", va="top", fontsize=SMALL, color=INK)  # fmt: skip
+    axes[2].set_ylim(bottom=0)
+    for panel in axes[:2]:
+        panel.tick_params(labelbottom=False)
+    finished = hours[1:][np.diff(samples) > 0]
+    axes[2].plot(finished, np.zeros(len(finished)), "|", color=INK, markersize=7, clip_on=False)
+    label(axes[2], "Mission time [h]", "Distance [m]")
+    return figure
+
+
+def _error_axis(axes: Axes, error: Array) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    known = error[np.isfinite(error) & (error > 0)]
+    if not len(known):
+        axes.set_ylim(0, 1)
+        axes.annotate("no map, so no error", (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=SMALL)
+        return
+    axes.set_yscale("log")
+    steps = (1.0, 2.0, 5.0) if known.max() / known.min() < 200 else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(subs=steps))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
+    """The robot's path with numbered stops over a faint map of the rate.
+
+    :raises ValueError: without a mission
+    """
+    mission, soil_map = run.mission, run.soil_map
+    if mission is None:
+        raise ValueError("a path needs a mission")
+    figure, axes, unit_m = maps.map_axes(run, width_in)
+    low, high = maps.colour_range(run, maps.RATE)
+    west, east, south, north = (edge / unit_m for edge in map_extent(soil_map))
+    axes.imshow(
+        np.where(soil_map.grid.mask, soil_map.rate, np.nan), origin="lower", extent=(west, east, south, north),
+        cmap=maps.colours(maps.RATE.colours), vmin=low, vmax=high, interpolation="nearest", aspect="equal",
+        alpha=0.45,
+    )  # fmt: skip
+    maps.draw_boundary(run, axes, unit_m)
+    path = np.asarray(mission.track_xy, float).reshape(-1, 2) / unit_m
+    axes.plot(path[:, 0], path[:, 1], color=INK, linewidth=0.9, zorder=2.6)
+    axes.scatter(
+        path[:1, 0], path[:1, 1], s=60, marker="s", color=INK, edgecolors="white", linewidths=0.8, zorder=3
+    )
+    numbered = len(mission.visits) <= MOST_NUMBERS
+    stops = np.array([(visit.x_m, visit.y_m) for visit in mission.visits]).reshape(-1, 2) / unit_m
+    axes.scatter(
+        stops[:, 0],
+        stops[:, 1],
+        s=105 if numbered else 14,
+        facecolors="white",
+        edgecolors=INK,
+        linewidths=0.8,
+        zorder=4,
+    )
+    if numbered:
+        for order, (x, y) in enumerate(stops.tolist(), start=1):
+            axes.text(x, y, str(order), ha="center", va="center_baseline", fontsize=6.5, color=INK, zorder=5)
+    return figure

@@ -1,0 +1,311 @@
+"""Run one mission on a surrogate field: the real mission logic, a virtual robot and sensor, a simulated clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.graph_builders import open_lattice
+from soilmoist_ros.exploration.mission import Mission
+from soilmoist_ros.exploration.mission_types import (
+    Action,
+    CancelGoal,
+    Command,
+    Event,
+    Finish,
+    GoalFailed,
+    GoalReached,
+    GoTo,
+    MissionRules,
+    Moved,
+    Phase,
+    Planned,
+    RecordArrived,
+    RequestPlan,
+    SampleDone,
+    Tick,
+    Verb,
+)
+from soilmoist_ros.exploration.strategies import NEEDS_NO_MAP, PRESETS, make_strategy
+from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.exploration.topological_map import read_topological_map
+from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
+from soilmoist_ros.exploration.travel_graph import TravelGraph
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.field_grid import FieldGrid, default_cell_m
+from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
+from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
+from soilmoist_ros.simulation.virtual_robot import VirtualRobot
+from soilmoist_ros.simulation.virtual_sensor import VirtualSensor
+
+Array = NDArray[np.float64]
+
+LATTICE_NODES = 300
+"""About so many nodes has the lattice that is laid when travel follows a graph and none is given."""
+_PLACES_PER_RECORD = 10
+_COVERAGE_SD = 1.959964
+
+
+def simulate_mission(settings: MissionSettings, progress: Callable[[float], None] | None = None) -> MissionResult:
+    """Simulate one mission. The settings determine the result, bit for bit.
+
+    :param settings: everything that determines the mission
+    :param progress: called now and then with the share of the mission time that has passed [0..1]
+    :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
+    """
+    return _Simulation(settings).run(progress or (lambda share: None))
+
+
+class _Simulation:
+    """One mission under way."""
+
+    def __init__(self, settings: MissionSettings) -> None:
+        _check(settings)
+        self.settings = settings
+        field = surrogate_field(settings.field)
+        sensor_rng, strategy_rng, self.gnss_rng = (
+            np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(3)
+        )
+        self.field = field
+        self.grid = mission_grid(field, settings.cell_m)
+        motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
+        self.travel, stops = travel_and_stops(field.field, self.grid, motion, settings)
+        dwell = parse_dwell(settings.dwell)
+        warm_up_stops = 0 if settings.strategy in NEEDS_NO_MAP else PRESETS[settings.preset].warm_up_samples
+        self.mission = Mission(
+            MissionRules(
+                budget_s=settings.hours * 3600,
+                dwell=dwell,
+                warm_up_stops=warm_up_stops,
+                speed_mps=settings.speed_mps,
+                detour=1.0,
+                stop_overhead_s=settings.stop_overhead_s,
+                arrival_radius_m=max(3.0, 5 * settings.position_sd_m),
+                silence_limit_s=max(60.0, 3 * settings.cadence_s),
+            )
+        )
+        self.live_map = LiveMap(self.grid, settings.variogram, settings.fit)
+        self.explorer = Explorer(
+            self.live_map,
+            stops,
+            self.travel,
+            make_strategy(settings.strategy, settings.preset),
+            make_strategy("random", settings.preset),
+            dwell,
+            strategy_rng,
+            self.mission.rules.min_dwell_s,
+            nominal_rate_cps=_nominal_rate(field),
+        )
+        start = stops[int(np.argmin([math.dist((stop.x_m, stop.y_m), field.polygon[0]) for stop in stops]))]
+        self.robot = VirtualRobot(motion, (start.x_m, start.y_m))
+        self.sensor = VirtualSensor(field, sensor_rng, settings.cadence_s, settings.footprint_m, settings.weather)
+        self.truth = field.rate_at(self.grid.cells)
+        self.now_s = 0.0
+        self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
+        self.records: list[CountRecord] = []
+        self.visits: list[Visit] = []
+        self.series: list[SeriesRow] = []
+        self.log: list[str] = []
+        self.errors: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+        self.ended = ""
+
+    def run(self, progress: Callable[[float], None]) -> MissionResult:
+        """Let events happen one after the other until the mission has ended."""
+        self.give(Moved(self.now_s, *self.robot.at(self.now_s)))
+        self.give(Command(self.now_s, Verb.START))
+        self.enter_series()
+        next_entry_s = self.settings.series_every_s
+        while not self.ended:
+            record_s = (len(self.records) + 1) * self.settings.cadence_s
+            arrival_s = self.goal[0] if self.goal else math.inf
+            deadline_s = self.mission.next_deadline_s
+            self.now_s = min(record_s, arrival_s, max(deadline_s or math.inf, self.now_s), next_entry_s)
+            if self.now_s == record_s:
+                self.give(Moved(self.now_s, *self.reported(self.robot.at(self.now_s))))
+                self.give(RecordArrived(self.now_s, self.record()))
+            if self.goal and self.now_s >= self.goal[0]:
+                goal = self.goal[1]
+                self.goal = None
+                self.give(GoalReached(self.now_s, goal.goal_id, *self.reported(self.robot.at(self.now_s))))
+            if deadline_s is not None and self.now_s >= deadline_s:
+                self.give(Tick(self.now_s))
+            if self.now_s == next_entry_s:
+                self.enter_series()
+                next_entry_s += self.settings.series_every_s
+                progress(min(self.now_s / self.mission.rules.budget_s, 1.0))
+        self.robot.stop(self.now_s)
+        self.enter_series()
+        progress(1.0)
+        return self.result()
+
+    def give(self, event: Event) -> None:
+        """Give the mission an event and carry out what it asks for."""
+        for action in self.mission.step(event):
+            self.carry_out(action)
+
+    def carry_out(self, action: Action) -> None:
+        """Do what the mission asks for; its statuses, displays and saves need nothing here."""
+        match action:
+            case RequestPlan():
+                plan = self.explorer.plan(action, self.robot.at(self.now_s))
+                self.note(f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
+                self.give(Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
+            case GoTo():
+                way = self.travel.route(self.robot.at(self.now_s), action.stop)
+                self.goal = (self.robot.go(self.now_s, way), action)
+                self.note(f"go to {action.stop.name}: {action.reason}")
+            case CancelGoal():
+                self.robot.stop(self.now_s)
+                self.goal = None
+                self.give(GoalFailed(self.now_s, action.goal_id, "cancelled"))
+            case SampleDone():
+                self.take(action)
+            case Finish(reason=reason):
+                self.ended = reason
+                self.note(f"end: {reason}")
+            case _:
+                pass
+
+    def take(self, done: SampleDone) -> None:
+        """A stop is complete: the map follows."""
+        sample = done.sample
+        self.note(f"sample at {sample.stop.name}: {sample.ended}")
+        if sample.records == 0:
+            return
+        self.visits.append(
+            Visit(
+                sample.stop.name,
+                sample.x_m,
+                sample.y_m,
+                sample.arrived_s,
+                sample.dwell_s,
+                sample.raw_counts,
+                sample.reason,
+            )
+        )
+        self.live_map.add((sample.x_m, sample.y_m), sample.raw_counts, sample.effective_exposure_s)
+        if self.live_map.ready and len(self.visits) >= min(3, max(self.mission.rules.warm_up_stops, 2)):
+            self.live_map.update()
+            self.errors = self.map_errors()
+        self.enter_series()
+
+    def record(self) -> CountRecord:
+        """The record of the interval that ends now."""
+        inside = self.now_s - self.settings.cadence_s * (np.arange(_PLACES_PER_RECORD) + 0.5) / _PLACES_PER_RECORD
+        places = self.robot.places(inside)
+        middle = places[_PLACES_PER_RECORD // 2]
+        record = self.sensor.record(self.now_s, places, self.reported((float(middle[0]), float(middle[1]))))
+        self.records.append(record)
+        return record
+
+    def reported(self, xy: tuple[float, float]) -> tuple[float, float]:
+        """A place as the GNSS reports it."""
+        noise = self.gnss_rng.normal(0.0, self.settings.position_sd_m, 2)
+        return xy[0] + float(noise[0]), xy[1] + float(noise[1])
+
+    def map_errors(self) -> tuple[float, float, float]:
+        """Mean squared error of the rate, RMSE of the moisture, and coverage of the 95 % interval."""
+        rate, curve = self.live_map.rate, self.field.curve
+        error = rate - self.truth
+        vwc_rmse = math.nan
+        if curve is not None:
+            defined = curve.valid(rate) & curve.valid(self.truth)
+            moisture = curve.vwc(rate[defined]) - curve.vwc(self.truth[defined])
+            vwc_rmse = float(np.sqrt(np.mean(moisture**2))) if defined.any() else math.nan
+        covered = np.abs(error) <= _COVERAGE_SD * np.sqrt(self.live_map.variance)
+        return float(np.mean(error**2)), vwc_rmse, float(np.mean(covered))
+
+    def enter_series(self) -> None:
+        """Write down how the mission stands."""
+        mse, vwc_rmse, coverage = self.errors
+        status = self.mission.status
+        row = SeriesRow(
+            time_s=self.now_s,
+            distance_m=self.robot.distance_m(self.now_s),
+            samples=len(self.visits),
+            mse=mse,
+            mse_10s=100 * mse,
+            vwc_rmse=vwc_rmse,
+            coverage95=coverage,
+            counting_s=status.counting_s,
+        )
+        if self.series and self.series[-1].time_s == self.now_s:
+            self.series[-1] = row
+        else:
+            self.series.append(row)
+
+    def note(self, text: str) -> None:
+        """Write into the mission's log."""
+        self.log.append(f"{self.now_s:8.0f} s  {text}")
+
+    def result(self) -> MissionResult:
+        """What the mission leaves."""
+        assert self.mission.state.phase in (Phase.FINISHED, Phase.IDLE)
+        return MissionResult(
+            settings=self.settings,
+            series=tuple(self.series),
+            visits=tuple(self.visits),
+            track_xy=np.array(self.robot.track),
+            records=tuple(self.records),
+            soil_map=self.live_map.soil_map(self.field.curve),
+            truth_rate=self.grid.to_raster(self.truth),
+            frame=self.field.frame,
+            field_title=self.field.title,
+            ended=self.ended,
+            log=tuple(self.log),
+        )
+
+
+def mission_grid(field: SurrogateField, cell_m: float | None = None) -> FieldGrid:
+    """Grid of a surrogate field: with the given cell size, else the field's, else one chosen from its extent.
+
+    :raises InputError: if the field cannot be gridded with this cell size
+    """
+    width, height = np.ptp(field.polygon, axis=0).tolist()
+    chosen = cell_m or field.field.cell_m or default_cell_m((width, height))
+    try:
+        return FieldGrid.from_polygon(field.polygon, chosen, field.field.no_go)
+    except ValueError as error:
+        raise InputError(f"the field {field.name!r} cannot be gridded: {error}", "change the cell size") from None
+
+
+def travel_and_stops(
+    field: Field, grid: FieldGrid, motion: RobotMotion, settings: MissionSettings
+) -> tuple[TravelModel, tuple[Stop, ...]]:
+    """How the robot gets about, and the stops it may choose.
+
+    :raises InputError: if the graph cannot be used
+    """
+    if settings.travel == "free":
+        return FreeTravel(motion, (field.polygon,), field.no_go), cell_stops(grid)
+    graph = _graph(field, grid, settings)
+    return GraphTravel(graph, motion), graph.stops
+
+
+def _graph(field: Field, grid: FieldGrid, settings: MissionSettings) -> TravelGraph:
+    if settings.graph is not None:
+        return read_topological_map(Path(settings.graph)).graph
+    return open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
+
+
+def _nominal_rate(field: SurrogateField) -> float:
+    """Rate to expect before anything is known: that of 15 % moisture, as the robot's calibration has it."""
+    return 4.0 if field.curve is None else float(field.curve.rate_cps(0.15))
+
+
+def _check(settings: MissionSettings) -> None:
+    if not (math.isfinite(settings.hours) and settings.hours > 0):
+        raise InputError(f"a mission of {settings.hours} hours is not possible", "give hours > 0, such as 2")
+    if settings.travel == "free" and settings.graph is not None:
+        raise InputError("a travel graph is given, but the robot travels freely", "choose travel by graph")
+    if not settings.series_every_s > 0:
+        raise InputError("series_every_s must be positive", "60 is usual")

@@ -1,0 +1,279 @@
+"""What holds whatever happens in whatever order: hypothesis plays operator, planner, navigation and sensor."""
+
+import json
+import math
+from dataclasses import replace
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.mission import Mission, step
+from soilmoist_ros.exploration.mission_state import Todo, event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission_types import (
+    CancelGoal,
+    Command,
+    Finish,
+    GoalFailed,
+    GoalReached,
+    GoTo,
+    MissionRules,
+    Moved,
+    OnSilence,
+    Phase,
+    PlanFailed,
+    Planned,
+    Publish,
+    RecordArrived,
+    RequestPlan,
+    SampleDone,
+    StartCounting,
+    StopCounting,
+    Tick,
+    Verb,
+)
+from soilmoist_ros.exploration.strategy import Choice, Stop
+from soilmoist_ros.sensing.records import CountRecord
+
+STOPS = [Stop("a", 10.0, 0.0), Stop("b", 0.0, 20.0), Stop("far", 400.0, 0.0)]
+PLACES = [(0.0, 0.0), (10.0, 0.0), (11.0, 1.0), (0.0, 20.0), (200.0, 0.0), (math.nan, 0.0)]
+WAITS = st.sampled_from([0.0, 1.0, 10.0, 31.0, 61.0, 400.0])
+STALE = st.sampled_from([0, 0, -1, 1])
+"""What is added to the current id."""
+
+
+class AnyEvents(RuleBasedStateMachine):
+    @initialize(
+        home=st.sampled_from([None, Stop("home", 0.0, 0.0), Stop("corner", 60.0, 0.0)]),
+        dwell=st.sampled_from(["fmi:20", "ami:0.2", "ami:0.1"]),
+        on_silence=st.sampled_from(list(OnSilence)),
+        budget_s=st.sampled_from([400.0, 2000.0, 20000.0]),
+        failures_to_pause=st.sampled_from([1, 2, 5]),
+    )
+    def begin(self, home, dwell, **changes):
+        rule_of_dwell = parse_dwell(dwell, longest_s=300.0)
+        self.rules = MissionRules(dwell=rule_of_dwell, home=home, min_dwell_s=5.0, blacklist_s=50.0, **changes)
+        self.mission = Mission(self.rules)
+        self.now_s = 0.0
+        self.history = []
+        self.open_goal = None  # (id, when it was cancelled)
+        self.counting = False
+        self.take(Moved(self.now_s, 0.0, 0.0))
+        self.take(Command(self.now_s, Verb.START))
+
+    def take(self, event):
+        """Let an event happen, to the mission and to one restored from its snapshot; check what both do."""
+        before = self.mission.state
+        restored = Mission.restore(self.rules, self.mission.snapshot())
+        assert restored.state == before
+        actions = self.mission.step(event)
+        written = json.dumps(event_to_dict(event), allow_nan=False)
+        assert restored.step(event_from_dict(json.loads(written))) == actions
+        assert restored.state == self.mission.state
+        self.history.append((event, self.mission.state, actions))
+        if isinstance(event, GoalReached | GoalFailed) and self.open_goal and self.open_goal[0] == event.goal_id:
+            self.open_goal = None
+        for action in actions:
+            self.check_action(action, before)
+        self.check_progress(before)
+
+    def check_action(self, action, before):
+        match action:
+            case GoTo(goal_id=goal_id):
+                assert self.no_goal_moves_the_robot(), "two goals at once"
+                self.open_goal = (goal_id, None)
+            case CancelGoal(goal_id=goal_id):
+                assert self.open_goal == (goal_id, None), "cancelled twice, or what is not open"
+                self.open_goal = (goal_id, self.now_s)
+            case StartCounting():
+                assert not self.counting
+                self.counting = True
+            case StopCounting():
+                assert self.counting
+                self.counting = False
+            case SampleDone(sample=sample):
+                assert sample.raw_counts > 0
+                assert before.counting is not None or self.rules.dwell.enough(sample.raw_counts, sample.exposure_s)
+            case Finish(reason=reason):
+                assert self.no_goal_moves_the_robot(), "a goal outlives the mission"
+                assert reason
+            case Publish(status=status):
+                assert status.reason
+                assert status == self.mission.status
+
+    def no_goal_moves_the_robot(self):
+        if self.open_goal is None:
+            return True
+        cancelled_s = self.open_goal[1]
+        return cancelled_s is not None and self.now_s >= cancelled_s + self.rules.cancel_limit_s
+
+    def check_progress(self, before):
+        after = self.mission.state
+        if before.started_s == after.started_s and before.plans <= after.plans and not self.restarted(before):
+            assert after.time_used_s >= before.time_used_s
+            assert after.distance_m >= before.distance_m
+            assert after.samples >= before.samples
+            assert after.counting_s >= before.counting_s
+            assert after.raw_counts >= before.raw_counts
+        if before.phase is not Phase.COUNTING and before.counting and after.counting:
+            assert after.counting.records == before.counting.records, "counted outside COUNTING"
+
+    def restarted(self, before):
+        return before.ended_s is not None and self.mission.state.ended_s is None
+
+    # What may happen
+
+    @rule(steps=st.integers(1, 12), stop=st.sampled_from(STOPS[:2]), wait_s=st.sampled_from([0.0, 3.0, 15.0]))
+    def all_goes_well(self, steps, stop, wait_s):
+        """What is expected happens, as often as it takes to get anywhere."""
+        for _ in range(steps):
+            self.now_s += wait_s
+            state = self.mission.state
+            x_m, y_m = state.position
+            match state.phase:
+                case Phase.PLANNING:
+                    self.take(Planned(self.now_s, state.plans, Choice(stop, "why")))
+                case Phase.TRAVELLING | Phase.RETURNING:
+                    goal = state.goal
+                    self.take(GoalReached(self.now_s, goal.goal_id, goal.stop.x_m, goal.stop.y_m))
+                case Phase.CANCELLING:
+                    self.take(GoalFailed(self.now_s, state.goals, "cancelled"))
+                case Phase.COUNTING:
+                    self.now_s += 10.0
+                    record = CountRecord(self.now_s, x_m, y_m, 0.0, 15, 10.0, 8.0)
+                    self.take(RecordArrived(self.now_s, record))
+                case Phase.PAUSED:
+                    self.take(Command(self.now_s, Verb.RESUME))
+                case Phase.IDLE | Phase.FINISHED:
+                    self.take(Command(self.now_s, Verb.START))
+
+    @rule(wait_s=WAITS)
+    def time_passes(self, wait_s):
+        self.now_s += wait_s
+        self.take(Tick(self.now_s))
+
+    @precondition(lambda self: self.mission.next_deadline_s is not None)
+    @rule()
+    def deadline_comes(self):
+        """Nothing happens before a deadline, and something at it."""
+        deadline_s, state = self.mission.next_deadline_s, self.mission.state
+        between_s = (self.now_s + deadline_s) / 2
+        assert step(self.rules, state, Tick(between_s)) == (replace(state, now_s=between_s), ())
+        self.now_s = deadline_s
+        self.take(Tick(self.now_s))
+        assert replace(self.mission.state, now_s=state.now_s) != state
+
+    @rule(verb=st.sampled_from([Verb.START, Verb.PAUSE, Verb.RESUME, Verb.SKIP]))
+    def operator_asks(self, verb):
+        self.take(Command(self.now_s, verb))
+
+    @precondition(lambda self: len(self.history) % 8 == 7)
+    @rule()
+    def operator_aborts(self):
+        self.take(Command(self.now_s, Verb.ABORT))
+
+    @rule(
+        wait_s=WAITS,
+        stale=STALE,
+        stop=st.sampled_from([*STOPS, None]),
+        travel_s=st.sampled_from([None, 10.0, math.inf, math.nan]),
+    )
+    def planner_answers(self, wait_s, stale, stop, travel_s):
+        self.now_s += wait_s
+        choice = Choice(stop, "why") if stop else None
+        self.take(Planned(self.now_s, self.mission.state.plans + stale, choice, travel_s))
+
+    @rule(stale=STALE)
+    def planner_breaks(self, stale):
+        self.take(PlanFailed(self.now_s, self.mission.state.plans + stale, "broken"))
+
+    @rule(wait_s=WAITS, stale=STALE)
+    def navigation_arrives(self, wait_s, stale):
+        self.now_s += wait_s
+        goal = self.mission.state.goal
+        x_m, y_m = (goal.stop.x_m, goal.stop.y_m + 0.5) if goal else (1.0, 1.0)
+        self.take(GoalReached(self.now_s, self.mission.state.goals + stale, x_m, y_m))
+
+    @rule(stale=STALE, place=st.sampled_from(PLACES))
+    def navigation_claims_to_have_arrived(self, stale, place):
+        self.take(GoalReached(self.now_s, self.mission.state.goals + stale, *place))
+
+    @rule(wait_s=WAITS, stale=STALE)
+    def navigation_gives_up(self, wait_s, stale):
+        self.now_s += wait_s
+        self.take(GoalFailed(self.now_s, self.mission.state.goals + stale, "blocked"))
+
+    @rule(number=st.integers(1, 4), raw_counts=st.sampled_from([0, 30, 60]))
+    def sensor_counts_on(self, number, raw_counts):
+        x_m, y_m = self.mission.state.position
+        for _ in range(number):
+            self.now_s += 10.0
+            record = CountRecord(self.now_s, x_m, y_m, 0.0, raw_counts, 10.0, 8.0)
+            self.take(RecordArrived(self.now_s, record))
+
+    @rule(
+        late_s=st.sampled_from([-1000.0, 0.0, 5.0, 12.0]),
+        exposure_s=st.sampled_from([10.0, 7.5, 0.0, math.nan]),
+        place=st.sampled_from(PLACES),
+    )
+    def sensor_sends_anything(self, late_s, exposure_s, place):
+        record = CountRecord(self.now_s - late_s, *place, math.nan, 10, exposure_s, exposure_s)
+        self.take(RecordArrived(self.now_s, record))
+
+    @rule(place=st.sampled_from(PLACES))
+    def robot_is_somewhere(self, place):
+        self.take(Moved(self.now_s, *place))
+
+    @rule(event=st.sampled_from([Tick(-5.0), Moved(-5.0, 1.0, 1.0), GoalFailed(-5.0, 1, "late")]))
+    def an_event_is_late(self, event):
+        self.take(event)
+
+    # What always holds
+
+    @invariant()
+    def abort_reaches_idle(self):
+        if not hasattr(self, "mission"):
+            return
+        state, actions = step(self.rules, self.mission.state, Command(self.now_s, Verb.ABORT))
+        assert not any(isinstance(action, GoTo | RequestPlan | StartCounting) for action in actions)
+        ways = [Tick(self.now_s + self.rules.cancel_limit_s), GoalFailed(self.now_s, state.goals, "cancelled")]
+        for event in ways:
+            assert state.phase in (Phase.IDLE, Phase.CANCELLING)
+            assert state.phase is Phase.IDLE or step(self.rules, state, event)[0].phase is Phase.IDLE
+
+    @invariant()
+    def the_state_makes_sense(self):
+        if not hasattr(self, "mission"):
+            return
+        state, status = self.mission.state, self.mission.status
+        assert status.reason
+        assert 0 <= status.progress <= 1
+        assert 0 <= status.time_left_s <= self.rules.budget_s
+        assert self.counting == (state.phase is Phase.COUNTING)
+        assert (state.plan is not None) == (state.phase is Phase.PLANNING)
+        assert (state.goal is not None) == (state.phase in (Phase.TRAVELLING, Phase.RETURNING, Phase.CANCELLING))
+        assert (state.todo is not None) == (state.phase is Phase.CANCELLING)
+        if state.phase in (Phase.PAUSED, Phase.IDLE, Phase.FINISHED):
+            assert self.no_goal_moves_the_robot()
+        assert (state.resume is not None) == (state.phase is Phase.PAUSED or state.todo is Todo.PAUSE)
+        if state.phase in (Phase.IDLE, Phase.FINISHED):
+            assert not state.under_way
+            assert state.target is None
+            assert state.counting is None
+        deadline_s = self.mission.next_deadline_s
+        assert deadline_s is None or deadline_s > state.now_s, "something that was due is not done"
+        assert status.dwell_s <= status.counting_s <= status.time_used_s + 1e-6
+
+    def teardown(self):
+        """The same events from the start give the same states and actions."""
+        if not hasattr(self, "mission"):
+            return
+        again = Mission(self.rules)
+        for event, state, actions in self.history:
+            assert again.step(event) == actions
+            assert again.state == state
+
+
+AnyEvents.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+TestAnyEvents = AnyEvents.TestCase

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.reporting import report
+from soilmoist_ros.reporting.mission_report import mission_run, write_mission
+from soilmoist_ros.reporting.mission_section import course_chart, mission_part, trajectory_map
+from soilmoist_ros.reporting.report import render_report
+from soilmoist_ros.reporting.wording import facts
+from soilmoist_ros.simulation.mission_run import MissionSettings, SeriesRow
+
+FAKE = Path(__file__).resolve().parents[1] / "simulation"
+NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "series.csv", "visits.csv"]
+NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
+
+
+@pytest.fixture
+def mission(monkeypatch):
+    monkeypatch.syspath_prepend(str(FAKE))
+    import fake_mission
+
+    return fake_mission.simulate(MissionSettings(hours=1.0, strategy="greedy"))
+
+
+def test_all_files(mission, tmp_path):
+    paths = write_mission(tmp_path / "out", mission, created_utc=NOW)
+    assert [path.name for path in paths] == NAMES
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(NAMES)
+    about = json.loads(paths[0].read_text(encoding="utf-8"))
+    assert about["simulated"] is True
+    assert about["outputs"] == NAMES
+    assert about["created_utc"] == "2026-06-01T12:00:00Z"
+    assert about["mission"]["settings"]["strategy"] == "greedy"
+    assert about["mission"]["final"]["mse"] == mission.series[-1].mse
+    assert about["distance_m"] == mission.series[-1].distance_m
+    assert about["truth"]["rmse_cps"] > 0
+    with rasterio.open(paths[1]) as raster:
+        assert raster.tags()["SOILMOIST_SIMULATED"] == "yes"
+    html = paths[3].read_text(encoding="utf-8")
+    for anchor in ("trajectory", "course", "truth", "error", "mission"):
+        assert f'id="{anchor}"' in html
+    assert "SIMULATED DATA" in html
+    assert "series.csv" in html
+    assert "https://" not in html
+
+
+def test_tables(mission, tmp_path):
+    write_mission(tmp_path, mission)
+    with (tmp_path / "series.csv").open(newline="") as stream:
+        series = list(csv.reader(stream))
+    names = ["time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s"]
+    assert series[0] == names
+    assert series[1] == ["0", "0", "0", "", "", "", "", "0"]
+    assert [float(value) for value in series[-1]] == pytest.approx(list(mission.series[-1]))
+    with (tmp_path / "visits.csv").open(newline="") as stream:
+        visits = list(csv.DictReader(stream))
+    assert [row["raw_counts"] for row in visits] == [str(visit.raw_counts) for visit in mission.visits]
+    assert visits[0]["reason"] == "largest variance"
+
+
+def test_a_mission_without_a_map(mission, tmp_path):
+    short = dataclasses.replace(mission, soil_map=None, series=mission.series[:3], visits=[], ended="no time")
+    paths = write_mission(tmp_path, short)
+    assert [path.name for path in paths] == ["summary.json", "series.csv", "visits.csv"]
+    about = json.loads(paths[0].read_text(encoding="utf-8"))
+    assert about["map"] is None
+    assert about["mission"]["ended"] == "no time"
+    with pytest.raises(ValueError, match="before its first map"):
+        mission_run(short, NOW)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_mission(tmp_path / "file", short)
+
+
+def test_words(mission):
+    part = mission_part(mission_run(mission, NOW))
+    assert f"{len(mission.visits)} measurements in 1 h 00 min" in part.text
+    assert "counts/10 s" in part.text
+    assert part.text.endswith("The mission ended: time is up.")
+    assert part.hidden == 0
+    travelled = [fact for fact in facts(mission_run(mission, NOW)) if fact.meaning == "travelled"]
+    assert travelled[0].value == f"{mission.series[-1].distance_m:.0f}"
+    many = dataclasses.replace(mission, visits=mission.visits * 30)
+    assert mission_part(mission_run(many, NOW)).hidden == len(many.visits) - 100
+
+
+def test_counts_on_the_way_are_accounted_for(mission):
+    assert not mission_run(mission, NOW).losses
+    driving = [dataclasses.replace(record, exposure_s=10.0, raw_counts=40) for record in mission.records[:5] * 8]
+    (loss,) = mission_run(dataclasses.replace(mission, records=[*mission.records, *driving]), NOW).losses
+    assert loss.kind == "counted on the way"
+    assert loss.count >= 1
+
+
+def test_stops_are_numbered_in_order(mission):
+    axes = trajectory_map(mission_run(mission, NOW)).axes[0]
+    assert [text.get_text() for text in axes.texts if text.get_text().isdigit()] == [
+        str(number) for number in range(1, len(mission.visits) + 1)
+    ]
+
+
+def test_course_without_any_map():
+    nan = float("nan")
+    rows = [SeriesRow(t, t, 0, nan, nan, nan, nan, 0.0) for t in (0.0, 60.0)]
+    figure = course_chart(rows)
+    assert "no map" in figure.axes[0].texts[0].get_text()
+    assert np.isfinite(figure.axes[1].get_ylim()).all()
+
+
+def test_only_missions_have_the_section(make_run):
+    assert mission_part(make_run()) is None
+    html = render_report(make_run())
+    assert 'id="mission"' not in html
+    assert "series.csv" not in html
+    assert report.mission_part is mission_part
