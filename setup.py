@@ -57,6 +57,8 @@ setup(
     extras_require={
         # Real ROS 2 Jazzy for laptops and CI (x86_64 only); a robot has ROS from apt.
         "ros-wheels": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+        # Routes of the strategies adaptive_sampling and lattice; its data classes change between versions.
+        "explore": ["pyvrp>=0.14,<0.15"],
         # Tables of simulated campaigns, and campaigns on more than one machine.
         "campaign": ["pandas>=2.2", "pyarrow>=14"],
         "cluster": ["distributed>=2024.1"],
@@ -69,7 +71,7 @@ setup(
             "mypy>=1.10",
             "ruff>=0.6",
         ],
-        "bench": ["pykrige>=1.7", "gstools>=1.5", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
+        "bench": ["gstools>=1.5", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
     },
     entry_points={"console_scripts": ["soilmoist = soilmoist_ros.cli:main"]},
     zip_safe=False,

@@ -178,6 +178,168 @@ def calibrate_command(
     click.echo(f"wrote {site}")
 
 
+@main.command("simulate")
+@click.option(
+    "--field", default="synthetic-high", show_default=True, help="Built-in field, or a field file with a truth."
+)
+@click.option("--strategy", default="greedy", show_default=True,
+              help="greedy, monte_carlo, adaptive_sampling, random or lattice.")  # fmt: skip
+@click.option("--dwell", default="ami:0.03", show_default=True,
+              help="fmi:SECONDS (fixed) or ami:THRESHOLD (until 1/sqrt(counts) falls to it).")  # fmt: skip
+@click.option(
+    "--hours", type=click.FloatRange(min=0, min_open=True), help="Mission time [h]. Default: the field's."
+)
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all randomness.")
+@click.option(
+    "--variogram", type=click.Choice(MODELS), default="gaussian", show_default=True, help="Variogram model."
+)
+@click.option("--fit", type=click.Choice(["soft_l1", "reml"]), default="soft_l1", show_default=True,
+              help="Variogram fit: the published one, or restricted maximum likelihood.")  # fmt: skip
+@click.option("--preset", type=click.Choice(["paper", "authors"]), default="paper", show_default=True,
+              help="Constants of the strategies: the paper's text, or the authors' experiments.")  # fmt: skip
+@click.option(
+    "--graph", type=FILE, help='Topological map to travel on; "lattice" lays one. Default: straight lines.'
+)
+@click.option(
+    "--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m]. Default: the field's."
+)
+@click.option("--footprint", "footprint_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
+              help="Radius of the sensor's Gaussian footprint [m]; 0: a point.")  # fmt: skip
+@click.option("--speed", "speed_mps", type=click.FloatRange(min=0, min_open=True), default=0.6, show_default=True,
+              help="Speed of the robot [m/s].")  # fmt: skip
+@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@told_plainly
+def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
+    """Explore a surrogate field with a simulated robot, without ROS.
+
+    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
+    """
+    from soilmoist_ros.reporting.mission_report import write_mission
+    from soilmoist_ros.simulation.mission_run import MissionSettings
+    from soilmoist_ros.simulation.mission_simulator import simulate_mission
+    from soilmoist_ros.simulation.surrogate_field import surrogate_field
+
+    settings = MissionSettings(
+        field=field,
+        hours=hours or surrogate_field(field).hours,
+        travel="free" if graph is None else "graph",
+        graph=None if graph is None or str(graph) == "lattice" else str(graph),
+        **choices,
+    )
+    with progress_bar() as progress:
+        result = simulate_mission(settings, lambda share: progress("exploring", share))
+        progress("writing the results", 1.0)
+        written = write_mission(out, result)
+    last = result.series[-1]
+    click.echo(
+        f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}"
+    )
+    covered = f"{100 * last.coverage95:.0f} % of the cells within their 95 % interval"
+    click.echo(f"rate       MSE {last.mse:.4f} (counts/s)2, {covered}")
+    click.echo(f"moisture   RMSE {last.vwc_rmse:.4f} m3/m3")
+    for path in written:
+        click.echo(f"wrote {path}")
+
+
+@main.command("campaign")
+@click.argument("campaign")
+@click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
+@click.option("--scheduler", help="Address of a Dask scheduler to run on instead, such as tcp://host:8786.")
+@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@told_plainly
+def campaign_command(campaign: str, workers: int | None, scheduler: str | None, out: Path) -> None:
+    """Run the many missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
+
+    Finished missions are kept in the folder --out: run the same command again to go on after an interruption.
+    Writes results.parquet, results.csv and report.html.
+    """
+    from soilmoist_ros.reporting.campaign_report import write_campaign_report
+    from soilmoist_ros.simulation.campaign import CampaignInterrupted, load_campaign, run_campaign
+    from soilmoist_ros.simulation.mission_simulator import simulate_mission
+
+    plan = load_campaign(campaign)
+    try:
+        with progress_bar() as progress:
+            outcome = run_campaign(
+                plan,
+                out,
+                simulate_mission,
+                workers,
+                scheduler,
+                lambda done, total, left_s: progress(f"simulating {total} missions", done / max(total, 1)),
+            )
+            progress("writing the report", 1.0)
+            report = write_campaign_report(plan, out, outcome.failures)
+    except CampaignInterrupted as stopped:
+        click.echo(str(stopped), err=True)
+        sys.exit(130)
+    for remark in outcome.remarks:
+        click.echo(f"note: {remark}")
+    click.echo(
+        f"missions   {outcome.computed} simulated, {outcome.reused} taken over, {len(outcome.failures)} failed"
+    )
+    for failure in outcome.failures:
+        click.echo(f"failed: {failure}", err=True)
+    for path in (*outcome.written, report):
+        click.echo(f"wrote {path}")
+    if not outcome.complete:
+        sys.exit(1)
+
+
+@main.command("graph")
+@click.argument("field")
+@click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
+              help="Distance of the nodes [m]; in crop rows, along the row.")  # fmt: skip
+@click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Crop rows at this distance [m].")
+@click.option(
+    "--heading", type=float, default=0.0, show_default=True, help="Direction of the rows from north [deg]."
+)
+@click.option("--headland", type=click.FloatRange(min=0, min_open=True), default=5.0, show_default=True,
+              help="Width of the headlands at the ends of the rows [m].")  # fmt: skip
+@click.option("--margin", type=click.FloatRange(min=0), default=0.0, show_default=True,
+              help="Distance to keep from the border and from no-go areas [m].")  # fmt: skip
+@click.option("--name", help="Name of the map. Default: the field's.")
+@click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
+@told_plainly
+def graph_command(
+    field: str,
+    spacing: float,
+    rows: float | None,
+    heading: float,
+    headland: float,
+    margin: float,
+    name: str | None,
+    out: Path,
+) -> None:
+    """Lay a travel graph over a FIELD and write it as a topological map.
+
+    An open lattice, or with --rows crop rows that can be left at their ends only.
+    """
+    from datetime import UTC, datetime
+
+    from soilmoist_ros.configuration import resource
+    from soilmoist_ros.exploration.graph_builders import crop_rows, open_lattice
+    from soilmoist_ros.exploration.topological_map import make_topological_map
+    from soilmoist_ros.mapping.field import load_field
+    from soilmoist_ros.simulation.surrogate_field import surrogate_field, surrogate_field_names
+
+    built_in = field in surrogate_field_names()
+    known = surrogate_field(field).field if built_in else load_field(resource("fields", field))
+    if rows is None:
+        built = open_lattice(known, spacing, margin_m=margin)
+    else:
+        built = crop_rows(known, rows, spacing, heading, headland, margin_m=margin)
+    topological = make_topological_map(built.graph, name or known.name, datetime.now(UTC))
+    text = topological.to_json() if out.suffix == ".json" else topological.to_yaml()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another file", out) from None
+    click.echo(built.summary)
+    click.echo(f"wrote {out}")
+
+
 @main.command("check")
 @click.option("--logger", multiple=True, help="Logger format: a shipped name or a YAML file. Repeatable.")
 @click.option("--site", multiple=True, help="Site file: a shipped name or a YAML file. Repeatable.")
@@ -185,21 +347,27 @@ def calibrate_command(
 @told_plainly
 def check_command(logger: tuple[str, ...], site: tuple[str, ...], field: tuple[str, ...]) -> None:
     """Check configuration files; name every mistake in all of them."""
-    from soilmoist_ros.configuration import resource
+    from soilmoist_ros.configuration import read_yaml, resource
     from soilmoist_ros.mapping.field import load_field
     from soilmoist_ros.sensing.logger_format import load_logger_format
     from soilmoist_ros.sensing.neutron_monitor import read_neutron_monitor
     from soilmoist_ros.sensing.site import load_site
+    from soilmoist_ros.simulation.truth_file import load_surrogate
 
     def check_site(name: str) -> None:
         intensity = load_site(resource("sites", name)).corrections.intensity
         if intensity is not None and intensity.file is not None:
             read_neutron_monitor(intensity.file)
 
+    def check_field(path: Path) -> None:
+        load_field(path)
+        if "truth" in read_yaml(path):
+            load_surrogate(path)
+
     checks: list[tuple[str, Callable[[], object]]] = [
         *((name, lambda name=name: load_logger_format(name)) for name in logger),
         *((name, lambda name=name: check_site(name)) for name in site),
-        *((name, lambda name=name: load_field(resource("fields", name))) for name in field),
+        *((name, lambda name=name: check_field(resource("fields", name))) for name in field),
     ]
     if not checks:
         raise click.UsageError("give at least one of --logger, --site, --field")
@@ -250,14 +418,18 @@ def _print_summary(run: MapRun) -> None:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Report steps: a bar on a terminal, one plain line per step otherwise."""
+    """Report steps: a bar with the time left on a terminal, a plain line per step and tenth otherwise."""
     if not sys.stderr.isatty():
-        steps: list[str] = []
+        last = ("", 0)
 
         def plain(step: str, share: float) -> None:
-            if step not in steps[-1:]:
-                steps.append(step)
+            nonlocal last
+            tenths = int(10 * share)
+            if step != last[0]:
                 click.echo(f"... {step}", err=True)
+            elif tenths > last[1] and tenths < 10:
+                click.echo(f"... {step}: {10 * tenths} %", err=True)
+            last = (step, tenths)
 
         yield plain
         return

@@ -229,16 +229,19 @@ def empirical_semivariogram(
         return distance / weight, gamma, weight
 
 
-def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30) -> Array:
+def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_classes: int = 6) -> Array:
     """Edges of distance classes that suit these places [m].
 
     Classes of equal width up to half the largest distance (where pairs stop being plentiful); a class with
-    fewer than ``min_pairs`` pairs is widened until it has them. With too few samples for even one such
-    class, a single class holds all pairs. Beyond 2000 places every k-th one is looked at.
+    fewer than ``min_pairs`` pairs is widened until it has them. Where that leaves fewer than ``few_classes``,
+    as with the first twenty samples or so of a mission, there are ``few_classes`` of equal width over all
+    distances instead, as PyKrige has them: three parameters cannot be fitted to one or two classes. Beyond
+    2000 places every k-th one is looked at.
 
     :param xy: places, shape (n, 2), at least two distinct [m]
     :param classes: largest number of classes
     :param min_pairs: pairs that a class should have
+    :param few_classes: number of classes while pairs are few
     :raises ValueError: with fewer than two distinct places
     """
     from scipy.spatial.distance import pdist
@@ -247,10 +250,8 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30) -> Arra
     if len(places) < 2:
         raise ValueError("distance classes need samples at two or more distinct places")
     distances = pdist(places[:: -(-len(places) // 2000)])
-    reach = distances.max()
-    if np.count_nonzero(distances <= reach / 2) >= min_pairs:
-        reach /= 2
-    limits = np.linspace(0, reach * (1 + 1e-9), classes + 1)
+    reach = distances.max() * (1 + 1e-9)
+    limits = np.linspace(0, reach / 2, classes + 1)
     per_class = np.histogram(distances, limits)[0]
     edges, pairs = [0.0], 0
     for upper, found in zip(limits[1:], per_class, strict=True):
@@ -258,8 +259,8 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30) -> Arra
         if pairs >= min_pairs:
             edges.append(upper)
             pairs = 0
-    if len(edges) == 1:
-        edges.append(limits[-1])
+    if len(edges) - 1 < few_classes:
+        return np.linspace(0, reach, few_classes + 1)
     edges[-1] = limits[-1]  # the remainder joins the last class
     return np.array(edges)
 

@@ -81,7 +81,6 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
         title="Simulated soil moisture mission",
         field_name=result.field_title or settings.field,
         losses=list(_left_out(result)),
-        warnings=list(result.log),
         simulated=True,
         version=__version__,
         settings=asdict(settings),

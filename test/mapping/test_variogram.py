@@ -153,9 +153,17 @@ def test_default_edges_of_a_lattice_have_no_empty_class():
     assert (empirical_semivariogram(xy, np.ones(72), np.ones(72), default_edges(xy))[2] > 0).all()
 
 
+def test_default_edges_of_few_places_are_six_over_all_distances():
+    xy = np.random.default_rng(3).uniform(0, 60, (11, 2))
+    edges = default_edges(xy)
+    distances = cdist(xy, xy)[np.triu_indices(11, 1)]
+    assert len(edges) == 7
+    np.testing.assert_allclose(np.diff(edges), distances.max() / 6)
+    assert np.histogram(distances, edges)[0].sum() == 55
+
+
 def test_default_edges_of_two_places_hold_their_pair():
     edges = default_edges([[0, 0], [3, 4], [0, 0]])
-    assert len(edges) == 2
-    assert edges[0] < 5 <= edges[1]
+    assert edges[-2] < 5 <= edges[-1]
     with pytest.raises(ValueError, match="two or more distinct places"):
         default_edges([[1, 1], [1, 1]])

@@ -1,0 +1,136 @@
+"""How fast missions are simulated and decisions are made, on one thread.
+
+usage: .venv/bin/python scripts/bench_simulation.py [--out bench] [--repeats 5] [--quick]
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import cProfile
+import csv
+import io
+import pstats
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.graph_builders import open_lattice
+from soilmoist_ros.exploration.mission_types import PlanKind, RequestPlan
+from soilmoist_ros.exploration.strategies import STRATEGIES, make_strategy
+from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.simulation.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission_simulator import simulate_mission
+
+AIRFIELD = MissionSettings(field="synthetic-high", dwell="ami:0.03", hours=2.0, preset="authors")
+FITS = {
+    "published (gaussian, soft_l1)": ("gaussian", "soft_l1"),
+    "recommended (matern32, reml)": ("matern32", "reml"),
+}
+
+
+def median_s(work: Callable[[], object], repeats: int) -> float:
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def mission_rows(repeats: int) -> list[dict[str, object]]:
+    """Seconds for a 2 h mission on the airfield of 3000 cells."""
+    rows = []
+    for strategy in STRATEGIES:
+        for label, (model, fit) in FITS.items():
+            settings = replace(AIRFIELD, strategy=strategy, variogram=model, fit=fit)
+            simulate_mission(settings)  # imports, and the field
+            seconds = median_s(lambda settings=settings: simulate_mission(settings), repeats)
+            rows.append(
+                {"what": "2 h mission, 3000 cells", "strategy": strategy, "map": label, "seconds": seconds}
+            )
+    return rows
+
+
+def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
+    """Seconds from a new sample to the next stop: refit, map of 70,000 cells, choice among about 500 nodes."""
+    polygon = np.array([[0.0, 0.0], [280.0, 0.0], [280.0, 250.0], [0.0, 250.0]])
+    field = Field("bench", LocalFrame(53.0, 0.0), polygon)
+    grid = FieldGrid.from_polygon(polygon, 1.0)
+    motion = RobotMotion()
+    graph = open_lattice(field, 12.0).graph
+    rng = np.random.default_rng(1)
+    request = RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0)
+    rows = []
+    for where in ("graph", "free"):
+        stops = graph.stops if where == "graph" else cell_stops(grid)
+        travel = GraphTravel(graph, motion) if where == "graph" else FreeTravel(motion, (polygon,))
+        for label, (model, fit) in FITS.items():
+            live_map = LiveMap(grid, model, fit)
+            for x, y in rng.uniform(0, 250, (samples, 2)):
+                live_map.add((x, y), int(rng.poisson((4 + np.sin(x / 40)) * 300)), 300.0)
+            update_s = median_s(live_map.update, repeats)
+            for strategy in STRATEGIES:
+                explorer = Explorer(
+                    live_map, stops, travel, make_strategy(strategy, "authors"), make_strategy("random"),
+                    parse_dwell("ami:0.03"), np.random.default_rng(2),
+                )  # fmt: skip
+                plan_s = median_s(lambda explorer=explorer: explorer.plan(request, (5.0, 5.0)), repeats)
+                rows.append(
+                    {
+                        "what": f"decision, {len(grid.cells)} cells, {len(stops)} candidates ({where})",
+                        "strategy": strategy,
+                        "map": label,
+                        "seconds": update_s + plan_s,
+                        "of which planning": plan_s,
+                    }
+                )
+    return rows
+
+
+def profile(lines: int = 15) -> str:
+    """Where the time of a greedy mission goes."""
+    profiler = cProfile.Profile()
+    profiler.runcall(simulate_mission, AIRFIELD)
+    text = io.StringIO()
+    pstats.Stats(profiler, stream=text).strip_dirs().sort_stats("cumulative").print_stats(lines)
+    return text.getvalue()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("bench"), help="folder for simulation.csv")
+    parser.add_argument("--repeats", type=int, default=5, help="the median of so many runs counts")
+    parser.add_argument("--quick", action="store_true", help="one repeat")
+    arguments = parser.parse_args()
+    repeats = 1 if arguments.quick else arguments.repeats
+    rows = mission_rows(repeats) + decision_rows(repeats)
+    width = max(len(str(row["what"])) for row in rows)
+    for row in rows:
+        planning = f"   (planning {row['of which planning']:.3f})" if "of which planning" in row else ""
+        print(f"{row['what']:{width}}  {row['strategy']:18} {row['map']:30} {row['seconds']:8.3f} s{planning}")
+    print("\nprofile of a greedy mission\n" + profile())
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    with (arguments.out / "simulation.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, ["what", "strategy", "map", "seconds", "of which planning"])
+        writer.writeheader()
+        writer.writerows(rows)
+    print(f"wrote {arguments.out / 'simulation.csv'}")
+
+
+if __name__ == "__main__":
+    main()
