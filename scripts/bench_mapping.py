@@ -30,12 +30,12 @@ from pathlib import Path
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_variable] = "1"  # before numpy is imported
 
-import numpy as np  # noqa: E402
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from soilmoist_ros.mapping import PoissonKriging, Variogram  # noqa: E402
+from soilmoist_ros.mapping import PoissonKriging, Variogram
 
 PATIENCE_S = 30.0
 """What takes longer in all is not repeated further."""

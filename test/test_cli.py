@@ -165,3 +165,77 @@ def test_help_answers_without_the_heavy_libraries():
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert "--field" in out
     assert out.rstrip().endswith("heavy:")
+
+
+def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
+    out = tmp_path / "out"
+    result = run("simulate", "--field", "synthetic-high", "--strategy", "greedy", "--dwell", "fmi:120",
+                 "--hours", 0.5, "--cell", 2, "--seed", 3, "--out", out)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "series.csv", "visits.csv"])
+    header, *rows = (out / "series.csv").read_text().splitlines()
+    assert {"time_s", "distance_m", "samples", "mse", "coverage95"} <= set(header.split(","))
+    assert float(rows[-1].split(",")[0]) == pytest.approx(1800, abs=150)
+    assert json.loads((out / "summary.json").read_text())["simulated"] is True
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--field", "sinthetic-high"], "did you mean 'synthetic-high'"),
+        (["--strategy", "gredy"], "did you mean 'greedy'"),
+        (["--dwell", "ami:3"], "did you mean 'ami:3%'"),
+        (["--graph", "missing.yaml"], "missing.yaml"),
+    ],
+)
+def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):
+    result = run("simulate", *options, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert message in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_campaign_runs_and_goes_on_where_it_stopped(tmp_path):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        "title: tiny\nruns: 2\ndefaults: {hours: 0.5, dwell: 'fmi:120', cell_m: 2}\n"
+        "experiments: [{name: a, title: A, field: synthetic-high, strategy: [greedy, random]}]\n"
+    )
+    result = run("campaign", plan, "--workers", 0, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "4 simulated, 0 taken over, 0 failed" in result.output
+    assert {"report.html", "results.csv", "results.parquet"} <= {
+        path.name for path in (tmp_path / "out").iterdir()
+    }
+    assert "0 simulated, 4 taken over" in run("campaign", plan, "--workers", 0, "--out", tmp_path / "out").output
+
+
+def test_mistakes_in_a_campaign_are_all_named(tmp_path):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("title: x\nrnus: 2\nexperiments: [{name: a, filed: synthetic-high}]\n")
+    result = run("campaign", plan, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "'rnus'" in result.output
+    assert "'filed'" in result.output
+
+
+def test_a_travel_graph_is_laid_and_travelled(tmp_path):
+    rows = run("graph", "patches", "--rows", 3, "--spacing", 5, "--heading", 20, "--out", tmp_path / "rows.json")
+    assert rows.exit_code == 0, rows.output
+    nodes = json.loads((tmp_path / "rows.json").read_text())["nodes"]
+    assert {edge["node"] for node in nodes for edge in node["node"]["edges"]} == {n["node"]["name"] for n in nodes}
+    assert run("graph", "synthetic-high", "--spacing", 10, "--out", tmp_path / "lattice.yaml").exit_code == 0
+    result = run("simulate", "--graph", tmp_path / "lattice.yaml", "--hours", 0.4, "--dwell", "fmi:60",
+                 "--out", tmp_path / "out")  # fmt: skip
+    assert result.exit_code == 0, result.output
+
+
+def test_the_truth_of_a_field_file_is_checked_too(tmp_path):
+    field = tmp_path / "field.yaml"
+    field.write_text(
+        "datum: {latitude_deg: 53, longitude_deg: 0}\npolygon: [[0, 0], [60, 0], [60, 50]]\n"
+        "truth: {points: missing.csv}\n"
+    )
+    result = run("check", "--field", field)
+    assert result.exit_code == 2
+    assert "missing.csv" in result.output

@@ -27,7 +27,22 @@ FAR_LESS = 0.25
 SLIGHTLY = 0.50
 """Share by which an error may be higher and still be called slightly higher."""
 
-REASONS: dict[str, str] = {}
+_STOPS = (
+    "The error follows the number of stops, and that follows the mean dwell, whichever rule sets it. On these "
+    "fields 1600 counts (AMI 2.5 %) take 320 to 640 s, on average less than the 600 s they are compared with; "
+    "1112 counts (AMI 3 %) take 220 to 445 s, on average a little more than 300 s. So AMI gains over FMI 600 s, "
+    "and loses a little to FMI 300 s."
+)
+REASONS: dict[str, str] = {
+    "ami_high": _STOPS,
+    "ami_low": _STOPS,
+    "adaptive_sampling": (
+        "Where its error is lower, not slightly higher, the published variogram fit decides, not the choice of "
+        "stops: greedy stops lie far apart along the border, which leaves the short distances empty and the fit "
+        "to guess. With the recommended map (Matern 3/2, REML) the order of the published study returns: greedy "
+        "lowest, then Monte Carlo, then adaptive sampling, slightly higher."
+    ),
+}
 """Key of a finding -> why this simulation differs from it. Shown where the verdict is not ``confirmed``.
 
 Only reasons that were established, by an experiment or by the equations, belong here.
@@ -175,8 +190,8 @@ def _adaptive_sampling(data: CampaignData, reasons: Mapping[str, str]) -> Findin
         "adaptive_sampling",
         "Adaptive sampling drives far less than the other strategies, for a slightly higher error.",
         f"Seen where the distance is at least {percent(FAR_LESS)} shorter, and shorter by more than two standard "
-        f"errors; and where the final error is at most {percent(SLIGHTLY)} higher (or lower). Not seen if "
-        "no distance is that much shorter.",
+        f"errors; and where the final error is at most {percent(SLIGHTLY)} higher. Partly where the error is "
+        "lower instead, by more than two standard errors. Not seen if no distance is that much shorter.",
         [row for pair in zip(distances, errors, strict=True) for row in pair],
         reasons,
         needed=distances,
@@ -259,5 +274,7 @@ def _far_less(difference: float, error: float, reference: float) -> Outcome:
     return "seen" if difference < -2 * error and difference <= -FAR_LESS * reference else "not seen"
 
 
-def _slightly_more(difference: float, _error: float, reference: float) -> Outcome:
+def _slightly_more(difference: float, error: float, reference: float) -> Outcome:
+    if difference < -2 * error:
+        return "partly"
     return "seen" if difference <= SLIGHTLY * reference else "not seen"

@@ -248,25 +248,25 @@ def _finals(data: CampaignData) -> Iterator[FinalRow]:
                 mean_sd_text(rows["mse"]),
                 mean_sd_text(100 * rows["mse"]),
                 mean_sd_text(100 * rows["vwc_rmse"]),
-                mean_sd_text(100 * rows["coverage95"]),
-                mean_sd_text(rows["distance_m"]),
-                mean_sd_text(rows["samples"]),
-                mean_sd_text(100 * rows["counting_share"]),
+                mean_sd_text(100 * rows["coverage95"], most_decimals=0),
+                mean_sd_text(rows["distance_m"], most_decimals=0),
+                mean_sd_text(rows["samples"], most_decimals=1),
+                mean_sd_text(100 * rows["counting_share"], most_decimals=0),
             )
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1
             yield FinalRow(case.title, first, last, strategy_text(strategy), dwell_text(dwell), len(rows), values)
 
 
-def mean_sd_text(values: pd.Series) -> str:
-    """Mean ± standard deviation, both to the decimal of the deviation's second digit; a dash without values."""
+def mean_sd_text(values: pd.Series, most_decimals: int = 6) -> str:
+    """Mean ± standard deviation, to the decimal of the deviation's second digit at most; a dash without values."""
     known = values.dropna().to_numpy(float)
     if not len(known):
         return "–"
     mean, sd = float(known.mean()), float(known.std(ddof=1)) if len(known) > 1 else float("nan")
     if not sd > 0:
         return number(mean)
-    decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, 6))
+    decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, most_decimals))
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
 
 

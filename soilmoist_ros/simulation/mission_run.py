@@ -75,7 +75,8 @@ class SeriesRow(NamedTuple):
     :param samples: places measured
     :param mse: mean squared error of the rate [(counts/s)^2]; NaN before the first map
     :param mse_10s: the same in the authors' unit [(counts/10 s)^2]
-    :param vwc_rmse: root mean squared error of the moisture [m^3/m^3]; NaN without a calibration curve
+    :param vwc_rmse: root mean squared error of the moisture [m^3/m^3], estimates kept between 0 and the pore
+        volume; NaN without a calibration curve
     :param coverage95: share of cells whose true rate lies in the 95 % interval of the map
     :param counting_s: time spent counting at stops so far [s]
     """

@@ -41,6 +41,7 @@ from soilmoist_ros.exploration.travel_graph import TravelGraph
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_grid import FieldGrid, default_cell_m
 from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.sensing.moisture import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
 from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
@@ -49,6 +50,8 @@ from soilmoist_ros.simulation.virtual_sensor import VirtualSensor
 
 Array = NDArray[np.float64]
 
+MINERAL_DENSITY_GCM3 = 2.65
+"""Density of soil minerals (quartz) [g/cm^3]."""
 LATTICE_NODES = 300
 """About so many nodes has the lattice that is laid when travel follows a graph and none is given."""
 _PLACES_PER_RECORD = 10
@@ -214,14 +217,14 @@ class _Simulation:
 
     def map_errors(self) -> tuple[float, float, float]:
         """Mean squared error of the rate, RMSE of the moisture, and coverage of the 95 % interval."""
-        rate, curve = self.live_map.rate, self.field.curve
+        rate = self.live_map.rate
         error = rate - self.truth
-        vwc_rmse = math.nan
-        if curve is not None:
-            defined = curve.valid(rate) & curve.valid(self.truth)
-            moisture = curve.vwc(rate[defined]) - curve.vwc(self.truth[defined])
-            vwc_rmse = float(np.sqrt(np.mean(moisture**2))) if defined.any() else math.nan
         covered = np.abs(error) <= _COVERAGE_SD * np.sqrt(self.live_map.variance)
+        vwc_rmse = math.nan
+        if self.field.curve is not None:
+            true_vwc = self.field.curve.vwc(self.truth)
+            estimate = possible_moisture(self.field.curve, rate)
+            vwc_rmse = float(np.sqrt(np.mean((estimate - true_vwc) ** 2)))
         return float(np.mean(error**2)), vwc_rmse, float(np.mean(covered))
 
     def enter_series(self) -> None:
@@ -295,6 +298,16 @@ def _graph(field: Field, grid: FieldGrid, settings: MissionSettings) -> TravelGr
     if settings.graph is not None:
         return read_topological_map(Path(settings.graph)).graph
     return open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
+
+
+def possible_moisture(curve: CalibrationCurve, rate_cps: Array) -> Array:
+    """Moisture of estimated rates, kept between 0 and the pore volume of the soil [m^3/m^3].
+
+    The curve has a pole: one cell whose rate is estimated a little too low would otherwise decide the RMSE of a
+    whole map. A rate too low for any moisture counts as saturated soil.
+    """
+    pores = 1 - curve.bulk_density_gcm3 / MINERAL_DENSITY_GCM3
+    return np.where(curve.valid(rate_cps), np.clip(curve.vwc(rate_cps), 0.0, pores), pores)
 
 
 def _nominal_rate(field: SurrogateField) -> float:
