@@ -118,22 +118,24 @@ def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
     """Share of the field whose truth lies in the 95 % interval, against time, a panel per field."""
     columns = min(len(cases), 4 if len(cases) == 4 else 3)
     deep = -(-len(cases) // columns)
-    high = 2.9 * deep + 0.4
+    titles = [textwrap.fill(case.title, 30) for case in cases]
+    row_in = 2.7 + 0.2 * max(title.count("\n") + 1 for title in titles)
+    high = row_in * deep + 0.4
     figure = new_figure(WIDTH_IN, high)
     step = 0.94 / columns
     drawn: dict[str, Look] = {}
     panels, lowest = [], 50.0
     for number, case in enumerate(cases):
         row, column = divmod(number, columns)
-        place = (0.065 + step * column, (2.9 * (deep - 1 - row) + 0.5) / high, step - 0.04, 2.05 / high)
+        place = (0.065 + step * column, (row_in * (deep - 1 - row) + 0.5) / high, step - 0.04, 2.05 / high)
         axes = plain(figure.add_axes(place), "y")
         rows = data.over_time(case, data.main_dwell(case))
         lines = [(strategy_text(s), rows[rows["strategy"] == s], LOOKS.get(s, OTHER)) for s in strategies_in(rows)]
         axes.axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
         _lines(axes, lines, "coverage95", scale=100, band=False)
         _hours(axes, case)
-        title = textwrap.fill(case.title, 30)
-        label(axes, "Mission time [h]", "Truth in the interval [% of area]" if column == 0 else "", title)
+        measure = "Truth in the interval [% of area]" if column == 0 else ""
+        label(axes, "Mission time [h]", measure, titles[number])
         drawn |= {text: look for text, _, look in lines}
         panels.append(axes)
         lowest = min(lowest, axes.get_ylim()[0])
