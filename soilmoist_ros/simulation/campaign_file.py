@@ -90,6 +90,16 @@ class Choices(Section):
     """Constants of the exploration."""
     travel: Many[Literal["free", "graph"]] | None = None
     """Straight lines, or the field's travel graph."""
+    graph: Many[Name] | None = None
+    """Topological maps with the travel graph, files (paths start at the campaign file)."""
+    speed_mps: Many[Positive] | None = None
+    """Speeds of the robot [m/s]."""
+    stop_overhead_s: Many[NotNegative] | None = None
+    """Times lost at each stop [s]."""
+    turn_s_per_rad: Many[NotNegative] | None = None
+    """Times for each radian turned on the way [s/rad]."""
+    cadence_s: Many[Positive] | None = None
+    """Durations of a record [s]."""
     cell_m: Many[Positive] | None = None
     """Cell sizes of the map [m]; the field's own if left out."""
     footprint_m: Many[NotNegative] | None = None
@@ -168,7 +178,7 @@ def load_campaign(name: str) -> Campaign:
     """
     path = resource("campaigns", name)
     campaign = load_model(path, Campaign)
-    mistakes = [*_missing_fields(campaign, path), *_repeated_names(campaign, path)]
+    mistakes = [*_missing_files(campaign, path), *_repeated_names(campaign, path)]
     if mistakes:
         raise InputError(mistakes)
     choices = [_with_whole_paths(experiment, path.parent) for experiment in campaign.experiments]
@@ -213,17 +223,18 @@ def combinations(campaign: Campaign, experiment: Experiment) -> Iterator[Mission
 
 
 def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None) -> str:
-    """Digest of what determines a mission; a field file counts by its content and that of the files it names.
+    """Digest of what determines a mission; a file counts by its content and that of the files it names.
 
-    :param digests: digests of field files found so far, to be extended
+    :param digests: digests of field files and graphs found so far, to be extended
     """
     values = asdict(settings)
-    path = _field_file(settings.field)
-    if path is not None:
-        digests = {} if digests is None else digests
-        if settings.field not in digests:
-            digests[settings.field] = _file_digest(path)
-        values["field"] = digests[settings.field]
+    digests = {} if digests is None else digests
+    paths = {"field": _field_file(settings.field), "graph": Path(settings.graph) if settings.graph else None}
+    for name, path in paths.items():
+        if path is not None:
+            if str(path) not in digests:
+                digests[str(path)] = _file_digest(path)
+            values[name] = digests[str(path)]
     text = json.dumps(values, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:KEY_DIGITS]
 
@@ -249,9 +260,11 @@ def _whole_path(field: str, folder: Path) -> str:
 
 
 def _with_whole_paths(choices: Any, folder: Path) -> Any:
-    if choices.field is None:
-        return choices
-    return choices.model_copy(update={"field": tuple(_whole_path(field, folder) for field in choices.field)})
+    update = {
+        "field": choices.field and tuple(_whole_path(name, folder) for name in choices.field),
+        "graph": choices.graph and tuple(str((folder / name).resolve()) for name in choices.graph),
+    }
+    return choices.model_copy(update=update)
 
 
 def _field_file(field: str) -> Path | None:
@@ -262,9 +275,9 @@ def _field_file(field: str) -> Path | None:
 
 
 def _file_digest(path: Path) -> str:
-    """Digest of a field file and of the files that it names.
+    """Digest of a file and of the files that it names.
 
-    :raises InputError: if the field file cannot be read
+    :raises InputError: if the file cannot be read
     """
     digest = hashlib.sha256()
     try:
@@ -273,7 +286,7 @@ def _file_digest(path: Path) -> str:
             with suppress(OSError, ValueError):  # most texts are no names of files, some cannot even be
                 digest.update(b"\0" + (path.parent / name).read_bytes())
     except OSError as error:
-        raise InputError(f"the field file cannot be read: {error.strerror}", "check its path", path) from None
+        raise InputError(f"the file cannot be read: {error.strerror}", "check its path", path) from None
     return f"sha256:{digest.hexdigest()}"
 
 
@@ -289,7 +302,7 @@ def _texts(node: Any) -> Iterator[str]:
             yield from _texts(value)
 
 
-def _missing_fields(campaign: Campaign, path: Path) -> Iterator[Mistake]:
+def _missing_files(campaign: Campaign, path: Path) -> Iterator[Mistake]:
     from soilmoist_ros.simulation.surrogate_field import surrogate_field_names
 
     known = [*surrogate_field_names(), *resource_names("fields")]
@@ -306,6 +319,14 @@ def _missing_fields(campaign: Campaign, path: Path) -> Iterator[Mistake]:
                     f"give one of: {', '.join(known)}; or a path that starts at the campaign file",
                     path,
                     column=f"{where}.field",
+                )
+        for graph in choices.graph or ():
+            if not (path.parent / graph).is_file():
+                yield Mistake(
+                    f"there is no topological map {graph!r}",
+                    "give a path that starts at the campaign file; `soilmoist graph` makes one",
+                    path,
+                    column=f"{where}.graph",
                 )
 
 

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Finished = Sequence[tuple[Mission, StoredMission]]
 
-SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "travel", "cell_m",
-            "footprint_m", "position_sd_m", "weather")  # fmt: skip
+SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "travel", "graph",
+            "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m", "footprint_m",
+            "position_sd_m", "weather")  # fmt: skip
 """Columns that say which mission a row belongs to."""
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 
@@ -163,4 +164,5 @@ def border_share(stored: StoredMission) -> float:
 
 def _settings(mission: Mission) -> dict[str, Any]:
     values = asdict(mission.settings)
+    values["graph"] = values["graph"] or "default"
     return {name: values[name] for name in SETTINGS}

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from soilmoist_ros.simulation.campaign import (
     run_campaign,
     stored_missions,
 )
+from soilmoist_ros.simulation.campaign_file import Choices
 from soilmoist_ros.simulation.campaign_table import METRICS, SETTINGS, time_grid
 from soilmoist_ros.simulation.mission_run import MissionSettings
 from soilmoist_ros.simulation.mission_store import DamagedMissionError, pack, unpack
@@ -72,8 +74,8 @@ class Counted:
 
 def test_the_paper_s_campaign():
     found = missions(load_campaign("paper"))
-    assert len(found) == 380
-    assert len({mission.key for mission in found}) == 380
+    assert len(found) == 480
+    assert len({mission.key for mission in found}) == 480
     assert {mission.settings.preset for mission in found} == {"authors"}
     assert {mission.settings.hours for mission in found if mission.settings.field == "validation"} == {4.0}
     shared = [mission for mission in found if mission.experiments == ("intervals", "strategies")]
@@ -296,7 +298,14 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("title: t\nruns: 3\nexperiments: [{name: a}]\n")
     command = [sys.executable, str(tmp_path / "slow.py"), str(path), str(tmp_path)]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    # A shell that starts the tests in the background has them ignore Ctrl-C, and the processes inherit that.
+    process = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     deadline = time.monotonic() + 30
     while not list(tmp_path.glob("started*")) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -352,3 +361,22 @@ def test_a_result_of_another_mission_is_refused(campaign, fake, tmp_path):
         store.write(mission, pack(fake(mission.settings), "0" * 16))
     assert not list(store.folder.iterdir())
     assert store.read(mission) is None
+
+
+def test_every_setting_but_the_seed_can_be_varied():
+    assert set(Choices.model_fields) == {item.name for item in fields(MissionSettings)} - {"seed"}
+    assert set(SETTINGS) == {item.name for item in fields(MissionSettings)} - {"series_every_s"}
+
+
+def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path):
+    path = tmp_path / "c.yaml"
+    path.write_text("title: t\nruns: 1\nexperiments: [{name: a, travel: graph, graph: g.yaml}]\n")
+    with pytest.raises(InputError, match=r"no topological map 'g\.yaml'"):
+        load_campaign(str(path))
+    keys = set()
+    for content in ("[]", "[1]"):
+        (tmp_path / "g.yaml").write_text(content)
+        (mission,) = missions(load_campaign(str(path)))
+        assert mission.settings.graph == str(tmp_path / "g.yaml")
+        keys.add(mission.key)
+    assert len(keys) == 2
