@@ -1,0 +1,27 @@
+"""Quality of service of the topics, with the reason for each profile."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+RECORDS: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""Counted records: none may be lost, also not while a receiver is busy for a quarter of an hour."""
+
+SENSOR: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Fixes and weather: only the newest matters, and drivers of other makers publish them like this."""
+
+LATCHED: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Maps, plans and states: who comes late gets the last one."""
+
+DEFAULT: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE)
+"""What other tools expect of ``/diagnostics`` and goal poses."""
+
+CLOCK: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Simulated time: an old time is worth nothing."""

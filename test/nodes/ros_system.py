@@ -1,0 +1,188 @@
+"""A private ROS system for one test: a domain of its own on loopback, real processes, an observer."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+import yaml
+from rclpy.context import Context
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+
+PROFILE = Path(__file__).resolve().parents[2] / "config" / "dds" / "loopback.xml"
+LIMIT_S = 20.0
+"""Longest time to wait for something that should happen at once; machines that run tests are busy."""
+
+
+class RosSystem:
+    """Processes and an observer on an isolated domain. Use as a context manager."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.processes: list[NodeProcess] = []
+        self._stack = contextlib.ExitStack()
+
+    def __enter__(self) -> RosSystem:
+        self.domain = self._stack.enter_context(free_domain())
+        self.environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(self.domain),
+            "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE),
+            "ROS_LOG_DIR": str(self.folder / "log"),
+            "ROS_PYTHON_CHECK_FIELDS": "1",
+            "PYTHONUNBUFFERED": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+        }
+        os.environ.update(
+            {key: self.environment[key] for key in ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_LOG_DIR")}
+        )
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=self.domain)
+        self._stack.callback(self.context.try_shutdown)
+        self.node = Node("observer", context=self.context)
+        self._executor = MultiThreadedExecutor(2, context=self.context)
+        self._executor.add_node(self.node)
+        self._spinner = threading.Thread(target=self._spin, daemon=True)
+        self._spinning = True
+        self._spinner.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for process in self.processes:
+            process.kill()
+        self._spinning = False
+        self._executor.wake()
+        self._spinner.join(5)
+        self._executor.shutdown(timeout_sec=2)
+        self.node.destroy_node()
+        self._stack.close()
+
+    def _spin(self) -> None:
+        while self._spinning and self.context.ok():
+            with contextlib.suppress(Exception):  # an entity that a test destroys meanwhile
+                self._executor.spin_once(timeout_sec=0.2)
+
+    def start(
+        self,
+        executable: str,
+        *,
+        params: dict[str, Any] | None = None,
+        namespace: str = "",
+        remaps: Sequence[str] = (),
+        extra: Sequence[str] = (),
+    ) -> NodeProcess:
+        """Start a node as a process of its own.
+
+        :param executable: name of the node; a path is started as it is
+        :param params: parameters, written to a file
+        """
+        command = [sys.executable, "-m", f"soilmoist_ros.nodes.{executable}"]
+        if os.sep in executable:
+            command = [executable]
+        command += ["--ros-args", *extra]
+        if namespace:
+            command += ["-r", f"__ns:={namespace}"]
+        for remap in remaps:
+            command += ["-r", remap]
+        if params:
+            path = self.folder / f"params{len(self.processes)}.yaml"
+            path.write_text(yaml.safe_dump({"/**": {"ros__parameters": params}}))
+            command += ["--params-file", str(path)]
+        process = NodeProcess(command, self.environment, self.folder / f"output{len(self.processes)}.txt")
+        self.processes.append(process)
+        return process
+
+    def collect(self, kind: type, topic: str, qos: Any = 10) -> list[Any]:
+        """A list that grows with the messages of a topic."""
+        found: list[Any] = []
+        self.node.create_subscription(kind, topic, found.append, qos)
+        return found
+
+    def call(self, kind: type, name: str, request: Any = None, timeout: float = LIMIT_S) -> Any:
+        """Call a service and wait for its answer."""
+        client = self.node.create_client(kind, name)
+        try:
+            assert client.wait_for_service(timeout), f"no service {name}"
+            future = client.call_async(kind.Request() if request is None else request)
+            self.wait_for(future.done, timeout, f"an answer of {name}")
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+    def wait_for(self, condition: Callable[[], Any], timeout: float = LIMIT_S, message: str = "") -> Any:
+        """Wait until a condition holds, and give what it gave; shows what the processes said if it does not."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            found = condition()
+            if found:
+                return found
+            time.sleep(0.01)
+        said = "\n".join(f"--- {' '.join(process.command[:3])}\n{process.output()}" for process in self.processes)
+        raise AssertionError(f"waited {timeout} s for {message or condition}\n{said}")
+
+
+class NodeProcess:
+    """A node in a process of its own."""
+
+    def __init__(self, command: list[str], environment: dict[str, str], output: Path) -> None:
+        self.command = command
+        self._output = output
+        with output.open("wb") as file:
+            self.process = subprocess.Popen(
+                command, env=environment, stdout=file, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )  # fmt: skip
+
+    def output(self) -> str:
+        """What it has written so far."""
+        return self._output.read_text(errors="replace")
+
+    @property
+    def running(self) -> bool:
+        """Whether it still runs."""
+        return self.process.poll() is None
+
+    def stop(self, number: int = signal.SIGINT, timeout: float = LIMIT_S) -> int:
+        """Ask it to end, and give its exit code."""
+        if self.running:
+            self.process.send_signal(number)
+        return self.wait(timeout)
+
+    def wait(self, timeout: float = LIMIT_S) -> int:
+        """Wait for its end, and give its exit code."""
+        try:
+            return self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"{self.command[:3]} does not end\n{self.output()}") from None
+
+    def kill(self) -> None:
+        """End it and what it has started, at once."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+@contextlib.contextmanager
+def free_domain():
+    """A domain that no other test on this machine uses."""
+    for domain in range(1, 101):
+        with (Path(tempfile.gettempdir()) / f"soilmoist_test_domain_{domain}.lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                continue
+            yield domain
+            return
+    raise RuntimeError("all ROS domains are in use")
