@@ -5,12 +5,14 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "soilmoist_ros"
+NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
 ROOT = Path(__file__).parent
 
 
 def shared(folder: str) -> list[tuple[str, list[str]]]:
     """Files below a folder, to be installed at the same place below share/soilmoist_ros."""
-    folders = sorted({path.parent for path in (ROOT / folder).rglob("*") if path.is_file()})
+    files = [path for path in (ROOT / folder).rglob("*") if path.is_file() and path.parent.name != "__pycache__"]
+    folders = sorted({path.parent for path in files})
     return [
         (
             f"share/{NAME}/{here.relative_to(ROOT).as_posix()}",
@@ -37,6 +39,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         *shared("config"),
+        *shared("launch"),
     ],
     install_requires=[
         "setuptools",
@@ -53,6 +56,11 @@ setup(
         "rasterio>=1.3",
         "matplotlib>=3.6",
         "jinja2>=3.1",
+        "pyserial>=3.5",
+        "mcap>=1.2",
+        "rosbags>=0.10",
+        "lz4>=4.0",
+        "zstandard>=0.20",
     ],
     extras_require={
         # Real ROS 2 Jazzy for laptops and CI (x86_64 only); a robot has ROS from apt.
@@ -68,6 +76,7 @@ setup(
             "hypothesis>=6.100",
             "mpmath>=1.3",
             "crnpy>=0.7",
+            "mcap-ros2-support>=0.5",
             "colcon-core",
             "colcon-library-path",
             "colcon-python-setup-py",
@@ -77,6 +86,11 @@ setup(
         ],
         "bench": ["gstools>=1.5", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
     },
-    entry_points={"console_scripts": ["soilmoist = soilmoist_ros.cli:main"]},
+    entry_points={
+        "console_scripts": [
+            "soilmoist = soilmoist_ros.cli:main",
+            *(f"{node} = soilmoist_ros.nodes.{node}:main" for node in NODES),
+        ]
+    },
     zip_safe=False,
 )

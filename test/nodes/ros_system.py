@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -21,7 +19,8 @@ from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-PROFILE = Path(__file__).resolve().parents[2] / "config" / "dds" / "loopback.xml"
+from soilmoist_ros.nodes.loopback import free_domain, loopback_environment
+
 LIMIT_S = 20.0
 """Longest time to wait for something that should happen at once; machines that run tests are busy."""
 
@@ -38,8 +37,7 @@ class RosSystem:
         self.domain = self._stack.enter_context(free_domain())
         self.environment = {
             **os.environ,
-            "ROS_DOMAIN_ID": str(self.domain),
-            "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE),
+            **loopback_environment(self.domain),
             "ROS_LOG_DIR": str(self.folder / "log"),
             "ROS_PYTHON_CHECK_FIELDS": "1",
             "PYTHONUNBUFFERED": "1",
@@ -172,17 +170,3 @@ class NodeProcess:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
-
-
-@contextlib.contextmanager
-def free_domain():
-    """A domain that no other test on this machine uses."""
-    for domain in range(1, 101):
-        with (Path(tempfile.gettempdir()) / f"soilmoist_test_domain_{domain}.lock").open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                continue
-            yield domain
-            return
-    raise RuntimeError("all ROS domains are in use")

@@ -1,0 +1,134 @@
+"""The action type of topological navigation, as it is built beside the wheels of ROS 2."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+PACKAGE = ROOT / "interfaces" / "topological_navigation_msgs"
+TYPE_HASH = "RIHS01_97efcb9cbd4eed92186f675fe1a7417bc263a0737bc1b503107614ae3ebf88c2"
+"""Type hash of the robot's own package: nodes of both understand each other only if it is the same."""
+
+
+@pytest.fixture
+def goto_node():
+    """The action type; may be missing only where it cannot be built."""
+    if not shutil.which(os.environ.get("CXX", "c++")):
+        pytest.skip("GotoNode is not built: there is no C++ compiler")
+    pytest.importorskip("rclpy")
+    from topological_navigation_msgs.action import GotoNode  # scripts/build_interfaces builds it
+
+    return GotoNode
+
+
+def test_the_type_is_the_one_of_the_robot(goto_node):
+    module = Path(sys.modules["topological_navigation_msgs"].__file__)
+    shares = [prefix / "share" / "topological_navigation_msgs" for prefix in module.parents]
+    share = next(folder for folder in shares if folder.is_dir())
+    hashes = json.loads((share / "action" / "GotoNode.json").read_text())["type_hashes"]
+    assert {"type_name": "topological_navigation_msgs/action/GotoNode", "hash_string": TYPE_HASH} in hashes
+
+
+def test_fields(goto_node):
+    assert goto_node.Goal.get_fields_and_field_types() == {"target": "string", "no_orientation": "boolean"}
+    assert goto_node.Result.get_fields_and_field_types() == {"success": "boolean"}
+    assert goto_node.Feedback.get_fields_and_field_types() == {"route": "string"}
+
+
+def drive(ros, client, goal):
+    """Send a goal: the final status, the result, and the routes told meanwhile."""
+    routes = []
+    sent = client.send_goal_async(goal, feedback_callback=lambda message: routes.append(message.feedback.route))
+    ros.wait_for(sent.done, message="the answer to the goal")
+    assert sent.result().accepted
+    ended = sent.result().get_result_async()
+    ros.wait_for(ended.done, message="the result")
+    ros.wait_for(lambda: routes, message="feedback")
+    return ended.result().status, ended.result().result.success, routes
+
+
+def test_a_goal_goes_to_another_process_and_its_result_comes_back(ros, goto_node):
+    from action_msgs.msg import GoalStatus
+    from rclpy.action import ActionClient
+
+    server = ros.folder / "goto_node_server"
+    server.write_text(
+        f'#!/bin/sh\nexec "{sys.executable}" "{Path(__file__).with_name("goto_node_server.py")}" "$@"\n'
+    )
+    server.chmod(0o755)
+    ros.start(str(server))
+    client = ActionClient(ros.node, goto_node, "topological_navigation")
+    ros.wait_for(client.server_is_ready, message="the action server")
+    goal = goto_node.Goal(target="WayPoint7 ü", no_orientation=True)
+    assert drive(ros, client, goal) == (GoalStatus.STATUS_SUCCEEDED, True, ["WayPoint7 ü True"])
+    assert drive(ros, client, goto_node.Goal(target="nowhere")) == (
+        GoalStatus.STATUS_ABORTED, False, ["nowhere False"],
+    )  # fmt: skip
+    client.destroy()
+
+
+def test_package_xml_is_of_an_interface_package():
+    root = ET.parse(PACKAGE / "package.xml").getroot()
+    assert root.findtext("name") == PACKAGE.name
+    assert root.findtext("member_of_group") == "rosidl_interface_packages"
+    assert root.find("export").findtext("build_type") == "ament_cmake"
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A copy of what scripts/build_interfaces uses, with an environment that only looks like one with ROS."""
+    for name in ("scripts/build_interfaces", "requirements-ros.txt", "requirements-interfaces.txt"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    shutil.copytree(ROOT / "interfaces", tmp_path / "interfaces")
+    (tmp_path / ".venv" / "share" / "rclpy").mkdir(parents=True)
+    return tmp_path
+
+
+def build(project, **environment):
+    return subprocess.run(
+        [project / "scripts" / "build_interfaces"], env={**os.environ, **environment},
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+
+
+def test_without_a_compiler_the_script_says_so_and_goes_on(project):
+    run = build(project, CXX="no-such-compiler")
+    assert run.returncode == 0, run.stderr
+    assert "there is no C++ compiler (no-such-compiler" in run.stdout
+    assert "goal_pose is used instead" in run.stdout
+    assert not (project / ".venv" / "interfaces.stamp").exists()
+
+
+def test_without_ros_the_script_says_so_and_goes_on(project):
+    (project / ".venv" / "share" / "rclpy").rmdir()
+    run = build(project)
+    assert run.returncode == 0, run.stderr
+    assert "requirements-ros.txt" in run.stdout
+
+
+def test_the_script_stops_when_the_build_fails(project):
+    """A stand-in python and pip that do nothing: cmake cannot find ROS then."""
+    python = project / ".venv" / "bin" / "python"
+    python.parent.mkdir()
+    headers = project / "headers"
+    headers.mkdir()
+    (headers / "Python.h").touch()
+    python.write_text(f"#!/bin/sh\necho {headers}\n")
+    python.chmod(0o755)
+    cmake = python.with_name("cmake")
+    cmake.write_text("#!/bin/sh\necho could not find ament_cmake\nexit 1\n")
+    cmake.chmod(0o755)
+    run = build(project, CC="sh", CXX="sh")
+    assert run.returncode == 1
+    assert "could not find ament_cmake" in run.stderr
+    assert "scripts/build_interfaces: failed: cmake" in run.stderr
+    assert not (project / ".venv" / "interfaces.stamp").exists()
