@@ -1,0 +1,154 @@
+"""The recorder: every topic into a bag that survives a crash."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from std_srvs.srv import Trigger
+
+from msg_adapters.diagnostics import diagnostics_to_message
+from msg_adapters.offered_qos import offered_qos, requested_qos
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.nodes.parameters import Parameter, Parameters
+from soilmoist_ros.nodes.qos import DEFAULT
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.recording.bag_recorder import BagRecorder, check_name, free_bytes, next_bag
+from soilmoist_ros.recording.definitions import find_definition
+from soilmoist_ros.recording.metadata import Qos, Request, Topic, request_for
+from soilmoist_ros.recording.recorder_health import recorder_health
+from soilmoist_ros.recording.topic_choice import TopicChoice
+
+PARAMETERS: Final = (
+    Parameter(name="out", default="recordings", description="folder for bags; made if it does not exist"),
+    Parameter(name="name", default="", description="name of the bag; the time of its beginning if empty"),
+    Parameter(name="include", default=".*", description="pattern of the full names of topics to record"),
+    Parameter(name="exclude", default="", description="pattern of the full names of topics to leave out"),
+    Parameter(name="autostart", default=True, description="whether to record from the start"),
+    Parameter(
+        name="flush_period_s",
+        default=0.5,
+        description="time between flushes to the disk, which is what a crash can cost",
+        unit="s",
+        low=0.05,
+        high=60.0,
+    ),
+    Parameter(
+        name="queue_mb",
+        default=64.0,
+        description="size of messages that may wait while the disk is slow or full",
+        unit="MB",
+        low=1.0,
+        high=4096.0,
+    ),
+    Parameter(
+        name="low_disk_mb", default=500.0, description="space on the disk below which to warn", unit="MB", low=0.0
+    ),
+)
+_DISCOVERY_S: Final = 0.2
+_DIAGNOSTICS_S: Final = 1.0
+_OPEN_S: Final = 5.0
+
+
+class Recorder(Node):
+    """Records topics as they appear; started and stopped by services."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder")
+        self._settings = Parameters(self, PARAMETERS)
+        text, number = self._settings.text, self._settings.number
+        self._choice = TopicChoice(text("include"), text("exclude"))
+        self._out = Path(text("out")).expanduser()
+        check_name(text("name"))
+        self._distribution = os.environ.get("ROS_DISTRO", "jazzy")
+        self._recorder = BagRecorder(
+            lambda: next_bag(self._out, text("name"), self._distribution),
+            number("flush_period_s"),
+            int(number("queue_mb") * 1e6),
+        )
+        self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
+        self._skipped: set[str] = set()
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
+        self.create_service(Trigger, "recorder/start", self._start)
+        self.create_service(Trigger, "recorder/stop", self._stop)
+        if self._settings.flag("autostart"):
+            self._recorder.start()
+        self._discover()
+        self.create_timer(_DISCOVERY_S, self._discover)
+        self.create_timer(_DIAGNOSTICS_S, self._diagnose)
+
+    def close(self) -> None:
+        """Close the bag."""
+        state = self._recorder.stop()
+        if state.bag is not None:
+            self.get_logger().info(f"recorded {state.messages} messages to {state.bag}")
+
+    def _start(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._recorder.start()
+        response.success = self._recorder.wait_open(_OPEN_S)
+        state = self._recorder.state
+        response.message = f"recording to {state.bag}" if response.success else state.problem
+        return response
+
+    def _stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        state = self._recorder.stop()
+        response.success = not state.problem
+        response.message = state.problem or f"{state.messages} messages in {state.bag}"
+        return response
+
+    def _diagnose(self) -> None:
+        low_bytes = self._settings.number("low_disk_mb") * 1e6
+        health = recorder_health(self._recorder.state, free_bytes(self._out), low_bytes, len(self._skipped))
+        now_s = self.get_clock().now().nanoseconds * 1e-9
+        self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
+
+    def _discover(self) -> None:
+        """Subscribe to what is new, and again to what needs a weaker quality of service now."""
+        for name, types in self.get_topic_names_and_types():
+            if name in self._skipped or not self._choice.wanted(name):
+                continue
+            offered = tuple(offered_qos(info.qos_profile) for info in self.get_publishers_info_by_topic(name))
+            if not offered:
+                continue
+            try:
+                self._subscribe(name, types, offered)
+            except (InputError, ImportError, AttributeError) as error:
+                self._skipped.add(name)
+                self.get_logger().warning(f"{name} is not recorded: {error}")
+
+    def _subscribe(self, name: str, types: list[str], offered: tuple[Qos, ...]) -> None:
+        wanted = request_for(offered)
+        if name in self._topics:
+            topic, request, subscription = self._topics[name]
+            if not wanted.is_weaker(request):
+                return
+            wanted = wanted.weakened(request)
+            self.destroy_subscription(subscription)
+        else:
+            if len(types) != 1:
+                raise InputError(f"it has several types: {', '.join(types)}", "publish one type per topic")
+            topic = Topic(name, find_definition(types[0]), offered)
+        package, _, kind = topic.definition.type_name.split("/")
+        message_class = getattr(importlib.import_module(f"{package}.msg"), kind)
+        subscription = self.create_subscription(
+            message_class, name, partial(self._record, topic), requested_qos(wanted), raw=True
+        )
+        self._topics[name] = (topic, wanted, subscription)
+
+    def _record(self, topic: Topic, data: bytes, info: dict[str, Any]) -> None:
+        self._recorder.put(topic, info["received_timestamp"], info["source_timestamp"], data)
+
+
+def main() -> None:
+    """Run the node."""
+    run(Recorder)
+
+
+if __name__ == "__main__":
+    main()

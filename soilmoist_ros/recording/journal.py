@@ -1,0 +1,194 @@
+"""The mission's journal: what happened, safely on the disk before anybody acts on it."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, NamedTuple, Self
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.recording.bag_writer import sync_folder, write_whole
+from soilmoist_ros.recording.journal_lines import Entry, Lines, decode, encode
+
+_ENTRIES: Final = "journal.jsonl"
+_SNAPSHOT: Final = "snapshot.json"
+
+
+class LoadedJournal(NamedTuple):
+    """A journal as it was found.
+
+    :param snapshot: text given to the last :meth:`Journal.snapshot`, ``None`` if there is none
+    :param entries: entries after it, in the order of their numbers; those of all time without a snapshot
+    :param problems: what is wrong with the files, in words; empty if nothing is
+    """
+
+    snapshot: str | None
+    entries: tuple[Entry, ...]
+    problems: tuple[str, ...]
+
+
+class Journal:
+    """A journal that is being written; only one process at a time can.
+
+    Use :meth:`open`. Entries are numbered from 1 without end, also across restarts, so reading the same entry
+    twice can be told from two entries.
+    """
+
+    def __init__(self, folder: Path, descriptor: int, size_bytes: int, seq: int) -> None:
+        self.folder = folder
+        self._descriptor = descriptor
+        self._size_bytes = size_bytes
+        self._seq = seq
+
+    @classmethod
+    def open(cls, folder: Path) -> Self:
+        """Go on with the journal of a folder, or begin one; what was cut off at its end is removed.
+
+        :param folder: made if it does not exist
+        :raises InputError: if another process is writing it, or the folder cannot be written
+        """
+        path = folder / _ENTRIES
+        descriptor = -1
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            sync_folder(folder)
+            data = path.read_bytes()
+            lines, _, snapshot_seq, _ = _read(folder, data)
+            size_bytes = lines.good_bytes
+            os.ftruncate(descriptor, size_bytes)
+            if size_bytes and data[size_bytes - 1 : size_bytes] != b"\n":
+                _write(descriptor, b"\n")
+                size_bytes += 1
+        except BlockingIOError:
+            os.close(descriptor)
+            message = "another mission is writing the journal of this folder"
+            raise InputError(message, "stop it, or choose another folder", folder) from None
+        except OSError as error:
+            if descriptor >= 0:
+                os.close(descriptor)
+            message = f"the mission's journal cannot be written here: {error.strerror}"
+            raise InputError(message, "choose a folder on a disk that is writable and has space", folder) from None
+        seq = max((entry.seq for entry in lines.entries), default=0)
+        return cls(folder, descriptor, size_bytes, max(seq, snapshot_seq))
+
+    @property
+    def seq(self) -> int:
+        """Number of the last entry, 0 before the first."""
+        return self._seq
+
+    def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
+        """Write an entry.
+
+        :param kind: what it is about, such as ``event``
+        :param payload: plain data, fit for JSON
+        :param durable: whether to return only when it is safely on the disk; without, it becomes safe with the
+            next entry that is, which will do for entries that nothing is decided on
+        :returns: the entry's number
+        :raises TypeError: if the payload is not plain data
+        :raises OSError: if the disk does not take it; the journal is as before, and the next entry may be tried
+        """
+        entry = Entry(self._seq + 1, kind, dict(payload))
+        line = encode(entry)
+        try:
+            _write(self._descriptor, line)
+            if durable:
+                os.fdatasync(self._descriptor)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._descriptor, self._size_bytes)
+            raise
+        self._size_bytes += len(line)
+        self._seq = entry.seq
+        return entry.seq
+
+    def snapshot(self, state_json: str) -> None:
+        """Remember the state after all entries so far, so that only later ones need to be replayed.
+
+        The entries stay: the state can still be had from all of them.
+
+        :param state_json: the state; any text
+        :raises OSError: if the disk does not take it; the snapshot before is kept
+        """
+        os.fdatasync(self._descriptor)
+        write_whole(self.folder / _SNAPSHOT, encode(Entry(self._seq, "snapshot", {"state": state_json})))
+
+    def close(self) -> None:
+        """Bring everything to the disk and let go of the journal."""
+        if self._descriptor >= 0:
+            try:
+                os.fdatasync(self._descriptor)
+            finally:
+                os.close(self._descriptor)
+                self._descriptor = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def load_journal(folder: Path) -> LoadedJournal:
+    """Read a journal; nothing is changed.
+
+    A cut at any place costs the entry that was being written. A damaged snapshot costs nothing: all entries are
+    given then.
+
+    :param folder: folder of the journal; without one, the journal is empty
+    :raises InputError: if it cannot be read
+    """
+    try:
+        path = folder / _ENTRIES
+        lines, snapshot, snapshot_seq, problems = _read(folder, path.read_bytes() if path.exists() else b"")
+    except OSError as error:
+        message = f"the mission's journal cannot be read: {error.strerror}"
+        raise InputError(message, "check the disk and permissions", folder) from None
+    entries: list[Entry] = []
+    seq = 0
+    for entry in lines.entries:
+        if entry.seq <= seq:
+            problems.append(f"{_ENTRIES}: entry {entry.seq} stands in it twice; the first one holds")
+            continue
+        if entry.seq > seq + 1:
+            problems.append(f"{_ENTRIES}: {_span(seq + 1, entry.seq - 1)} missing")
+        seq = entry.seq
+        if seq > snapshot_seq:
+            entries.append(entry)
+    if seq < snapshot_seq:
+        problems.append(
+            f"{_ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot holds what they did"
+        )
+    return LoadedJournal(snapshot, tuple(entries), tuple(problems))
+
+
+def _read(folder: Path, data: bytes) -> tuple[Lines, str | None, int, list[str]]:
+    """Lines of the journal, the snapshot's text and last entry, and all problems of both files."""
+    lines = decode(data, _ENTRIES)
+    problems = list(lines.problems)
+    path = folder / _SNAPSHOT
+    if not path.exists():
+        return lines, None, 0, problems
+    found = decode(path.read_bytes(), _SNAPSHOT)
+    problems += found.problems
+    if len(found.entries) == 1 and isinstance(found.entries[0].payload.get("state"), str):
+        return lines, found.entries[0].payload["state"], found.entries[0].seq, problems
+    problems.append(f"{_SNAPSHOT} cannot be used; all entries are replayed instead")
+    return lines, None, 0, problems
+
+
+def _span(first: int, last: int) -> str:
+    return f"entry {first} is" if first == last else f"entries {first} to {last} are"
+
+
+def _write(descriptor: int, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]

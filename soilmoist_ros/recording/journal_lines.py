@@ -1,0 +1,140 @@
+"""Lines of a journal: JSON with a checksum, so that a cut is seen and a flipped bit is named and mended."""
+
+from __future__ import annotations
+
+import json
+import re
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+_CHECKSUM: Final = re.compile(rb',"crc":"([0-9a-f]{8})"\}')
+_TAIL_LENGTH: Final = len(b',"crc":"00000000"}')
+_NEWLINE: Final = 0x0A
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of a journal.
+
+    :param seq: its number, one more than that of the entry before
+    :param kind: what it is about
+    :param payload: plain data
+    """
+
+    seq: int
+    kind: str
+    payload: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Lines:
+    """What stands in a journal's file.
+
+    :param entries: whole entries in the order of the file
+    :param problems: what is wrong, in words
+    :param good_bytes: bytes up to the end of the last whole line [bytes]: where writing may go on
+    """
+
+    entries: tuple[Entry, ...]
+    problems: tuple[str, ...]
+    good_bytes: int
+
+
+def encode(entry: Entry) -> bytes:
+    """The line of an entry.
+
+    :raises TypeError: if the payload is not plain data
+    """
+    content = {"seq": entry.seq, "kind": entry.kind, "data": entry.payload}
+    body = json.dumps(content, separators=(",", ":")).encode()[:-1]
+    return b'%b,"crc":"%08x"}\n' % (body, zlib.crc32(body))
+
+
+def decode(data: bytes, name: str = "journal") -> Lines:
+    """Read lines back.
+
+    The last line is dropped if it was cut: whoever wrote it was never told that it is safe. A single flipped
+    bit anywhere is found by its checksum, and the entry is read as it was.
+
+    :param data: content of the file
+    :param name: what to call it in the problems
+    """
+    entries: list[Entry] = []
+    problems: list[str] = []
+    *lines, rest = data.split(b"\n")
+    number, skip = 0, False
+    for number, line in enumerate(lines, 1):
+        if skip:
+            skip = False
+            continue
+        following = lines[number] if number < len(lines) else rest
+        found, problem, skip = _read(line, following)
+        entries += found
+        if problem:
+            problems.append(f"{name}, line {number}: {problem}")
+    good_bytes = len(data) - len(rest)
+    if rest and not skip:
+        found, problem, _ = _read(rest, b"")
+        if found:  # only its newline is missing or damaged
+            entries += found
+            problems += [f"{name}, line {number + 1}: {problem}"] if problem else []
+            good_bytes = len(data)
+        else:
+            problems.append(f"{name}, line {number + 1}: cut off after {len(rest)} bytes; it was never confirmed")
+    return Lines(tuple(entries), tuple(problems), good_bytes)
+
+
+def _read(line: bytes, following: bytes) -> tuple[list[Entry], str, bool]:
+    """Entries of a line, what is wrong with it, and whether the following line was needed to mend it."""
+    entry = _parse(line)
+    if entry is not None:
+        return [entry], "", False
+    halves = _without_newline(line)
+    if halves:
+        return halves, "a flipped bit in a newline was mended", False
+    for index, bit, mended in _one_bit_off(line):
+        entry = _parse(mended)
+        if entry is not None:
+            return [entry], f"a flipped bit (byte {index + 1}, bit {bit}) was mended", False
+    for bit in range(8):  # a bit that made a newline of another character
+        entry = _parse(b"%b%c%b" % (line, _NEWLINE ^ 1 << bit, following))
+        if entry is not None:
+            return [entry], f"a flipped bit (byte {len(line) + 1}, bit {bit}) was mended", True
+    return [], "is damaged and was left out", False
+
+
+def _parse(line: bytes) -> Entry | None:
+    """The entry of a whole and undamaged line."""
+    match = _CHECKSUM.fullmatch(line, max(0, len(line) - _TAIL_LENGTH))
+    if match is None or zlib.crc32(line[: match.start()]) != int(match[1], 16):
+        return None
+    try:
+        content = json.loads(line)
+        return Entry(int(content["seq"]), str(content["kind"]), dict(content["data"]))
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _without_newline(line: bytes) -> list[Entry]:
+    """Both entries of two lines whose newline was damaged; the second may be missing at the end of the file."""
+    for match in _CHECKSUM.finditer(line):
+        first = _parse(line[: match.end()])
+        if first is not None:
+            second = _parse(line[match.end() + 1 :])
+            if second is not None:
+                return [first, second]
+            if len(line) == match.end() + 1:
+                return [first]
+    return []
+
+
+def _one_bit_off(line: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """All lines that differ in one bit."""
+    mended = bytearray(line)
+    for index in range(len(line)):
+        for bit in range(8):
+            mended[index] ^= 1 << bit
+            yield index, bit, bytes(mended)
+            mended[index] ^= 1 << bit

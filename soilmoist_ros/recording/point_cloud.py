@@ -1,0 +1,94 @@
+"""Points of a sensor_msgs/PointCloud2, decoded without ROS."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from soilmoist_ros.sensing.records import CountRecord
+
+_TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""Numbers of PointField's datatypes."""
+
+
+class PointCloud(Protocol):
+    """What is needed of a sensor_msgs/PointCloud2, whoever decoded it."""
+
+    header: Any
+    height: int
+    width: int
+    fields: Any
+    is_bigendian: bool
+    point_step: int
+    row_step: int
+    data: Any
+
+
+def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
+    """Points as a structured array with one element per point, in the order of the message.
+
+    :param cloud: the message
+    :returns: array of shape (height, width) with the message's fields
+    :raises ValueError: if its data are shorter than announced, or a field is of no known type
+    """
+    order = ">" if cloud.is_bigendian else "<"
+    names, formats, offsets = [], [], []
+    for field in cloud.fields:
+        kind = _TYPES.get(int(field.datatype))
+        if kind is None:
+            raise ValueError(f"field {field.name!r} is of the unknown datatype {field.datatype}")
+        names.append(field.name)
+        formats.append((order + kind, (int(field.count),)) if int(field.count) > 1 else order + kind)
+        offsets.append(int(field.offset))
+    layout = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": int(cloud.point_step)})
+    data = bytes(cloud.data)
+    height, width = int(cloud.height), int(cloud.width)
+    row_step = int(cloud.row_step) or width * layout.itemsize
+    if height and (row_step < width * layout.itemsize or len(data) < row_step * height):
+        raise ValueError(f"the message announces {height * width} points, but its data end early")
+    if not height * width:
+        return np.zeros((height, width), layout)
+    return np.ndarray((height, width), layout, data, strides=(row_step, layout.itemsize)).copy()
+
+
+def count_records(cloud: PointCloud) -> list[CountRecord]:
+    """Counted records of a message of ``counts``; every record gets the stamp of the message.
+
+    :raises ValueError: if it has not all the fields of counted records
+    """
+    table = points(cloud).ravel()
+    missing = [name for name in _COUNTS if name not in (table.dtype.names or ())]
+    if missing:
+        raise ValueError(
+            f"the points have no field {', '.join(missing)}, only: {', '.join(table.dtype.names or ())}"
+        )
+    stamp_s = cloud.header.stamp.sec + cloud.header.stamp.nanosec * 1e-9
+    return [
+        CountRecord(
+            stamp_s=stamp_s,
+            x_m=float(point["x"]),
+            y_m=float(point["y"]),
+            z_m=float(point["z"]),
+            raw_counts=int(point["raw_counts"]),
+            exposure_s=float(point["exposure_s"]),
+            effective_exposure_s=float(point["effective_exposure_s"]),
+            f_pressure=float(point["f_pressure"]),
+            f_humidity=float(point["f_humidity"]),
+            f_intensity=float(point["f_intensity"]),
+        )
+        for point in table
+    ]
+
+
+_COUNTS: Final = (
+    "x",
+    "y",
+    "z",
+    "raw_counts",
+    "exposure_s",
+    "effective_exposure_s",
+    "f_pressure",
+    "f_humidity",
+    "f_intensity",
+)

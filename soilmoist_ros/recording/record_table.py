@@ -1,0 +1,58 @@
+"""Counted records as a table (CSV) with all their digits: what a map was made from, and can be made from again."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Final
+
+from soilmoist_ros.errors import InputError, Mistake
+from soilmoist_ros.sensing.records import CountRecord
+
+COLUMNS: Final = tuple(field.name for field in fields(CountRecord))
+
+
+def write_records(path: Path, records: Sequence[CountRecord]) -> None:
+    """Write records; the file is complete, or as it was before.
+
+    :raises InputError: if it cannot be written
+    """
+    part = path.with_name(f".{path.name}.writing")
+    try:
+        with part.open("w", newline="", encoding="utf-8") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(COLUMNS)
+            table.writerows([getattr(record, name) for name in COLUMNS] for record in records)
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another folder", path) from None
+
+
+def read_records(path: Path) -> list[CountRecord]:
+    """Records of a table, exactly as they were written.
+
+    :raises InputError: if it cannot be read, has not all columns, or a row is not of numbers; names the line
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", "check the path", path) from None
+    except UnicodeDecodeError:
+        raise InputError("is not text", "give a table of records as this package writes it", path) from None
+    rows = csv.DictReader(text.splitlines())
+    missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
+    if missing:
+        raise InputError(f"has no column {', '.join(missing)}", "give a table as this package writes it", path)
+    return [_record(row, path, rows.line_num) for row in rows]
+
+
+def _record(row: dict[str, str], path: Path, line: int) -> CountRecord:
+    try:
+        values = {name: float(row[name]) for name in COLUMNS if name != "raw_counts"}
+        return CountRecord(raw_counts=int(row["raw_counts"]), **values)
+    except (TypeError, ValueError) as error:
+        remedy = "delete the line, or restore the file"
+        raise InputError([Mistake(f"is not a record: {error}", remedy, path, line)]) from None

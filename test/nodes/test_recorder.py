@@ -1,0 +1,145 @@
+"""The recorder as a process of its own: what is published is in the bag, whatever happens to it."""
+
+import signal
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64, String
+from std_srvs.srv import Trigger
+
+from soilmoist_ros.recording.bag_reader import BagReader
+from soilmoist_ros.recording.mcap_scan import McapScan
+from soilmoist_ros.recording.recovery import recover_bag
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def params(tmp_path, **more):
+    return {"out": str(tmp_path / "bags"), "name": "run", "flush_period_s": 0.05, **more}
+
+
+def on_disk(path):
+    return [m.topic.name for m in McapScan(path).messages()] if path.exists() else []
+
+
+@pytest.fixture
+def published(ros):
+    """Publishers of one latched, one reliable and one best-effort topic; the latched one has spoken already."""
+    model = ros.node.create_publisher(String, "/robot/model", LATCHED)
+    notes = ros.node.create_publisher(String, "/notes", 100)
+    pressure = ros.node.create_publisher(Float64, "/pressure", BEST_EFFORT)
+    model.publish(String(data="spoken before"))
+
+    def speak(count=20):
+        ros.wait_for(lambda: notes.get_subscription_count() and pressure.get_subscription_count())
+        for number in range(count):
+            notes.publish(String(data=f"note {number}"))
+        pressure.publish(Float64(data=101300.0))
+
+    return speak
+
+
+def test_everything_is_recorded_until_an_interrupt(ros, tmp_path, published):
+    process = ros.start("recorder", params=params(tmp_path))
+    published()
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    ros.wait_for(lambda: on_disk(path).count("/notes") == 20 and "/robot/model" in on_disk(path))
+    ros.wait_for(lambda: [published(0), {"/pressure", "/diagnostics"} <= set(on_disk(path))][1])
+    assert process.stop(signal.SIGINT) == 0
+    with BagReader(tmp_path / "bags" / "run") as bag:
+        assert bag.read_texts("model") == ["spoken before"]
+        assert bag.read_texts("notes") == [f"note {number}" for number in range(20)]
+        message = next(bag.messages(["/pressure"]))
+        assert bag.decode(message).data == 101300.0
+    text = (tmp_path / "bags" / "run" / "metadata.yaml").read_text()
+    assert "durability: transient_local" in text
+    assert "reliability: best_effort" in text
+
+
+def test_a_kill_costs_nothing_that_was_flushed(ros, tmp_path, published):
+    process = ros.start("recorder", params=params(tmp_path))
+    published()
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    ros.wait_for(lambda: on_disk(path).count("/notes") == 20)
+    process.kill()
+    recover_bag(tmp_path / "bags" / "run", tmp_path / "recovered")
+    with BagReader(tmp_path / "recovered") as bag:
+        assert bag.read_texts("notes") == [f"note {number}" for number in range(20)]
+    # Started again, it does not touch what the first one left.
+    left = path.read_bytes()
+    ros.start("recorder", params=params(tmp_path))
+    second = tmp_path / "bags" / "run_2" / "run_2_0.mcap"
+    ros.wait_for(lambda: [published(1), "/notes" in on_disk(second)][1])
+    assert path.read_bytes() == left
+
+
+def test_services_start_and_stop_in_a_namespace(ros, tmp_path):
+    ros.start("recorder", params=params(tmp_path, autostart=False), namespace="/robot1")
+    assert not (tmp_path / "bags").exists()
+    answer = ros.call(Trigger, "/robot1/recorder/start")
+    assert answer.success
+    assert str(tmp_path / "bags" / "run") in answer.message
+    answer = ros.call(Trigger, "/robot1/recorder/stop")
+    assert answer.success
+    assert (tmp_path / "bags" / "run" / "metadata.yaml").is_file()
+    assert ros.call(Trigger, "/robot1/recorder/start").success
+    ros.call(Trigger, "/robot1/recorder/stop")
+    assert (tmp_path / "bags" / "run_2" / "metadata.yaml").is_file()
+
+
+def test_a_folder_that_cannot_be_written_is_told_and_tried_again(ros, tmp_path):
+    (tmp_path / "bags").write_text("in the way")
+    found = ros.collect(DiagnosticArray, "/diagnostics")
+    process = ros.start("recorder", params=params(tmp_path))
+    ros.wait_for(
+        lambda: any(s.level == b"\2" and "no recording can be made" in s.message for m in found for s in m.status)
+    )
+    answer = ros.call(Trigger, "/recorder/start")
+    assert not answer.success
+    assert "no recording can be made" in answer.message
+    (tmp_path / "bags").unlink()
+    ros.wait_for(lambda: found[-1].status[0].level == b"\0")
+    assert process.stop() == 0
+    assert (tmp_path / "bags" / "run" / "metadata.yaml").is_file()
+
+
+def test_two_recorders_on_one_folder_do_not_mix(ros, tmp_path):
+    ros.start("recorder", params=params(tmp_path), namespace="/a")
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    ros.wait_for(path.exists)
+    ros.start("recorder", params=params(tmp_path), namespace="/b")
+    answer = ros.call(Trigger, "/b/recorder/start")
+    assert not answer.success
+    assert "another recorder is writing" in answer.message
+
+
+def test_topics_can_be_left_out(ros, tmp_path, published):
+    ros.start("recorder", params=params(tmp_path, exclude="/notes|/rosout"))
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    ros.wait_for(lambda: "/robot/model" in on_disk(path) and "/diagnostics" in on_disk(path))
+    assert not {"/notes", "/rosout"} & set(on_disk(path))
+    assert ros.node.count_subscribers("/notes") == 0
+
+
+def test_a_weaker_publisher_that_comes_later_is_recorded_too(ros, tmp_path):
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    strong = ros.node.create_publisher(String, "/notes", 10)
+    ros.start("recorder", params=params(tmp_path))
+    ros.wait_for(strong.get_subscription_count)
+    weak = ros.node.create_publisher(String, "/notes", BEST_EFFORT)
+    ros.wait_for(weak.get_subscription_count)
+    ros.wait_for(lambda: [weak.publish(String(data="weak")), "/notes" in on_disk(path)][1])
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"), [({"include": "*"}, "no regular expression"), ({"name": "../x"}, "no good name")]
+)
+def test_bad_parameters_end_it_with_a_message(ros, tmp_path, bad, said):
+    process = ros.start("recorder", params=params(tmp_path, **bad))
+    assert process.wait() == 2
+    assert said in process.output()

@@ -1,0 +1,31 @@
+"""Fixtures of the tests with bags."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from bags import Sample, fill
+
+from soilmoist_ros.recording.bag_writer import BagWriter
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """A closed bag."""
+    sample = Sample(tmp_path / "whole")
+    with BagWriter(sample.folder) as writer:
+        fill(writer, sample)
+    return sample
+
+
+@pytest.fixture
+def unclosed(tmp_path):
+    """A bag whose recorder was killed."""
+    sample = Sample(tmp_path / "unclosed")
+    writer = BagWriter(sample.folder)
+    fill(writer, sample)
+    writer.abandon()
+    return sample

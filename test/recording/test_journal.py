@@ -1,0 +1,216 @@
+import errno
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.recording.journal import Journal, load_journal
+from soilmoist_ros.recording.journal_lines import Entry, decode, encode
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+def written(folder, count=4):
+    with Journal.open(folder) as journal:
+        for number in range(count):
+            journal.append("event", {"place": [number, 0.1 * number], "crc": "J\n*", "name": f"stop {number}"})
+    return folder / "journal.jsonl"
+
+
+@given(st.lists(st.tuples(st.text(), st.dictionaries(st.text(), PLAIN, max_size=3)), max_size=5))
+def test_entries_come_back_as_they_were(contents):
+    entries = tuple(Entry(seq, kind, payload) for seq, (kind, payload) in enumerate(contents, 1))
+    data = b"".join(map(encode, entries))
+    lines = decode(data)
+    assert lines.entries == entries
+    assert not lines.problems
+    assert lines.good_bytes == len(data)
+    assert [json.loads(line)["seq"] for line in data.splitlines()] == [entry.seq for entry in entries]
+
+
+def test_a_cut_at_any_byte_costs_only_the_entry_that_was_being_written(tmp_path):
+    path = written(tmp_path / "a")
+    whole = path.read_bytes()
+    for cut in range(len(whole) + 1):
+        path.write_bytes(whole[:cut])
+        # An entry that lacks nothing but its newline is as good as one with it.
+        ends = [match.start() for match in re.finditer(rb"\n", whole)]
+        loaded = load_journal(path.parent)
+        assert len(loaded.entries) == sum(end <= cut for end in ends)
+        at_an_end = cut == 0 or cut in ends or cut - 1 in ends
+        assert bool(loaded.problems) == (not at_an_end)
+        with Journal.open(path.parent) as journal:
+            assert journal.append("event", {}) == len(loaded.entries) + 1
+        again = load_journal(path.parent)
+        assert not again.problems
+        assert again.entries[:-1] == loaded.entries
+
+
+def test_every_flipped_bit_is_named_and_mended(tmp_path):
+    path = written(tmp_path / "a", 3)
+    whole = path.read_bytes()
+    entries = load_journal(path.parent).entries
+    for byte in range(len(whole)):
+        for bit in range(8):
+            damaged = bytearray(whole)
+            damaged[byte] ^= 1 << bit
+            lines = decode(bytes(damaged), "journal.jsonl")
+            assert lines.entries == entries, (byte, bit)
+            line = whole[:byte].count(b"\n") + 1
+            assert len(lines.problems) == 1
+            assert lines.problems[0].startswith(f"journal.jsonl, line {line}: a flipped bit")
+
+
+def test_worse_damage_is_named_and_costs_only_its_lines(tmp_path):
+    path = written(tmp_path / "a", 4)
+    lines = path.read_bytes().splitlines(keepends=True)
+    lines[1] = lines[1].replace(b"stop", b"shop").replace(b"event", b"evont")
+    path.write_bytes(b"".join(lines))
+    loaded = load_journal(path.parent)
+    assert [entry.seq for entry in loaded.entries] == [1, 3, 4]
+    assert loaded.problems == (
+        "journal.jsonl, line 2: is damaged and was left out",
+        "journal.jsonl: entry 2 is missing",
+    )
+
+
+def test_only_entries_after_the_snapshot_are_left_to_replay(tmp_path):
+    with Journal.open(tmp_path) as journal:
+        journal.append("event", {"n": 1})
+        journal.snapshot('{"state": "ä"}')
+        journal.append("event", {"n": 2}, durable=False)
+    loaded = load_journal(tmp_path)
+    assert loaded.snapshot == '{"state": "ä"}'
+    assert [(entry.seq, entry.payload) for entry in loaded.entries] == [(2, {"n": 2})]
+    assert loaded.problems == ()
+
+
+def test_replay_gives_the_same_state_from_any_moment(tmp_path):
+    # State = sum of everything; wrong as soon as an entry is replayed twice or not at all.
+    def replayed():
+        snapshot, entries, problems = load_journal(tmp_path)
+        assert not problems
+        return int(snapshot or 0) + sum(entry.payload["n"] for entry in entries)
+
+    state = 0
+    for restart in range(3):
+        with Journal.open(tmp_path) as journal:
+            for number in range(7):
+                state += number + 10 * restart
+                journal.append("event", {"n": number + 10 * restart})
+                if number % 3 == restart:
+                    journal.snapshot(str(state))
+                assert replayed() == state
+
+
+def test_a_ruined_snapshot_costs_nothing(tmp_path):
+    with Journal.open(tmp_path) as journal:
+        journal.append("event", {"n": 1})
+        journal.snapshot("state")
+    (tmp_path / "snapshot.json").write_bytes(b"nonsense\n")
+    snapshot, entries, problems = load_journal(tmp_path)
+    assert snapshot is None
+    assert [entry.seq for entry in entries] == [1]
+    assert "all entries are replayed" in problems[-1]
+
+
+def test_a_snapshot_that_was_being_written_is_ignored(tmp_path):
+    with Journal.open(tmp_path) as journal:
+        journal.append("event", {"n": 1})
+        journal.snapshot("state")
+    (tmp_path / "snapshot.json.tmp").write_bytes(b"{")
+    assert load_journal(tmp_path).snapshot == "state"
+    assert not load_journal(tmp_path).problems
+
+
+def test_numbers_go_on_after_the_snapshot_when_entries_are_lost(tmp_path):
+    with Journal.open(tmp_path) as journal:
+        for _ in range(3):
+            journal.append("event", {})
+        journal.snapshot("state")
+    (tmp_path / "journal.jsonl").write_bytes(b"")
+    with Journal.open(tmp_path) as journal:
+        assert journal.append("event", {}) == 4
+    snapshot, entries, problems = load_journal(tmp_path)
+    assert snapshot == "state"
+    assert [entry.seq for entry in entries] == [4]
+    assert "entries 1 to 3 are missing" in problems[0]
+
+
+def test_no_folder_is_an_empty_journal(tmp_path):
+    assert load_journal(tmp_path / "none") == (None, (), ())
+
+
+def test_two_missions_cannot_write_one_journal(tmp_path):
+    with Journal.open(tmp_path), pytest.raises(InputError, match="another mission is writing"):
+        Journal.open(tmp_path)
+    Journal.open(tmp_path).close()
+
+
+def test_a_full_disk_leaves_the_journal_whole(tmp_path, monkeypatch):
+    with Journal.open(tmp_path) as journal:
+        journal.append("event", {"n": 1})
+        real = os.write
+
+        calls = []
+
+        def half(descriptor, data):
+            calls.append(data)
+            if len(calls) > 1:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return real(descriptor, data[:20])
+
+        monkeypatch.setattr(os, "write", half)
+        with pytest.raises(OSError, match="No space"):
+            journal.append("event", {"n": 2})
+        monkeypatch.undo()
+        assert journal.append("event", {"n": 3}) == 2
+    loaded = load_journal(tmp_path)
+    assert [entry.payload["n"] for entry in loaded.entries] == [1, 3]
+    assert not loaded.problems
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written here") as caught:
+        Journal.open(tmp_path / "file" / "journal")
+    assert caught.value.mistakes[0].remedy
+
+
+def test_data_that_are_not_plain_are_refused_and_leave_no_trace(tmp_path):
+    with Journal.open(tmp_path) as journal:
+        with pytest.raises(TypeError):
+            journal.append("event", {"n": object()})
+        assert journal.append("event", {}) == 1
+
+
+@pytest.mark.parametrize("count", [1, 17, 60])
+def test_what_was_confirmed_survives_a_kill(tmp_path, count):
+    code = """
+        import sys
+        from pathlib import Path
+        from soilmoist_ros.recording.journal import Journal
+        journal = Journal.open(Path(sys.argv[1]))
+        while True:
+            print(journal.append("event", {"text": "x" * 300}), flush=True)
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        for _ in range(count):
+            process.stdout.readline()
+        process.send_signal(signal.SIGKILL)
+        confirmed = count + len(process.stdout.read().splitlines())
+    loaded = load_journal(tmp_path)
+    assert [entry.seq for entry in loaded.entries][:confirmed] == list(range(1, confirmed + 1))

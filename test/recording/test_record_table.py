@@ -1,0 +1,57 @@
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.recording.record_table import COLUMNS, read_records, write_records
+from soilmoist_ros.sensing.records import NAN, CountRecord
+
+numbers = st.floats(allow_nan=False)
+records = st.builds(
+    CountRecord,
+    **{name: numbers for name in COLUMNS if name != "raw_counts"},
+    raw_counts=st.integers(0, 2**32 - 1),
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.lists(records, max_size=4))
+def test_records_come_back_exactly(tmp_path, many):
+    write_records(tmp_path / "records.csv", many)
+    assert read_records(tmp_path / "records.csv") == many
+    assert [path.name for path in tmp_path.iterdir()] == ["records.csv"]
+
+
+def test_a_missing_position_stays_missing(tmp_path):
+    write_records(tmp_path / "records.csv", [CountRecord(1.5, NAN, NAN, NAN, 4, 10.0, 9.0)])
+    (found,) = read_records(tmp_path / "records.csv")
+    assert str(found) == str(CountRecord(1.5, NAN, NAN, NAN, 4, 10.0, 9.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("raw_counts", "counts"), "has no column raw_counts"),
+        (lambda text: text.replace(",4,", ",4.5,"), r"records.csv:3: is not a record: invalid literal.*'4.5'"),
+        (lambda text: text[:-20], r"records.csv:3: is not a record"),
+        (lambda text: "", "has no column stamp_s, x_m"),
+    ],
+)
+def test_a_damaged_table_is_refused_with_the_line(tmp_path, change, message):
+    path = tmp_path / "records.csv"
+    write_records(
+        path, [CountRecord(1.0, 2.0, 3.0, 4.5, 7, 10.0, 9.0), CountRecord(2.0, 2.0, 3.0, 4.5, 4, 10.0, 9.0)]
+    )
+    path.write_text(change(path.read_text()))
+    with pytest.raises(InputError, match=message):
+        read_records(path)
+
+
+def test_what_is_no_table_is_refused(tmp_path):
+    (tmp_path / "records.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="is not text"):
+        read_records(tmp_path / "records.csv")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_records(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_records(tmp_path / "none" / "records.csv", [])
