@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros import __version__
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.map_run import input_file, make_run
 from soilmoist_ros.mapping import (
     FieldGrid,
-    SoilMap,
     default_cell_m,
     estimate_variogram,
     make_soil_map,
@@ -24,7 +21,7 @@ from soilmoist_ros.mapping import (
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod
-from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
+from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
 from soilmoist_ros.sensing.logger_format import load_logger_format
 from soilmoist_ros.sensing.logger_reader import LogFile, detect_format, read_log
 from soilmoist_ros.sensing.nmea import read_nmea
@@ -94,28 +91,18 @@ def map_logs(
         samples.exposure_s,
         settings.model,
         settings.fit,
-        extent_m=float(max(np.ptp(grid.x_m), np.ptp(grid.y_m))) + grid.cell_m,
+        extent_m=grid.extent_m,
     )
     kriging = f"kriging {np.count_nonzero(grid.mask)} cells"
     soil_map = make_soil_map(
         samples, grid, fit, site.curve, settings.keep_nugget, lambda share: progress(kriging, share)
     )
-    return MapRun(
-        soil_map=soil_map,
-        frame=survey.frame,
-        created_utc=datetime.now(UTC),
-        track=survey.records,
-        title=settings.title or ("Soil moisture map" if site.curve else "Neutron count rate map"),
-        site=site.name,
+    return make_run(
+        soil_map,
+        survey.records,
+        site,
+        survey.frame,
         field_name=field.name if field else "surroundings of the track",
-        inputs=_inputs(logs, settings),
-        logger_format=logs[0].format_title,
-        corrections=_correction_rows(survey, site),
-        losses=_loss_rows([*survey.problems, *track_problems]),
-        warnings=_warnings(survey, soil_map, site),
-        calibration=_calibration(site),
-        simulated=any(log.simulated for log in logs),
-        version=__version__,
         settings={
             "variogram_model": settings.model,
             "variogram_fit": settings.fit,
@@ -124,7 +111,11 @@ def map_logs(
             "cell_m": grid.cell_m,
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
         },
-        footprint_radius_m=site.footprint_radius_m,
+        title=settings.title,
+        inputs=_inputs(logs, settings),
+        logger_format=logs[0].format_title,
+        losses=_loss_rows([*survey.problems, *track_problems]),
+        simulated=any(log.simulated for log in logs),
     )
 
 
@@ -161,10 +152,7 @@ def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
 
 def _grid(field: Field | None, survey: Survey, site: Site, cell_m: float | None) -> FieldGrid:
     if field is not None:
-        wanted = cell_m or field.cell_m
-        width, height = np.ptp(field.polygon, axis=0)
-        chosen = wanted or default_cell_m((width, height), site.footprint_radius_m)
-        return FieldGrid.from_polygon(field.polygon, chosen, field.no_go)
+        return field.grid(cell_m, site.footprint_radius_m)
     margin = site.footprint_radius_m
     width, height = np.ptp(survey.xy_m, axis=0) + 2 * margin
     return FieldGrid.from_track(survey.xy_m, margin, cell_m or default_cell_m((width, height), margin))
@@ -175,60 +163,9 @@ def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:
     others += [("site", settings.site)] if settings.site else []
     others += [("field", settings.field)] if settings.field else []
     return [
-        *(_input_file(log.path, "neutron log", len(log.records)) for log in logs),
-        *(_input_file(path, role, None) for role, path in others),
+        *(input_file(log.path, "neutron log", len(log.records)) for log in logs),
+        *(input_file(path, role, None) for role, path in others),
     ]
-
-
-def _input_file(path: Path, role: str, n_records: int | None) -> InputFile:
-    content = path.read_bytes()
-    return InputFile(str(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
-
-
-def _correction_rows(survey: Survey, site: Site) -> list[CorrectionRow]:
-    settings = site.corrections
-    monitor = settings.intensity
-    rows = [
-        (
-            "air pressure",
-            "exp(beta (P - P0))",
-            "f_pressure",
-            {"beta [1/hPa]": settings.pressure.beta_per_hpa, "P0 [hPa]": settings.pressure.reference_hpa}
-            if settings.pressure
-            else None,
-            "",
-        ),
-        (
-            "air humidity",
-            "1 + c (Q - Q0)",
-            "f_humidity",
-            {"c [m3/g]": settings.humidity.coefficient_m3g, "Q0 [g/m3]": settings.humidity.reference_gm3}
-            if settings.humidity
-            else None,
-            "",
-        ),
-        (
-            "incoming neutrons",
-            "C0 / C",
-            "f_intensity",
-            {"C0": monitor.reference} if monitor else None,
-            f"C from {monitor.file.name if monitor.file else 'a constant'}" if monitor else "",
-        ),
-    ]
-    return [
-        CorrectionRow(
-            name,
-            formula,
-            parameters or {},
-            *_range([getattr(record, factor) for record in survey.records]),
-            remark=remark if parameters else "not applied",
-        )
-        for name, formula, factor, parameters, remark in rows
-    ]
-
-
-def _range(factors: Sequence[float]) -> tuple[float, float, float]:
-    return float(np.mean(factors)), min(factors), max(factors)
 
 
 def _loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
@@ -246,35 +183,3 @@ def _loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
         )
         for kind, lost in order
     ]
-
-
-def _warnings(survey: Survey, soil_map: SoilMap, site: Site) -> list[str]:
-    warnings = []
-    if site.calibration is not None and site.calibration.note and "illustrative" in site.calibration.note:
-        warnings.append("The calibration is illustrative: patterns are real, absolute soil moisture is not.")
-    if soil_map.undefined_vwc_cells:
-        warnings.append(
-            f"{soil_map.undefined_vwc_cells} cells have a count rate too low for any soil moisture: check N0."
-        )
-    if soil_map.fit is not None and soil_map.fit.prior_mattered:
-        warnings.append(
-            "The samples say little about how moisture varies in space: the variogram rests mostly on "
-            "assumptions. More samples, some of them close together, would help."
-        )
-    if soil_map.fit is not None and not soil_map.fit.converged:
-        warnings.append(f"The variogram fit did not converge: {soil_map.fit.message}.")
-    return warnings
-
-
-def _calibration(site: Site) -> CalibrationInfo | None:
-    if site.calibration is None or site.soil is None:
-        return None
-    source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
-    return CalibrationInfo(
-        n0_cps=site.calibration.n0_cps,
-        bulk_density_gcm3=site.soil.bulk_density_gcm3,
-        n0_sd_cps=site.calibration.n0_sd_cps,
-        lattice_water=site.soil.lattice_water,
-        organic_water=site.soil.organic_water,
-        source=source,
-    )

@@ -16,6 +16,7 @@ from pydantic import model_validator
 from soilmoist_ros.configuration import Section, load_model
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.mapping.field_grid import FieldGrid, default_cell_m
 
 Vertex = tuple[float, float]
 Ring = Annotated[list[Vertex], Setting(min_length=3)]
@@ -80,6 +81,17 @@ class Field:
     polygon: NDArray[np.float64]
     no_go: tuple[NDArray[np.float64], ...] = ()
     cell_m: float | None = None
+
+    def grid(self, cell_m: float | None = None, footprint_radius_m: float = 10.0) -> FieldGrid:
+        """Grid of the field.
+
+        :param cell_m: cell size [m]; by default the field's own, else one chosen from its extent
+        :param footprint_radius_m: radius of the sensor's footprint, for that choice [m]
+        :raises ValueError: if the field cannot be gridded with this cell size
+        """
+        width, height = np.ptp(self.polygon, axis=0).tolist()
+        chosen = cell_m or self.cell_m or default_cell_m((width, height), footprint_radius_m)
+        return FieldGrid.from_polygon(self.polygon, chosen, self.no_go)
 
 
 def load_field(path: Path) -> Field:

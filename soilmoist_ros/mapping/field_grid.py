@@ -107,6 +107,11 @@ class FieldGrid:
         return np.column_stack([self.x_m[column], self.y_m[row]])
 
     @property
+    def extent_m(self) -> float:
+        """Longer side of the raster [m]."""
+        return float(max(np.ptp(self.x_m), np.ptp(self.y_m))) + self.cell_m
+
+    @property
     def area_m2(self) -> float:
         """Area of the cells inside [m^2]."""
         return float(np.count_nonzero(self.mask)) * self.cell_m**2

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class LiveMap:
-    """Samples so far, and the map of the last :meth:`update`.
+    """Samples so far, and the map of the last :meth:`update` or :meth:`take`.
 
     :param grid: the field
     :param model: variogram model
@@ -27,12 +27,12 @@ class LiveMap:
     Attributes
     ----------
     fit : VariogramFit | None
-        the variogram of the last update
+        the variogram of the last map
     kriging : PoissonKriging | None
-        the kriging of the last update
+        the kriging of the last map
     rate, variance : NDArray
         rate [counts/s] and kriging variance [(counts/s)^2] of ``grid.cells``, shape (g,); NaN before the first
-        update
+        map
     """
 
     def __init__(
@@ -79,18 +79,34 @@ class LiveMap:
 
         :raises ValueError: if the map is not :attr:`ready`
         """
-        samples, grid = self.samples, self.grid
-        extent_m = float(max(np.ptp(grid.x_m), np.ptp(grid.y_m))) + grid.cell_m
-        self.fit = estimate_variogram(
-            samples.xy, samples.counts, samples.exposure_s, self.model, self.method, extent_m=extent_m
+        samples = self.samples
+        fit = estimate_variogram(
+            samples.xy,
+            samples.counts,
+            samples.exposure_s,
+            self.model,
+            self.method,
+            extent_m=self.grid.extent_m,
         )
-        self.kriging = PoissonKriging(self.fit.variogram, self.keep_nugget)
-        self.kriging.fit(samples.xy, samples.counts, samples.exposure_s)
-        rate, variance = self.kriging.predict_grid(grid.x_m, grid.y_m, grid.mask)
+        self.take(samples, fit)
+
+    def take(self, samples: Samples, fit: VariogramFit) -> None:
+        """Krige the map of samples merged elsewhere, with a variogram fitted elsewhere.
+
+        :param samples: all samples, in place of those so far; at least one
+        :param fit: their variogram; also its model is used as it is
+        :raises ValueError: if there is no sample; the map stays as it was
+        :raises IllConditionedError: if the matrix cannot be factored; the map stays as it was
+        """
+        grid = self.grid
+        kriging = PoissonKriging(fit.variogram, self.keep_nugget)
+        kriging.fit(samples.xy, samples.counts, samples.exposure_s)
+        rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask)
+        self.samples, self.fit, self.kriging = samples, fit, kriging
         self.rate, self.variance = rate[grid.mask], variance[grid.mask]
 
     def soil_map(self, curve: CalibrationCurve | None = None) -> SoilMap | None:
-        """The map of the last update with all its bands, ``None`` before the first."""
+        """The last map with all its bands, ``None`` before the first."""
         if self.fit is None:
             return None
         return make_soil_map(self.samples, self.grid, self.fit, curve, self.keep_nugget)

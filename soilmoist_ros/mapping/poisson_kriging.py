@@ -200,6 +200,25 @@ class PoissonKriging:
         share = self._records.exposure_s / self._places.exposure_s[self._record_place]
         return of_places[self._record_place] * share[:, None], lagrange
 
+    def covariance(self, xy: ArrayLike) -> Array:
+        """Covariance of the kriging errors of the *smooth* rate between places, for planning.
+
+        :param xy: places, shape (m, 2) [m]
+        :returns: symmetric matrix, shape (m, m) [(counts/s)^2]; its diagonal is the variance that
+            :meth:`predict` gives without nugget
+        :raises RuntimeError: before :meth:`fit`
+        """
+        from scipy.linalg import solve_triangular
+
+        places = check_xy(xy)
+        structured = self.variogram.structured_sill
+        factor, ones, _, _ = self._solution
+        known = Points(self.variogram, self._fitted().xy, places).correlation(slice(0, len(places))) * structured
+        solved = solve_triangular(factor, known.T, lower=True, check_finite=False)
+        mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
+        between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
+        return np.asarray(between - solved.T @ solved + np.outer(mean, mean))
+
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
         _, ones, residual, mean = self._solution
         both = np.column_stack([residual, ones])

@@ -21,6 +21,7 @@ ONE_BLOCK_PLACES = 1000
 BLOCK_PLACES = 500
 """Beyond that, the largest number of places in a block."""
 
+_FEWEST_POOLS = 8
 _LARGEST_STEP = 5.0
 """Parameters are sought within so many prior standard deviations."""
 
@@ -32,7 +33,8 @@ class Prior:
     They are weak (a factor of three to five either way is one standard deviation) and fixed, so what they
     say fades as the likelihood grows with the number of samples:
 
-    * **structured variance**: median the noise-corrected sample variance ``S^2 - mean(m*/t)``, averaged
+    * **structured variance**: median the noise-corrected sample variance ``S^2 - mean(m*/t)`` (of pooled
+      neighbours where counts are short), averaged
       with a guess that is worth five samples: a coefficient of variation of the rate of 15 % (half of a
       field dry and half wet gives 5 to 35 %). Standard deviation of the logarithm 1. The sample variance
       alone is useless from three samples, and a guess on the low side claims a map that is not there
@@ -63,12 +65,29 @@ class Prior:
         """
         m = noise_rate(places)
         n = len(places)
-        sample_variance = float(places.rate_cps.var(ddof=1)) if n > 1 else 0.0
-        corrected = max(sample_variance - float(np.mean(m / places.exposure_s)), 0.0)
+        corrected = _variance_without_noise(places, m)
         guess = cls.GUESS_WORTH * (cls.GUESSED_VARIATION * m) ** 2
         structured = (guess + (n - 1) * corrected) / (cls.GUESS_WORTH + n - 1)
         medians = [structured, extent_m / 3 / MODELS[model].practical, 0.05 * structured]
         return cls(np.log(medians), np.array([1.0, 1.0, 1.5]))
+
+
+def _variance_without_noise(places: Samples, mean_rate: float) -> float:
+    """Sample variance of the rates less that of the counting [(counts/s)^2], >= 0.
+
+    Of many short counts the difference of the two is mostly chance, so neighbours are pooled until what is left is
+    more than the noise, or few pools are left.
+    """
+    size = 1
+    while True:
+        pools = spatial_blocks(places.xy, 0, size) if size > 1 else [np.array([i]) for i in range(len(places))]
+        exposure_s = np.array([places.exposure_s[pool].sum() for pool in pools])
+        rate = np.array([places.counts[pool].sum() for pool in pools]) / exposure_s
+        noise = float(np.mean(mean_rate / exposure_s))
+        corrected = max(float(rate.var(ddof=1)) - noise, 0.0) if len(pools) > 1 else 0.0
+        if corrected > noise or len(pools) < 2 * _FEWEST_POOLS:
+            return corrected
+        size *= 2
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -72,6 +73,12 @@ class SoilMap:
     def bands(self) -> Bands:
         """The four rasters together."""
         return Bands(self.rate, self.rate_sd, self.vwc, self.vwc_sd)
+
+    @property
+    def unknown_rate_sd(self) -> float:
+        """Standard deviation that the model gives the rate far from all samples, about its mean [counts/s]."""
+        sill = self.variogram.sill if self.kriging.keep_nugget else self.variogram.structured_sill
+        return math.sqrt(sill)
 
     def evaluate(self, xy: ArrayLike) -> Bands:
         """The four bands at any points, inside the field or not.

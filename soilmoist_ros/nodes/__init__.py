@@ -1,1 +1,7 @@
 """The rclpy nodes. They declare parameters, wire, convert and publish; what they do is done by the core."""
+
+import os
+
+# A node works on matrices of a few hundred rows: more threads than one make that slower beside other nodes, and
+# change the last digits, so that a map could not be computed again bit for bit. Read when numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,0 +1,101 @@
+"""``mission``: the mission's status as a diagnostic_msgs/DiagnosticStatus, for operators and displays."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from msg_adapters.diagnostics import health_from_status, health_to_status
+from soilmoist_ros.exploration.mission_types import MissionStatus, Phase
+from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.health import Health, Level
+
+
+def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:
+    """Message of a status.
+
+    The level says whether somebody is needed: an error if the mission waits for the operator without having been
+    asked to, a warning if it is paused, has failed lately or hears nothing of the sensor.
+
+    :param status: the status
+    :param more: further values to show
+    """
+    target, end_s = status.target, status.estimated_end_s
+    values = {
+        "state": str(status.phase),
+        "reason": status.reason,
+        "target": target.name if target else "",
+        "target_x_m": _text(target.x_m if target else math.nan),
+        "target_y_m": _text(target.y_m if target else math.nan),
+        "planned_dwell_s": _text(status.planned_dwell_s),
+        "elapsed_dwell_s": _text(status.dwell_s),
+        "progress": _text(status.progress),
+        "time_used_s": _text(status.time_used_s),
+        "time_left_s": _text(status.time_left_s),
+        "distance_m": _text(status.distance_m),
+        "samples": str(int(status.samples)),
+        "counting_s": _text(status.counting_s),
+        "raw_counts": str(int(status.raw_counts)),
+        "failures": str(int(status.failures)),
+        "ruled_out": json.dumps(list(status.blacklisted)),
+        "estimated_end": _calendar(end_s),
+        "estimated_end_s": _text(math.nan if end_s is None else end_s),
+        "stamp_s": _text(status.now_s),
+        **(more or {}),
+    }
+    return health_to_status(Health("mission", _level(status), f"{status.phase}: {status.reason}", values))
+
+
+def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
+    """Status of a message; further values are ignored.
+
+    :raises ValueError: if a value is missing or impossible
+    """
+    values = health_from_status(message).values
+    try:
+        end_s = float(values["estimated_end_s"])
+        place = float(values["target_x_m"]), float(values["target_y_m"])
+        return MissionStatus(
+            now_s=float(values["stamp_s"]),
+            phase=Phase(values["state"]),
+            reason=values["reason"],
+            target=None if math.isnan(place[0]) else Stop(values["target"], *place),
+            planned_dwell_s=float(values["planned_dwell_s"]),
+            dwell_s=float(values["elapsed_dwell_s"]),
+            progress=float(values["progress"]),
+            time_used_s=float(values["time_used_s"]),
+            time_left_s=float(values["time_left_s"]),
+            distance_m=float(values["distance_m"]),
+            samples=int(values["samples"]),
+            counting_s=float(values["counting_s"]),
+            raw_counts=int(values["raw_counts"]),
+            failures=int(values["failures"]),
+            blacklisted=tuple(json.loads(values["ruled_out"])),
+            estimated_end_s=None if math.isnan(end_s) else end_s,
+        )
+    except KeyError as error:
+        raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None
+
+
+def _level(status: MissionStatus) -> Level:
+    if status.phase is Phase.PAUSED and "by the operator" not in status.reason:
+        return Level.ERROR
+    unheard = status.reason.startswith("no record")
+    return Level.WARN if status.phase is Phase.PAUSED or status.failures or unheard else Level.OK
+
+
+def _text(value: float) -> str:
+    return repr(float(value))
+
+
+def _calendar(time_s: float | None) -> str:
+    if time_s is None or not math.isfinite(time_s):
+        return ""
+    try:
+        return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="seconds")
+    except (OverflowError, ValueError, OSError):
+        return ""

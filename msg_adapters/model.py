@@ -1,0 +1,118 @@
+"""``model``: the variogram of the map as JSON in a std_msgs/String, so that nobody has to fit it again."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from std_msgs.msg import String
+
+from soilmoist_ros.mapping.variogram import Variogram
+from soilmoist_ros.mapping.variogram_fit import VariogramFit
+
+_ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a message says.
+
+    :param fit: the variogram and how it was fitted, ``None`` while there is none
+    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]; the ``samples`` of the same
+        map carry the same time
+    """
+
+    fit: VariogramFit | None
+    stamp_s: float
+
+
+def model_to_message(model: Model) -> String:
+    """Message of a model; what is not a number is ``null``."""
+    return String(data=json.dumps(_plain(model), allow_nan=False))
+
+
+def model_from_message(message: String) -> Model:
+    """Model of a message; keys that are not known are ignored.
+
+    :raises ValueError: if it is not JSON, or a key is missing or impossible; names it
+    """
+    try:
+        content = json.loads(message.data)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"the model is not JSON: {error}") from None
+    if not isinstance(content, Mapping):
+        raise ValueError("the model is not a JSON object")
+    try:
+        return _model(content)
+    except KeyError as error:
+        raise ValueError(f"the model has no key {error.args[0]!r}") from None
+    except (TypeError, OverflowError) as error:
+        raise ValueError(f"the model has a value of another kind: {error}") from None
+
+
+def _plain(model: Model) -> dict[str, Any]:
+    fit = model.fit
+    if fit is None:
+        return {"model": None, "n_samples": 0, "stamp_s": model.stamp_s}
+    return {
+        "model": fit.variogram.model,
+        "nugget": fit.variogram.nugget,
+        "range_m": fit.variogram.range_m,
+        "sill": fit.variogram.sill,
+        "mean_rate": _number(fit.mean_rate),
+        "method": fit.method,
+        "converged": bool(fit.converged),
+        "message": fit.message,
+        "n_samples": int(fit.n_samples),
+        "stamp_s": model.stamp_s,
+        "objective": _number(fit.objective),
+        "log_sd": None if fit.log_sd is None else [_number(value) for value in fit.log_sd],
+        "prior_share": [_number(value) for value in fit.prior_share],
+        **{name: [_number(value) for value in getattr(fit, name)] for name in _ARRAYS},
+    }
+
+
+def _model(content: Mapping[str, Any]) -> Model:
+    stamp_s = float(content["stamp_s"])
+    if not math.isfinite(stamp_s):
+        raise ValueError(f"stamp_s must be finite, got {stamp_s}")
+    if content["model"] is None:
+        return Model(None, stamp_s)
+    if content["method"] not in ("reml", "soft_l1"):
+        raise ValueError(f"unknown method {content['method']!r}; known are reml, soft_l1")
+    variogram = Variogram(content["model"], content["nugget"], content["range_m"], content["sill"])
+    fit = VariogramFit(
+        variogram,
+        content["method"],
+        _value(content["mean_rate"]),
+        int(content["n_samples"]),
+        _value(content["objective"]),
+        None if content["log_sd"] is None else _three(content["log_sd"]),
+        _three(content["prior_share"]),
+        bool(content["converged"]),
+        str(content["message"]),
+        **{name: _array(content[name]) for name in _ARRAYS},
+    )
+    return Model(fit, stamp_s)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _value(item: Any) -> float:
+    return math.nan if item is None else float(item)
+
+
+def _array(items: Any) -> NDArray[np.float64]:
+    return np.array([_value(item) for item in items], dtype=float)
+
+
+def _three(items: Any) -> tuple[float, float, float]:
+    first, second, third = (_value(item) for item in items)
+    return first, second, third

@@ -1,0 +1,80 @@
+"""``plan`` as a nav_msgs/Path and ``plan_markers`` as a MarkerArray: the stops ahead, the next one first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3
+from nav_msgs.msg import Path
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from msg_adapters.point_cloud import FRAME
+from msg_adapters.stamps import to_time
+from soilmoist_ros.exploration.strategy import Stop
+
+_NEXT: Final = ColorRGBA(r=1.0, g=0.5, b=0.0, a=1.0)
+_LATER: Final = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.8)
+_STOP_M: Final = 1.0
+_TEXT_M: Final = 1.2
+_LINE_M: Final = 0.15
+
+
+def plan_to_path(stops: Sequence[Stop], stamp_s: float, frame_id: str = FRAME) -> Path:
+    """Path through the stops.
+
+    :param stops: the stops ahead, the next one first; none clears the display
+    :param stamp_s: time of the plan [s since 1970-01-01 UTC]
+    :param frame_id: frame of the places
+    """
+    header = Header(stamp=to_time(stamp_s), frame_id=frame_id)
+    return Path(header=header, poses=[pose_stamped(stop.x_m, stop.y_m, stamp_s, frame_id) for stop in stops])
+
+
+def path_to_places(path: Path) -> list[tuple[float, float]]:
+    """Places of a path [m]; it does not hold names."""
+    return [(float(pose.pose.position.x), float(pose.pose.position.y)) for pose in path.poses]
+
+
+def pose_stamped(x_m: float, y_m: float, stamp_s: float, frame_id: str = FRAME) -> PoseStamped:
+    """A pose at a place [m] that heads east: the sensor has no heading."""
+    pose = Pose(position=_point(x_m, y_m), orientation=Quaternion(w=1.0))
+    return PoseStamped(header=Header(stamp=to_time(stamp_s), frame_id=frame_id), pose=pose)
+
+
+def plan_to_markers(stops: Sequence[Stop], dwell_s: float, stamp_s: float, frame_id: str = FRAME) -> MarkerArray:
+    """Stops, their order, names and dwell for viewers; replaces what was shown before.
+
+    :param stops: the stops ahead, the next one first
+    :param dwell_s: time that a stop is expected to take [s]
+    :param stamp_s: time of the plan [s since 1970-01-01 UTC]
+    :param frame_id: frame of the places
+    """
+    header = Header(stamp=to_time(stamp_s), frame_id=frame_id)
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    if len(stops) > 1:
+        line = _marker(header, "way", 0, Marker.LINE_STRIP, _LATER, _LINE_M)
+        line.points = [_point(stop.x_m, stop.y_m) for stop in stops]
+        markers.append(line)
+    for number, stop in enumerate(stops):
+        colour = _LATER if number else _NEXT
+        place = _marker(header, "stops", number, Marker.CYLINDER, colour, _STOP_M)
+        place.pose.position = _point(stop.x_m, stop.y_m)
+        place.scale.z = _LINE_M
+        label = _marker(header, "labels", number, Marker.TEXT_VIEW_FACING, colour, _TEXT_M)
+        label.pose.position = _point(stop.x_m, stop.y_m, _TEXT_M)
+        label.text = f"{number + 1}: {stop.name}, {dwell_s:.0f} s"
+        markers += [place, label]
+    return MarkerArray(markers=markers)
+
+
+def _marker(header: Header, group: str, number: int, kind: int, colour: ColorRGBA, size_m: float) -> Marker:
+    marker = Marker(header=header, ns=group, id=number, type=kind, action=Marker.ADD, color=colour)
+    marker.pose.orientation.w = 1.0
+    marker.scale = Vector3(x=size_m, y=size_m, z=size_m)
+    return marker
+
+
+def _point(x_m: float, y_m: float, z_m: float = 0.0) -> Point:
+    return Point(x=float(x_m), y=float(y_m), z=float(z_m))

@@ -1,0 +1,71 @@
+"""Points with named fields <-> sensor_msgs/PointCloud2; a structured numpy array is the core's side."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from msg_adapters.stamps import to_time
+from soilmoist_ros.recording.point_cloud import points
+
+FRAME: Final = "map"
+"""East-north-up metres about the field's datum."""
+
+_DATATYPES: Final = {"<f4": PointField.FLOAT32, "<f8": PointField.FLOAT64, "<u4": PointField.UINT32}
+
+
+def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
+    """Message of points.
+
+    :param table: structured array with little-endian fields, among them x, y and z; of shape (n,), or
+        (rows, columns) for an organised cloud
+    :param stamp_s: time of the points [s since 1970-01-01 UTC]
+    """
+    height, width = table.shape if table.ndim == 2 else (1, len(table))
+    fields = table.dtype.fields
+    assert fields is not None  # the array is structured
+    return PointCloud2(
+        header=Header(stamp=to_time(stamp_s), frame_id=frame_id),
+        height=int(height),
+        width=int(width),
+        fields=[
+            PointField(name=name, offset=int(fields[name][1]), datatype=_DATATYPES[fields[name][0].str], count=1)
+            for name in fields
+        ],
+        is_bigendian=False,
+        point_step=table.dtype.itemsize,
+        row_step=table.dtype.itemsize * int(width),
+        data=table.tobytes(),
+        is_dense=all(bool(np.isfinite(table[axis]).all()) for axis in ("x", "y", "z")),
+    )
+
+
+def points_from_message(message: PointCloud2, wanted: np.dtype[Any]) -> NDArray[Any]:
+    """Points of a message, of shape (height, width); fields are found by name, others are left out.
+
+    :param wanted: fields that the message must have
+    :raises ValueError: as :func:`check_fields`, or if the data are shorter than announced
+    """
+    check_fields(message, wanted)
+    found = points(message)
+    chosen = np.empty(found.shape, wanted)
+    for name in wanted.names or ():
+        chosen[name] = found[name]
+    return chosen
+
+
+def check_fields(message: PointCloud2, wanted: np.dtype[Any]) -> None:
+    """Refuse a message of another kind.
+
+    :raises ValueError: if a field is missing or of another type
+    """
+    found = {field.name: field for field in message.fields}
+    for name in wanted.names or ():
+        if name not in found:
+            raise ValueError(f"the message has no field {name!r}, only: {', '.join(found) or 'none'}")
+        if found[name].datatype != _DATATYPES[wanted[name].str]:
+            raise ValueError(f"field {name!r} is of datatype {found[name].datatype}, not {wanted[name].str}")

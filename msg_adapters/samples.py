@@ -1,0 +1,39 @@
+"""``samples``: the merged samples as a sensor_msgs/PointCloud2, one point per sample, in the plane z = 0."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message
+from soilmoist_ros.mapping.samples import Samples
+
+# Viewers take x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
+_POINT: Final = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
+)
+
+
+def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
+    """Message of samples.
+
+    :param samples: any number, also none; their places are rounded to 32 bits
+    :param stamp_s: end of the last record in them [s since 1970-01-01 UTC]
+    """
+    points = np.zeros(len(samples), _POINT)
+    points["x"], points["y"] = samples.xy.T
+    points["raw_counts"] = samples.counts
+    points["effective_exposure_s"] = samples.exposure_s
+    return points_to_message(points, stamp_s, frame_id)
+
+
+def samples_from_message(message: PointCloud2) -> Samples:
+    """Samples of a message, maybe none.
+
+    :raises ValueError: if the message is not of samples, or a value is impossible
+    """
+    points = points_from_message(message, _POINT).ravel()
+    xy = np.column_stack([points["x"], points["y"]])
+    return Samples(xy, points["raw_counts"], points["effective_exposure_s"])

@@ -1,0 +1,109 @@
+"""``soil_map``: the map as an organised PointCloud2; ``uncertainty``: its uncertainty as an OccupancyGrid.
+
+Both have the rows and columns of the field's grid: rows from south to north, columns from west to east.
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any, Final
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message
+from msg_adapters.stamps import to_time
+from soilmoist_ros.mapping.field_grid import FieldGrid
+from soilmoist_ros.mapping.soil_map import SoilMap
+
+BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd")
+CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *BANDS)])
+"""A cell: its centre in the plane z = 0 [m], and the :class:`~soilmoist_ros.mapping.soil_map.Bands`."""
+OUTSIDE: Final = -1
+"""Uncertainty of a cell outside the field."""
+
+
+def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
+    """Cells as they stand in the message.
+
+    :param soil_map: the map on this grid; without one all bands are NaN
+    :returns: array of :data:`CELL`, shape (rows, columns); all of a cell outside the field is NaN
+    """
+    cells = np.full(grid.shape, np.nan, CELL)
+    row, column = np.nonzero(grid.mask)
+    cells["x"][row, column] = grid.x_m[column]
+    cells["y"][row, column] = grid.y_m[row]
+    cells["z"][row, column] = 0.0
+    if soil_map is not None:
+        for name in BANDS:
+            cells[name] = getattr(soil_map, name)
+    return cells
+
+
+def soil_map_to_message(
+    grid: FieldGrid, soil_map: SoilMap | None, stamp_s: float, frame_id: str = FRAME
+) -> PointCloud2:
+    """Message of a map, rounded to 32 bits, as viewers want it.
+
+    :param grid: the field
+    :param soil_map: its map, ``None`` while nothing is known
+    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]
+    """
+    return points_to_message(map_cells(grid, soil_map), stamp_s, frame_id)
+
+
+def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
+    """Cells of a message: array of :data:`CELL`, shape (rows, columns), NaN outside the field.
+
+    :raises ValueError: if the message is not of a map
+    """
+    return points_from_message(message, CELL)
+
+
+def uncertainty_to_message(
+    grid: FieldGrid, soil_map: SoilMap | None, stamp_s: float, frame_id: str = FRAME
+) -> OccupancyGrid:
+    """Message of the standard deviation of the rate, as a share of what it is where nothing is known.
+
+    0 is known exactly, 100 as little as without any sample (or less), -1 lies outside the field.
+
+    :param grid: the field
+    :param soil_map: its map; without one the whole field is 100
+    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]
+    """
+    share = np.ones(grid.shape)
+    if soil_map is not None:
+        unknown = soil_map.unknown_rate_sd
+        share = soil_map.rate_sd / unknown if unknown > 0 else np.zeros(grid.shape)
+    values = np.full(grid.shape, OUTSIDE, np.int8)
+    values[grid.mask] = np.rint(100 * np.minimum(share[grid.mask], 1.0))
+    rows, columns = grid.shape
+    stamp = to_time(stamp_s)
+    corner = Point(x=float(grid.x_m[0] - grid.cell_m / 2), y=float(grid.y_m[0] - grid.cell_m / 2), z=0.0)
+    return OccupancyGrid(
+        header=Header(stamp=stamp, frame_id=frame_id),
+        info=MapMetaData(
+            map_load_time=stamp,
+            resolution=float(grid.cell_m),
+            width=columns,
+            height=rows,
+            origin=Pose(position=corner, orientation=Quaternion(w=1.0)),
+        ),
+        data=array("b", values.tobytes()),
+    )
+
+
+def uncertainty_from_message(message: OccupancyGrid) -> NDArray[np.int8]:
+    """Values of a message, shape (rows, columns): 0 to 100, and :data:`OUTSIDE` the field.
+
+    :raises ValueError: if there are not as many values as cells
+    """
+    info = message.info
+    values = np.array(message.data, np.int8)
+    if len(values) != info.height * info.width:
+        raise ValueError(f"the grid has {info.height * info.width} cells, but {len(values)} values")
+    return values.reshape(info.height, info.width)

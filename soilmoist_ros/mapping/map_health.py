@@ -1,0 +1,51 @@
+"""How an on-line map is doing, in words and numbers."""
+
+from __future__ import annotations
+
+from soilmoist_ros.health import Health, Level
+from soilmoist_ros.mapping.map_worker import MapWorker
+from soilmoist_ros.mapping.online_map import OnlineMap
+
+
+def map_health(online: OnlineMap, worker: MapWorker, now_s: float) -> Health:
+    """How a map is doing.
+
+    :param online: what the map is made from
+    :param worker: what makes it
+    :param now_s: time [s since 1970-01-01 UTC]
+    """
+    state, mapped, soil_map = online.state, worker.mapped, worker.soil_map
+    values = {
+        "samples": str(len(state.samples)),
+        "records": str(state.records),
+        "records skipped": str(sum(entry.count for entry in online.skipped.values())),
+        **{f"skipped: {reason.value}": str(entry.count) for reason, entry in online.skipped.items()},
+        "records not yet in the map": str(max(state.records - mapped.records, 0)),
+        "age of the map [s]": f"{now_s - mapped.stamp_s:.1f}" if mapped.records else "no map yet",
+    }
+    if soil_map is not None and soil_map.fit is not None:
+        fit, variogram = soil_map.fit, soil_map.variogram
+        values |= {
+            "model": variogram.model,
+            "fitted by": fit.method + ("" if fit.converged else f" (did not converge: {fit.message})"),
+            "nugget [(counts/s)^2]": f"{variogram.nugget:.3g}",
+            "range [m]": f"{variogram.range_m:.3g}",
+            "sill [(counts/s)^2]": f"{variogram.sill:.3g}",
+            "mean rate [counts/s]": f"{fit.mean_rate:.4g}",
+        }
+    level, message = _verdict(online, worker)
+    return Health("map", level, message, values)
+
+
+def _verdict(online: OnlineMap, worker: MapWorker) -> tuple[Level, str]:
+    trouble = online.trouble
+    if worker.failure:
+        return Level.ERROR, worker.failure
+    if trouble is not None:
+        example = online.skipped[trouble].example
+        return Level.WARN, f"most of the last records are left out ({example}); {trouble.remedy}"
+    if not online.state.records:
+        return Level.OK, "waiting for the first record"
+    if worker.soil_map is None:
+        return Level.OK, "waiting for samples enough for a map"
+    return Level.OK, f"map of {len(worker.mapped.samples)} samples"

@@ -1,0 +1,150 @@
+"""``mapper``: counted records -> samples, variogram, and the map with its uncertainty."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any, get_args
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from msg_adapters.counts import counts_from_message
+from msg_adapters.diagnostics import diagnostics_to_message
+from msg_adapters.model import Model, model_to_message
+from msg_adapters.samples import samples_to_message
+from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
+from soilmoist_ros.mapping.map_health import map_health
+from soilmoist_ros.mapping.map_worker import MapWorker
+from soilmoist_ros.mapping.online_map import MapState, Skip
+from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping.variogram import ModelName
+from soilmoist_ros.mapping.variogram_fit import FitMethod
+from soilmoist_ros.nodes import qos
+from soilmoist_ros.nodes.parameters import Parameter, Parameters
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.online_survey import open_survey, read_earlier
+
+PARAMETERS = (
+    Parameter(name="field", default="", description="field file, or the name of a shipped one"),
+    Parameter(
+        name="site", default="", description="site file, or the name of a shipped one; empty for a rate map only"
+    ),
+    Parameter(
+        name="cell_m", default=0.0, description="cell size of the map; 0 for the field's own", unit="m", low=0
+    ),
+    Parameter(name="model", default="matern32", description="variogram model", choices=get_args(ModelName)),
+    Parameter(name="fit", default="reml", description="how the variogram is fitted", choices=get_args(FitMethod)),
+    Parameter(
+        name="keep_nugget", default=True, description="map the rate with its micro-scale variation (the nugget)"
+    ),
+    Parameter(
+        name="merge_radius_m",
+        default=2.5,
+        description="records closer together than this become one sample",
+        unit="m",
+        low=0,
+        high=1000,
+    ),
+    Parameter(name="frame", default="map", description="frame of all that is published"),
+    Parameter(
+        name="start_from", default="", description="folder of an earlier save, or bag, whose records come first"
+    ),
+    Parameter(name="save_dir", default="soilmoist_map", description="folder that the service save writes"),
+    Parameter(
+        name="simulated", default=False, description="the counts come from a simulation; every output says so"
+    ),
+)
+
+
+class Mapper(Node):
+    """Takes records at once, and publishes maps as fast as they can be computed."""
+
+    def __init__(self) -> None:
+        super().__init__("mapper")
+        parameters = Parameters(self, PARAMETERS)
+        self._frame = parameters.text("frame")
+        self._save_dir = Path(parameters.text("save_dir")).expanduser().absolute()
+        options: dict[str, Any] = parameters.as_dict()
+        for name in ("frame", "save_dir", "start_from"):
+            del options[name]
+        self._survey = open_survey(**options)
+        self._online = self._survey.online
+        self._guard = threading.Lock()  # records come in one thread, and are saved in another
+        self._samples = self.create_publisher(PointCloud2, "samples", qos.LATCHED)
+        self._model = self.create_publisher(String, "model", qos.LATCHED)
+        self._soil_map = self.create_publisher(PointCloud2, "soil_map", qos.LATCHED)
+        self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self._worker = MapWorker(self._online.compute, self._publish)
+        if earlier := parameters.text("start_from"):
+            for record in read_earlier(Path(earlier).expanduser()):
+                self._online.take(record)
+            self._worker.submit(self._online.state)
+        self.create_subscription(PointCloud2, "counts", self._on_counts, qos.RECORDS)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        alone = MutuallyExclusiveCallbackGroup()  # saving takes seconds; records come in meanwhile
+        self.create_service(Trigger, "~/save", self._on_save, callback_group=alone)
+        self.create_timer(1.0, self._report)
+
+    def _on_counts(self, message: PointCloud2) -> None:
+        with self._guard:
+            try:
+                for record in counts_from_message(message):
+                    self._online.take(record)
+            except ValueError as error:
+                self._online.skip(Skip.UNREADABLE, str(error))
+            state = self._online.state
+        self._worker.submit(state)
+
+    def _publish(self, state: MapState, soil_map: SoilMap | None) -> None:
+        grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
+        fit = None if soil_map is None else soil_map.fit
+        self._samples.publish(samples_to_message(state.samples, stamp_s, frame))
+        self._model.publish(model_to_message(Model(fit, stamp_s)))
+        self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
+        self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._guard:
+            records = self._online.state.records
+            self._online.reset()
+            self._worker.submit(self._online.state)
+        response.success, response.message = True, f"{records} records forgotten"
+        return response
+
+    def _on_save(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._guard:
+            snapshot = self._online.snapshot()
+        try:
+            self._survey.save(self._save_dir, snapshot)
+        except Exception as error:  # whoever asks gets an answer, also when the disk is full
+            self.get_logger().error(f"saving failed: {error}")
+            response.success, response.message = False, f"nothing is saved: {error}"
+        else:
+            response.success, response.message = True, str(self._save_dir)
+        return response
+
+    def _report(self) -> None:
+        now_s = self.get_clock().now().nanoseconds * 1e-9
+        with self._guard:
+            health = map_health(self._online, self._worker, now_s)
+        self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
+
+    def close(self) -> None:
+        """Let the map under way be finished."""
+        self._worker.close()
+
+
+def main() -> None:
+    """Run the node."""
+    run(Mapper)
+
+
+if __name__ == "__main__":
+    main()

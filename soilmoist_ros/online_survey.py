@@ -1,0 +1,140 @@
+"""The on-line map around its core: from names of files to a map, from a map to the output folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from soilmoist_ros.configuration import resource
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.map_run import input_file, make_run
+from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.online_map import OnlineMap, OnlineSettings, Snapshot
+from soilmoist_ros.mapping.variogram import ModelName
+from soilmoist_ros.mapping.variogram_fit import FitMethod
+from soilmoist_ros.recording.record_table import read_records, write_records
+from soilmoist_ros.reporting.run import LossRow, MapRun
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.site import Site, load_site
+
+RECORDS = "records.csv"
+"""Name of the table of records in an output folder, from which a later map can start."""
+
+
+@dataclass(frozen=True)
+class OnlineSurvey:
+    """Field, site and choices of an on-line map.
+
+    :param field: the field
+    :param site: the sensor and its soil
+    :param online: takes the records
+    :param files: role and path of the files behind it
+    :param simulated: the counts come from a simulation; every output says so
+    """
+
+    field: Field
+    site: Site
+    online: OnlineMap
+    files: tuple[tuple[str, Path], ...] = ()
+    simulated: bool = False
+
+    def run(self, snapshot: Snapshot) -> MapRun:
+        """The map of a snapshot, and all that the outputs tell of it.
+
+        :raises InputError: if there are not samples enough for a map
+        :raises IllConditionedError: as :meth:`~soilmoist_ros.mapping.online_map.OnlineMap.compute`
+        """
+        soil_map = self.online.compute(snapshot.state)
+        if soil_map is None:
+            raise InputError("there are not samples enough for a map", "wait for more records")
+        settings = self.online.settings
+        return make_run(
+            soil_map,
+            snapshot.track,
+            self.site,
+            self.field.frame,
+            field_name=self.field.name,
+            settings={
+                "variogram_model": settings.model,
+                "variogram_fit": settings.fit,
+                "nugget": "kept" if settings.keep_nugget else "filtered",
+                "merge_radius_m": settings.merge_radius_m,
+                "cell_m": self.online.grid.cell_m,
+            },
+            inputs=[input_file(path, role) for role, path in self.files],
+            losses=[
+                LossRow(reason.value, entry.count, entry.example, "lost", reason.remedy)
+                for reason, entry in snapshot.skipped.items()
+            ],
+            simulated=self.simulated,
+        )
+
+    def save(self, folder: Path, snapshot: Snapshot) -> list[Path]:
+        """Write the output folder of a snapshot, with the table of its records.
+
+        :param folder: output folder; made if missing
+        :returns: the files
+        :raises InputError: as :meth:`run`, or if the folder cannot be written
+        :raises IllConditionedError: as :meth:`run`
+        """
+        from soilmoist_ros.reporting.outputs import write_outputs
+
+        written = write_outputs(folder, self.run(snapshot))
+        write_records(folder / RECORDS, snapshot.track)
+        return [*written, folder / RECORDS]
+
+
+def open_survey(
+    field: str,
+    site: str = "",
+    *,
+    cell_m: float = 0.0,
+    model: ModelName = "matern32",
+    fit: FitMethod = "reml",
+    keep_nugget: bool = True,
+    merge_radius_m: float = 2.5,
+    simulated: bool = False,
+) -> OnlineSurvey:
+    """An on-line map without records.
+
+    :param field: field file, or the name of a shipped one
+    :param site: site file, or the name of a shipped one; empty for none, then there is a rate map only
+    :param cell_m: cell size of the map [m]; 0 for the field's own, or one chosen from its extent
+    :param simulated: the counts come from a simulation
+
+    The others are those of :class:`~soilmoist_ros.mapping.online_map.OnlineSettings`.
+
+    :raises InputError: if a file cannot be used or the field cannot be gridded
+    """
+    field_path = resource("fields", field)
+    the_field = load_field(field_path)
+    files = [("field", field_path)]
+    the_site = Site()
+    if site:
+        site_path = resource("sites", site)
+        the_site = load_site(site_path)
+        files.append(("site", site_path))
+    try:
+        grid = the_field.grid(cell_m or None, the_site.footprint_radius_m)
+    except ValueError as error:
+        raise InputError(f"the map cannot be laid out: {error}", "change the cell size", field_path) from None
+    settings = OnlineSettings(model, fit, keep_nugget, merge_radius_m, the_site.footprint_radius_m, the_site.curve)
+    return OnlineSurvey(the_field, the_site, OnlineMap(grid, settings), tuple(files), simulated)
+
+
+def read_earlier(path: Path) -> list[CountRecord]:
+    """Records to start from.
+
+    :param path: a folder that :meth:`OnlineSurvey.save` has written, or a bag with ``counts``
+    :raises InputError: if it is neither
+    """
+    if (path / RECORDS).is_file():
+        return read_records(path / RECORDS)
+    if path.is_dir() and not any(path.glob("*.mcap")) and not (path / "metadata.yaml").is_file():
+        raise InputError(
+            f"holds neither {RECORDS} nor a bag", "give a folder that the mapper has saved, or a bag", path
+        )
+    from soilmoist_ros.recording.bag_reader import BagReader
+
+    with BagReader(path) as bag:
+        return bag.read_counts()

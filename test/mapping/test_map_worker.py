@@ -1,0 +1,145 @@
+import threading
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.health import Level
+from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.mapping.map_health import map_health
+from soilmoist_ros.mapping.map_worker import MapWorker
+from soilmoist_ros.mapping.online_map import MapState, OnlineMap, OnlineSettings
+from soilmoist_ros.sensing.records import NAN, CountRecord
+
+LIMIT_S = 20.0
+STATES = [MapState(records=number) for number in range(1, 6)]
+
+
+class Bench:
+    """A worker whose work starts and ends when the test says so."""
+
+    def __init__(self):
+        self.started = threading.Semaphore(0)
+        self.go_on = threading.Semaphore(0)
+        self.done = threading.Semaphore(0)
+        self.computed = []
+        self.failing = set()
+        self.worker = MapWorker(self.compute, lambda state, soil_map: self.done.release())
+
+    def compute(self, state):
+        self.started.release()
+        assert self.go_on.acquire(timeout=LIMIT_S)
+        self.computed.append(state.records)
+        if state.records in self.failing:
+            self.done.release()
+            raise ValueError("a contradiction")
+
+    def finish_one(self):
+        self.go_on.release()
+        assert self.done.acquire(timeout=LIMIT_S)
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.go_on.release(100)
+    bench.worker.close()
+
+
+def test_only_the_newest_of_the_waiting_states_is_mapped(bench):
+    bench.worker.submit(STATES[0])
+    assert bench.started.acquire(timeout=LIMIT_S)
+    for state in STATES[1:]:
+        bench.worker.submit(state)
+    bench.finish_one()
+    bench.finish_one()
+    assert bench.computed == [1, 5]
+
+
+def test_a_state_is_not_mapped_twice(bench):
+    bench.worker.submit(STATES[0])
+    assert bench.started.acquire(timeout=LIMIT_S)
+    bench.finish_one()
+    bench.worker.submit(STATES[0])
+    assert not bench.started.acquire(timeout=0.2)
+    bench.worker.submit(STATES[1])
+    bench.finish_one()
+    assert bench.computed == [1, 2]
+
+
+def test_a_failure_is_kept_and_the_next_map_is_made_all_the_same(bench, caplog):
+    bench.failing = {1}
+    bench.worker.submit(STATES[0])
+    bench.finish_one()
+    bench.worker.submit(STATES[1])
+    assert bench.started.acquire(timeout=LIMIT_S)
+    assert bench.started.acquire(timeout=LIMIT_S)  # the first is over now, with its failure
+    assert "a contradiction" in bench.worker.failure
+    assert "a contradiction" in caplog.text
+    bench.finish_one()
+    bench.worker.close()
+    assert bench.worker.failure == ""
+    assert bench.worker.mapped is STATES[1]
+
+
+def test_closing_lets_the_map_under_way_be_finished(bench):
+    bench.worker.submit(STATES[0])
+    assert bench.started.acquire(timeout=LIMIT_S)
+    bench.worker.submit(STATES[1])
+    bench.go_on.release(2)
+    bench.worker.close()
+    bench.worker.close()
+    bench.worker.submit(STATES[2])
+    assert bench.computed[0] == 1
+    assert 3 not in bench.computed
+
+
+def test_the_health_tells_what_the_map_rests_on():
+    grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 10.0)
+    online = OnlineMap(grid, OnlineSettings(fit="soft_l1"))
+    done = threading.Semaphore(0)
+    worker = MapWorker(online.compute, lambda state, soil_map: done.release())
+
+    def health():
+        return map_health(online, worker, now_s=100.0)
+
+    assert (health().level, health().message) == (Level.OK, "waiting for the first record")
+    for number, x_m in enumerate((10.0, 30.0)):
+        online.take(CountRecord(80.0 + number, x_m, 20.0, NAN, 40, 10.0, 9.0))
+    assert health().message == "waiting for samples enough for a map"
+    assert health().values["records not yet in the map"] == "2"
+    worker.submit(online.state)
+    assert done.acquire(timeout=LIMIT_S)
+    worker.close()
+    assert (health().level, health().message) == (Level.OK, "map of 2 samples")
+    assert health().values["age of the map [s]"] == "19.0"
+    assert health().values["model"] == "matern32"
+    assert health().values["records not yet in the map"] == "0"
+    assert float(health().values["range [m]"]) == pytest.approx(worker.soil_map.variogram.range_m, rel=0.01)
+    for _ in range(3):
+        online.take(CountRecord(90.0, NAN, NAN, NAN, 40, 10.0, 9.0))
+    assert health().level is Level.WARN
+    assert health().message.endswith("check the GNSS receiver and its view of the sky")
+    assert health().values["skipped: no position"] == "3"
+    worker.failure = "no map of 2 samples: the matrix"
+    assert (health().level, health().message) == (Level.ERROR, worker.failure)
+
+
+def test_maps_made_beside_a_fast_stream_end_where_maps_one_by_one_do():
+    grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 5.0)
+    rng = np.random.default_rng(4)
+    records = [
+        CountRecord(10.0 * i, *rng.uniform(0, 50, 2).tolist(), NAN, int(rng.poisson(40)), 10.0, 9.0)
+        for i in range(30)
+    ]
+    online, alone = (OnlineMap(grid, OnlineSettings()) for _ in range(2))
+    last = threading.Event()
+    worker = MapWorker(online.compute, lambda state, soil_map: state.records == len(records) and last.set())
+    for record in records:
+        online.take(record)
+        worker.submit(online.state)
+        alone.take(record)
+        alone.compute(alone.state)
+    assert last.wait(LIMIT_S)
+    worker.close()
+    assert worker.soil_map.rate.tobytes() == alone.compute(alone.state).rate.tobytes()

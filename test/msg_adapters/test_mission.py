@@ -1,0 +1,66 @@
+"""The mission's status as a diagnostic status."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("diagnostic_msgs")
+from diagnostic_msgs.msg import DiagnosticStatus
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+
+from msg_adapters.mission import mission_from_message, mission_to_message
+from soilmoist_ros.exploration.mission_types import MissionStatus, Phase
+from soilmoist_ros.exploration.strategy import Stop
+
+NUMBER = st.floats(0, 1e9)
+WORD = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)
+STATUS = st.builds(
+    MissionStatus, now_s=NUMBER, phase=st.sampled_from(Phase), reason=WORD,
+    target=st.none() | st.builds(Stop, WORD, NUMBER, NUMBER), planned_dwell_s=NUMBER, dwell_s=NUMBER,
+    progress=NUMBER, time_used_s=NUMBER, time_left_s=NUMBER, distance_m=NUMBER, samples=st.integers(0, 99),
+    counting_s=NUMBER, raw_counts=st.integers(0, 9999), failures=st.integers(0, 9),
+    blacklisted=st.lists(WORD, max_size=3).map(tuple), estimated_end_s=st.none() | NUMBER,
+)  # fmt: skip
+QUIET = MissionStatus(
+    now_s=math.nan, phase=Phase.IDLE, reason="waiting for start", target=None, planned_dwell_s=0.0, dwell_s=0.0,
+    progress=0.0, time_used_s=0.0, time_left_s=0.0, distance_m=0.0, samples=0, counting_s=0.0, raw_counts=0,
+    failures=0, blacklisted=(), estimated_end_s=None,
+)  # fmt: skip
+
+
+@given(STATUS)
+def test_a_status_comes_back(status):
+    message = deserialize_message(serialize_message(mission_to_message(status, {"more": "x"})), DiagnosticStatus)
+    assert mission_from_message(message) == status
+
+
+@pytest.mark.parametrize(
+    ("change", "level"),
+    [
+        ({}, 0),
+        ({"phase": Phase.COUNTING, "reason": "counting at a (ami:0.03)"}, 0),
+        ({"phase": Phase.TRAVELLING, "failures": 1}, 1),
+        ({"phase": Phase.PAUSED, "reason": "paused by the operator"}, 1),
+        ({"phase": Phase.COUNTING, "reason": "no record from this stop for 60 s: check the logger"}, 1),
+        ({"phase": Phase.PAUSED, "reason": "5 failures since the last sample: check the robot"}, 2),
+    ],
+)
+def test_the_level_says_whether_somebody_is_needed(change, level):
+    assert mission_to_message(replace(QUIET, **change)).level == bytes([level])
+
+
+def test_what_people_read():
+    status = replace(QUIET, phase=Phase.PLANNING, reason="started", estimated_end_s=1780300800.0)
+    message = mission_to_message(status)
+    values = {pair.key: pair.value for pair in message.values}
+    assert (message.name, message.message) == ("mission", "planning: started")
+    assert values["estimated_end"] == "2026-06-01T08:00:00+00:00"
+    assert values["reason"] == "started"
+
+
+def test_a_message_of_something_else():
+    with pytest.raises(ValueError, match="no value"):
+        mission_from_message(DiagnosticStatus())

@@ -1,0 +1,119 @@
+import dataclasses
+import json
+import math
+import platform
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+if platform.machine() != "x86_64":
+    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
+
+from std_msgs.msg import String
+
+from msg_adapters.model import Model, model_from_message, model_to_message
+from soilmoist_ros.mapping import Variogram, VariogramFit, estimate_variogram
+from soilmoist_ros.mapping.variogram import MODELS
+
+numbers = st.floats(allow_infinity=False, allow_nan=False)
+positive = st.floats(1e-300, 1e300)
+three = st.tuples(numbers, numbers, numbers)
+arrays = st.lists(st.floats(allow_infinity=False), max_size=4).map(np.array)
+fits = st.builds(
+    VariogramFit,
+    variogram=st.builds(
+        lambda model, nugget, range_m, partial: Variogram(model, nugget, range_m, nugget + partial),
+        st.sampled_from(sorted(MODELS)),
+        st.floats(0, 1e100),
+        positive,
+        st.floats(0, 1e100),
+    ),
+    method=st.sampled_from(["reml", "soft_l1"]),
+    mean_rate=st.floats(allow_infinity=False),
+    n_samples=st.integers(1, 10_000),
+    objective=st.floats(allow_infinity=False),
+    log_sd=st.none() | three,
+    prior_share=three,
+    converged=st.booleans(),
+    message=st.text(st.characters(codec="utf-8"), max_size=20),
+    lag_m=arrays,
+    gamma=arrays,
+    weight=arrays,
+    edges_m=arrays,
+)
+
+
+def assert_equal(found, wanted):
+    for field in dataclasses.fields(VariogramFit):
+        value, expected = getattr(found, field.name), getattr(wanted, field.name)
+        if isinstance(expected, Variogram):
+            assert value == expected
+        else:
+            np.testing.assert_array_equal(value, expected, strict=isinstance(expected, np.ndarray))
+
+
+@settings(deadline=None)
+@given(fits, st.floats(0, 2e9))
+def test_a_fit_comes_back_exactly(fit, stamp_s):
+    found = model_from_message(model_to_message(Model(fit, stamp_s)))
+    assert found.stamp_s == stamp_s
+    assert_equal(found.fit, fit)
+
+
+@pytest.mark.parametrize("method", ["reml", "soft_l1"])
+def test_a_real_fit_has_the_promised_keys_and_is_strict_json(method):
+    rng = np.random.default_rng(1)
+    fit = estimate_variogram(rng.uniform(0, 50, (9, 2)), rng.poisson(400, 9), np.full(9, 100.0), method=method)
+    message = model_to_message(Model(fit, 1.78e9))
+    content = json.loads(message.data, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    wanted = ["model", "nugget", "range_m", "sill", "mean_rate", "method", "converged", "message", "n_samples"]
+    assert list(content)[:10] == [*wanted, "stamp_s"]
+    assert (content["n_samples"], content["mean_rate"]) == (9, fit.mean_rate)
+    assert_equal(model_from_message(message).fit, fit)
+
+
+def test_no_model_is_told_too():
+    message = model_to_message(Model(None, 3.5))
+    assert json.loads(message.data) == {"model": None, "n_samples": 0, "stamp_s": 3.5}
+    assert model_from_message(message) == Model(None, 3.5)
+
+
+def good(**changes):
+    nothing = np.empty(0)
+    variogram = Variogram("matern32", 0.1, 20.0, 1.0)
+    fit = VariogramFit(variogram, "reml", 4.0, 3, -1.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), True, "", *4 * [nothing])
+    return json.dumps({**json.loads(model_to_message(Model(fit, 1.0)).data), **changes})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the model is not JSON"),
+        ("[" * 100_000, "the model is not JSON"),
+        ("[1]", "the model is not a JSON object"),
+        ("{}", "the model has no key 'stamp_s'"),
+        ('{"stamp_s": 1}', "the model has no key 'model'"),
+        (good(model="cubic"), "unknown variogram model 'cubic'"),
+        (good(model=["matern32"]), "a value of another kind"),
+        (good(range_m=0), "range_m must be > 0"),
+        (good(sill=0.05), "total sill"),
+        (good(nugget=None), "a value of another kind"),
+        (good(nugget=math.inf), "nugget must be finite"),
+        (good(method="guess"), "unknown method 'guess'"),
+        (good(log_sd=[1.0]), "values to unpack"),
+        (good(lag_m=["far"]), "could not convert"),
+        (good(stamp_s=math.nan), "stamp_s must be finite"),
+        (good(n_samples=math.inf), "a value of another kind"),
+    ],
+)
+def test_what_is_no_model_is_refused(text, message):
+    with pytest.raises(ValueError, match=message):
+        model_from_message(String(data=text))
+
+
+def test_keys_of_later_versions_are_ignored():
+    assert model_from_message(String(data=good(anisotropy=2.0))).fit.variogram == Variogram(
+        "matern32", 0.1, 20.0, 1.0
+    )

@@ -1,0 +1,64 @@
+import platform
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+if platform.machine() != "x86_64":
+    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
+
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.samples import samples_from_message, samples_to_message
+from msg_adapters.stamps import to_seconds
+from soilmoist_ros.mapping import Samples
+
+coordinates = st.floats(-5e4, 5e4, width=32)
+sample = st.tuples(coordinates, coordinates, st.integers(0, 2**53), st.floats(1e-3, 1e9))
+
+
+def columns(rows):
+    table = np.array(rows, float).reshape(-1, 4)
+    return Samples(table[:, :2], table[:, 2], table[:, 3])
+
+
+@settings(deadline=None)
+@given(st.lists(sample, max_size=5), st.floats(1e8, 2e9))
+def test_samples_come_back_exactly_over_the_wire(rows, stamp_s):
+    samples = columns(rows)
+    wire = serialize_message(samples_to_message(samples, stamp_s, "field"))
+    message = deserialize_message(wire, PointCloud2)
+    found = samples_from_message(message)
+    for name in ("xy", "counts", "exposure_s"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(samples, name))
+    assert to_seconds(message.header.stamp) == stamp_s
+    assert (message.header.frame_id, message.height, message.width) == ("field", 1, len(rows))
+    assert message.is_dense
+
+
+def test_the_time_comes_back_exactly():
+    none = columns([])
+    for stamp_s in np.random.default_rng(1).uniform(1e9, 2e9, 200).tolist():
+        assert to_seconds(samples_to_message(none, stamp_s).header.stamp) == stamp_s
+
+
+def test_places_are_rounded_to_what_viewers_take():
+    message = samples_to_message(columns([[5000.123456789, -0.1, 3, 10.0]]), 0.0)
+    assert [field.name for field in message.fields] == ["x", "y", "z", "raw_counts", "effective_exposure_s"]
+    np.testing.assert_allclose(samples_from_message(message).xy, [[5000.123456789, -0.1]], atol=3e-4, rtol=0)
+
+
+def test_messages_of_another_kind_are_refused():
+    with pytest.raises(ValueError, match="has no field 'x'"):
+        samples_from_message(PointCloud2())
+    message = samples_to_message(columns([[1, 2, 3, 10.0], [4, 5, 6, 10.0]]), 0.0)
+    message.width = 3
+    message.row_step = 3 * message.point_step
+    with pytest.raises(ValueError, match="its data end early"):
+        samples_from_message(message)
+    message = samples_to_message(columns([[1, 2, 3, 10.0]]), 0.0)
+    message.data = bytes(message.data)[:-8] + np.float64(-1).tobytes()
+    with pytest.raises(ValueError, match="exposure_s must be > 0"):
+        samples_from_message(message)

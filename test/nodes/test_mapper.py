@@ -1,0 +1,269 @@
+"""The mapper as a real process."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.diagnostics import diagnostics_from_message
+from msg_adapters.model import model_from_message
+from msg_adapters.point_cloud import FRAME
+from msg_adapters.samples import samples_from_message
+from msg_adapters.soil_map import map_cells, soil_map_from_message, uncertainty_from_message
+from msg_adapters.stamps import to_seconds
+from soilmoist_ros.health import Level
+from soilmoist_ros.nodes import qos
+from soilmoist_ros.online_survey import open_survey
+from soilmoist_ros.sensing.records import NAN, CountRecord
+
+BEGIN_S = 1.78e9
+FIELD = """
+name: Test field
+datum: {latitude_deg: 53.268, longitude_deg: -0.5245}
+polygon: [[0, 0], [60, 0], [60, 50], [0, 50]]
+no_go: [[[25, 20], [30, 20], [30, 26], [25, 26]]]
+cell_m: 2
+"""
+
+
+def record(number, x_m, y_m, counts=40, **changes):
+    values = {"exposure_s": 10.0, "effective_exposure_s": 9.5, "f_pressure": 10 / 9.5, **changes}
+    return CountRecord(BEGIN_S + 10 * number, x_m, y_m, 30.0, counts, **values)
+
+
+def survey_records(n=24, seed=3):
+    """Stops of four records each, with the jitter of a receiver."""
+    rng = np.random.default_rng(seed)
+    stops = rng.uniform((2, 2), (58, 48), (-(-n // 4), 2))
+    return [
+        record(
+            i,
+            *(stops[i // 4] + rng.normal(0, 0.2, 2)).tolist(),
+            counts=int(rng.poisson(38 + stops[i // 4][0] / 5)),
+        )
+        for i in range(n)
+    ]
+
+
+class Outputs:
+    """What the mapper publishes, as the observer gets it."""
+
+    def __init__(self, ros):
+        self.samples = ros.collect(PointCloud2, "samples", qos.LATCHED)
+        self.model = ros.collect(String, "model", qos.LATCHED)
+        self.soil_map = ros.collect(PointCloud2, "soil_map", qos.LATCHED)
+        self.uncertainty = ros.collect(OccupancyGrid, "uncertainty", qos.LATCHED)
+
+    def complete(self, stamp_s):
+        """Whether the last messages of all topics are of one map, the one with the record of this time."""
+        if not (self.samples and self.model and self.soil_map and self.uncertainty):
+            return False
+        stamps = [to_seconds(last[-1].header.stamp) for last in (self.samples, self.soil_map, self.uncertainty)]
+        return {*stamps, model_from_message(self.model[-1]).stamp_s} == {stamp_s}
+
+
+@pytest.fixture
+def field(tmp_path):
+    path = tmp_path / "field.yaml"
+    path.write_text(FIELD)
+    return path
+
+
+@pytest.fixture
+def start(ros, field, tmp_path):
+    """Starts a mapper of the field, and gives what publishes to it."""
+
+    def make(**params):
+        site = params.pop("site", "example")
+        params = {"field": str(field), "site": site, "save_dir": str(tmp_path / "saved"), **params}
+        process = ros.start("mapper", params=params)
+        publisher = ros.node.create_publisher(PointCloud2, "counts", qos.RECORDS)
+        ros.wait_for(publisher.get_subscription_count, message="the mapper")
+        return process, publisher
+
+    return make
+
+
+def publish(publisher, records):
+    for one in records:
+        publisher.publish(counts_to_message([one]))
+
+
+def on_line(field, records, **options):
+    """The core, fed with the records as they come out of messages."""
+    survey = open_survey(str(field), "example", **options)
+    for one in records:
+        survey.online.take(counts_from_message(counts_to_message([one]))[0])
+    return survey.online
+
+
+def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
+    records = survey_records()
+    outputs = Outputs(ros)
+    _, publisher = start()
+    publish(publisher, records)
+    ros.wait_for(lambda: outputs.complete(records[-1].stamp_s), message="the last map")
+    core = on_line(field, records)
+    soil_map = core.compute(core.state)
+    message = outputs.soil_map[-1]
+    assert message.header.frame_id == FRAME
+    assert (message.height, message.width) == core.grid.shape == (25, 30)
+    assert soil_map_from_message(message).tobytes() == map_cells(core.grid, soil_map).tobytes()
+    np.testing.assert_array_equal(np.isnan(soil_map_from_message(message)["vwc"]), ~core.grid.mask)
+    samples = samples_from_message(outputs.samples[-1])
+    assert len(samples) == 6
+    np.testing.assert_array_equal(samples.counts, core.state.samples.counts)
+    fit = model_from_message(outputs.model[-1]).fit
+    assert fit.variogram == soil_map.variogram
+    assert json.loads(outputs.model[-1].data)["n_samples"] == 6
+    np.testing.assert_array_equal(uncertainty_from_message(outputs.uncertainty[-1]) < 0, ~core.grid.mask)
+
+
+def test_who_comes_late_gets_the_last_map(ros, start):
+    records = survey_records(8)
+    early = Outputs(ros)
+    _, publisher = start()
+    publish(publisher, records)
+    ros.wait_for(lambda: early.complete(records[-1].stamp_s))
+    late = Outputs(ros)
+    ros.wait_for(lambda: late.complete(records[-1].stamp_s), message="latched topics")
+    assert len(late.soil_map) == 1
+
+
+def test_bad_records_do_no_harm_and_are_told_by_reason(ros, start):
+    good = survey_records(4)
+    outputs = Outputs(ros)
+    _, publisher = start()
+    health = ros.collect(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+    publish(publisher, good[:3])
+    broken = counts_to_message([good[0]])
+    broken.data = broken.data[:-4]
+    for message in (PointCloud2(), broken, PointCloud2(height=3, width=4_000_000_000, point_step=1)):
+        publisher.publish(message)
+    bad = [
+        record(10, NAN, NAN),
+        record(11, 500.0, 10.0),
+        record(12, 5.0, 5.0, effective_exposure_s=-1.0),
+        record(13, 5.0, 5.0, counts=4_000_000_000),
+    ]
+    publish(publisher, [*bad, good[3]])
+    ros.wait_for(lambda: outputs.complete(good[3].stamp_s))
+
+    def values():
+        found = [part for message in health for part in diagnostics_from_message(message) if "mapper" in part.name]
+        return found[-1].values if found else {}
+
+    ros.wait_for(lambda: values().get("records skipped") == "7", message=f"skipped records in {values()}")
+    assert {key: value for key, value in values().items() if key.startswith("skipped")} == {
+        "skipped: unreadable message": "3",
+        "skipped: no position": "1",
+        "skipped: outside the field": "1",
+        "skipped: implausible record": "2",
+    }
+    assert values()["samples"] == "1"
+    assert samples_from_message(outputs.samples[-1]).counts.sum() == sum(one.raw_counts for one in good)
+
+
+def test_a_driver_of_another_field_is_a_warning(ros, start):
+    _, publisher = start()
+    health = ros.collect(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+    publish(publisher, [record(i, 4000.0, 10.0) for i in range(3)])
+
+    def warned():
+        parts = [part for message in health for part in diagnostics_from_message(message)]
+        return any(part.level is Level.WARN and "the same field file" in part.message for part in parts)
+
+    ros.wait_for(warned, message="a warning")
+
+
+def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start, tmp_path):
+    import rasterio
+
+    records = [*survey_records(16), record(16, NAN, NAN)]
+    outputs = Outputs(ros)
+    process, publisher = start()
+    empty = ros.call(Trigger, "mapper/save")
+    assert not empty.success
+    assert "not samples enough" in empty.message
+    publish(publisher, records)
+    ros.wait_for(lambda: outputs.complete(records[-2].stamp_s))
+    answer = ros.call(Trigger, "mapper/save", timeout=60)
+    assert (answer.success, answer.message) == (True, str(tmp_path / "saved"))
+    names = {path.name for path in (tmp_path / "saved").iterdir()}
+    assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv"}
+    with rasterio.open(tmp_path / "saved" / "map.tif") as tif:
+        assert tif.descriptions == ("rate", "rate_sd", "vwc", "vwc_sd")
+        assert np.isfinite(tif.read(1, masked=True).compressed()).sum() > 500
+    summary = json.loads((tmp_path / "saved" / "summary.json").read_text())
+    assert (summary["n_records"], summary["n_samples"], summary["n_lost"]) == (17, 4, {"no position": 1})
+    assert (summary["field"], summary["simulated"]) == ("Test field", False)
+    with (tmp_path / "saved" / "records.csv").open() as table:
+        assert len(list(csv.reader(table))) == 18
+    assert process.stop() == 0
+
+    map_before = soil_map_from_message(outputs.soil_map[-1])
+    again = Outputs(ros)
+    start(start_from=str(tmp_path / "saved"))
+    ros.wait_for(lambda: again.complete(records[-2].stamp_s), message="the map of the earlier records")
+    assert soil_map_from_message(again.soil_map[-1]).tobytes() == map_before.tobytes()
+
+
+def test_reset_forgets_everything_also_for_who_comes_late(ros, start):
+    records = survey_records(8)
+    outputs = Outputs(ros)
+    _, publisher = start()
+    publish(publisher, records)
+    ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
+    answer = ros.call(Trigger, "mapper/reset")
+    assert (answer.success, answer.message) == (True, "8 records forgotten")
+    ros.wait_for(lambda: outputs.complete(0.0), message="the empty map")
+    late = Outputs(ros)
+    ros.wait_for(lambda: late.complete(0.0), message="the empty map")
+    assert len(samples_from_message(late.samples[-1])) == 0
+    assert model_from_message(late.model[-1]).fit is None
+    assert np.isnan(soil_map_from_message(late.soil_map[-1])["rate"]).all()
+    assert set(uncertainty_from_message(late.uncertainty[-1]).ravel()) == {-1, 100}
+    publish(publisher, records[:1])
+    ros.wait_for(lambda: outputs.complete(records[0].stamp_s))
+    assert len(samples_from_message(outputs.samples[-1])) == 1
+
+
+def test_names_follow_the_namespace(ros, field):
+    process = ros.start("mapper", params={"field": str(field)}, namespace="/robot1")
+    outputs = ros.collect(PointCloud2, "/robot1/samples", qos.LATCHED)
+    publisher = ros.node.create_publisher(PointCloud2, "/robot1/counts", qos.RECORDS)
+    ros.wait_for(publisher.get_subscription_count)
+    publish(publisher, survey_records(1))
+    ros.wait_for(lambda: outputs)
+    assert ros.call(Trigger, "/robot1/mapper/reset").success
+    assert process.stop() == 0
+
+
+@pytest.mark.parametrize(
+    ("params", "said"),
+    [
+        ({"fild": "example"}, "did you mean 'field'?"),
+        ({"field": "exampel"}, "did you mean 'example'?"),
+        ({}, "there is no file and no shipped field of the name ''"),
+        ({"field": "example", "model": "matern3"}, "did you mean 'matern32'?"),
+        ({"field": "example", "merge_radius_m": -1.0}, "merge_radius_m must be 0 .. 1000 m, got -1"),
+        ({"field": "example", "cell_m": 500.0}, "change the cell size"),
+        ({"field": "example", "site": "exampl"}, "did you mean 'example'?"),
+        ({"field": "example", "start_from": "/nowhere"}, "there is no such bag"),
+    ],
+)
+def test_mistakes_in_parameters_end_it_with_a_suggestion(ros, params, said):
+    process = ros.start("mapper", params=params)
+    assert process.wait() == 2
+    assert said in process.output()
