@@ -1,8 +1,7 @@
 """Dwell rules: how long to count at a stop.
 
-A rule sees only what was counted at the stop. A rule that weighs the gain of counting on against the price
-of time also needs kriging quantities of the stop; it fits the same protocol as an object that is made for one
-stop with these quantities inside.
+A rule sees only what was counted at the stop. :class:`MarginalValue`, which weighs the gain of counting on
+against the price of time, is made anew for each stop with the kriging quantities of that stop inside.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from fractions import Fraction
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from soilmoist_ros.errors import InputError
 
@@ -24,7 +23,9 @@ LONGEST_DWELL_S = 3600.0
 SHORTEST_INTERVAL_S, LONGEST_INTERVAL_S = 1, 86400
 FINEST_THRESHOLD, COARSEST_THRESHOLD = Decimal("0.001"), Decimal("0.5")
 
-_EXAMPLES = "write for example 'fmi:600' (600 s), 'ami:0.025' or 'ami:2.5%' (standard error of the count)"
+_EXAMPLES = (
+    "write for example 'fmi:600' (600 s), 'ami:0.025' or 'ami:2.5%' (standard error of the count), or 'optimal'"
+)
 _ROUNDING = 1e-9
 """Relative error that sums of exposures may have collected."""
 
@@ -143,14 +144,103 @@ class AdaptiveInterval:
         return f"ami:{_plain(self.threshold)}"
 
 
+@dataclass(frozen=True)
+class Optimal:
+    """Count as long as it pays. Each stop gets a :class:`MarginalValue`; this stands in where there is no map yet.
+
+    :param longest_s: counting ends after this time in any case [s]
+    """
+
+    longest_s: float = LONGEST_DWELL_S
+
+    UNKNOWN_S: ClassVar[float] = 60.0
+    """Dwell without a map [s]."""
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether the dwell for an unknown field is over."""
+        return live_s >= min(self.UNKNOWN_S, self.longest_s) * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """The dwell for an unknown field [s]."""
+        return min(self.UNKNOWN_S, self.longest_s)
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of that dwell, 0..1."""
+        return 1.0 if self.enough(raw_counts, live_s) else live_s / min(self.UNKNOWN_S, self.longest_s)
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        return f"{raw_counts} counts in {live_s:.0f} s, without a map to tell what is worth more"
+
+    def __str__(self) -> str:
+        return "optimal"
+
+
+@dataclass(frozen=True)
+class MarginalValue:
+    """Count at one stop while a second there lowers the integrated variance more than a second elsewhere.
+
+    After t seconds the integrated variance has fallen by ``A t / (B t + n)``, n being the rate times the
+    correction factor, so counting on pays while ``A n / (B t + n)^2 > price``. The rate is that counted here.
+
+    :param gain: A: weighted sum over the cells of the squared posterior covariance with the stop
+    :param variance: B: posterior variance at the stop, nugget included [(counts/s)^2], > 0
+    :param price: fall of the integrated variance per second that the time is worth elsewhere, >= 0
+    :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
+    :param longest_s: counting ends after this time in any case [s]
+    """
+
+    gain: float
+    variance: float
+    price: float
+    factor: float = 1.0
+    longest_s: float = LONGEST_DWELL_S
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether counting on is worth less than its price, or the longest dwell is over."""
+        return live_s >= self._best_s(self._noise(raw_counts, live_s)) * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """Dwell that pays at this rate [s]."""
+        return self._best_s(factor * rate_cps) if rate_cps > 0 else self.longest_s
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of the dwell that pays at the rate counted so far, 0..1."""
+        best_s = self._best_s(self._noise(raw_counts, live_s))
+        return min(live_s / best_s, 1.0) if best_s > 0 else 1.0
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        if live_s >= self.longest_s * (1 - _ROUNDING):
+            return f"{raw_counts} counts in the longest dwell of {live_s:.0f} s"
+        return f"{raw_counts} counts in {live_s:.0f} s; counting elsewhere is worth more now"
+
+    def _noise(self, raw_counts: int, live_s: float) -> float:
+        """Noise n from what was counted; half a count stands for none."""
+        return self.factor**2 * max(raw_counts, 0.5) / live_s if live_s > 0 else math.inf
+
+    def _best_s(self, noise: float) -> float:
+        """Dwell after which the marginal value has fallen to the price [s]."""
+        if not math.isfinite(noise):
+            return self.longest_s
+        if self.price <= 0:
+            return self.longest_s if self.gain > 0 else 0.0
+        best_s = (math.sqrt(self.gain * noise / self.price) - noise) / self.variance
+        return min(max(best_s, 0.0), self.longest_s)
+
+    def __str__(self) -> str:
+        return f"value:{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}"
+
+
 def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
     """Read a dwell rule.
 
     ``str`` of the result is the rule in its plainest form (``ami:2.5%`` becomes ``ami:0.025``), which reads
     back as the same rule.
 
-    :param text: ``fmi:SECONDS``, ``ami:THRESHOLD`` or ``ami:PERCENT%``; upper case and spaces do not matter
-    :param longest_s: counting by ``ami`` ends after this time in any case [s], > 0
+    :param text: ``fmi:SECONDS``, ``ami:THRESHOLD``, ``ami:PERCENT%`` or ``optimal``; upper case and spaces do
+        not matter. (``value:A,B,PRICE,FACTOR`` is what ``optimal`` becomes at a stop.)
+    :param longest_s: counting by ``ami`` or ``optimal`` ends after this time in any case [s], > 0
     :raises InputError: if the text is not a rule; it says what would be one
     """
     if not (math.isfinite(longest_s) and longest_s > 0):
@@ -162,6 +252,10 @@ def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
         close = difflib.get_close_matches(name, _RULES, n=1, cutoff=0.5)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         raise InputError(f"unknown dwell rule {text.strip()!r}{hint}", _EXAMPLES)
+    if name == "optimal" and not colon:
+        return Optimal(longest_s)
+    if name == "optimal":
+        raise InputError(f"the dwell rule {text.strip()!r} must be 'optimal' alone", _EXAMPLES)
     if not colon or not number:
         raise InputError(f"the dwell rule {text.strip()!r} has no number after '{name}:'", _EXAMPLES)
     return _RULES[name](number, longest_s)
@@ -192,7 +286,20 @@ def _adaptive(number: str, longest_s: float) -> DwellRule:
     return AdaptiveInterval(float(threshold), longest_s)
 
 
-_RULES: dict[str, Callable[[str, float], DwellRule]] = {"fmi": _fixed, "ami": _adaptive}
+def _of_stop(numbers: str, longest_s: float) -> DwellRule:
+    try:
+        gain, variance, price, factor = (float(number) for number in numbers.split(","))
+    except ValueError:
+        raise InputError(f"'value:{numbers}' is not A,B,PRICE,FACTOR", _EXAMPLES) from None
+    return MarginalValue(gain, variance, price, factor, longest_s)
+
+
+_RULES: dict[str, Callable[[str, float], DwellRule]] = {
+    "fmi": _fixed,
+    "ami": _adaptive,
+    "optimal": lambda number, longest_s: Optimal(longest_s),
+    "value": _of_stop,
+}
 
 
 def _decimal(number: str, rule: str) -> Decimal:

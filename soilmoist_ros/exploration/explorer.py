@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.dwell import DwellRule
+from soilmoist_ros.exploration.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.mission_types import PlanKind, RequestPlan
+from soilmoist_ros.exploration.planning_model import PlanningModel, spread_cells
+from soilmoist_ros.exploration.prospect import MOST_CELLS, MOST_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategy import Choice, Situation, Stop, Strategy
 from soilmoist_ros.exploration.travel import TravelModel
 from soilmoist_ros.mapping.field_grid import FieldGrid
 from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.sensing.moisture import CalibrationCurve
 
 Array = NDArray[np.float64]
+_ON_THE_WAY_TOO = Counting()
+_NEAR_POLE = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,8 @@ class Explorer:
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param home: where the robot must be at the end, if anywhere
     :param rng: source of all randomness
+    :param counting: when the robot counts
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
     """
 
     def __init__(
@@ -56,6 +64,8 @@ class Explorer:
         min_dwell_s: float = 60.0,
         nominal_rate_cps: float = 4.0,
         home: Stop | None = None,
+        counting: Counting = _ON_THE_WAY_TOO,
+        curve: CalibrationCurve | None = None,
     ) -> None:
         self.live_map = live_map
         self.stops = stops
@@ -67,8 +77,14 @@ class Explorer:
         self.min_dwell_s = min_dwell_s
         self.nominal_rate_cps = nominal_rate_cps
         self.home = home
+        self.counting = counting
+        self.curve = curve
+        self.factor = 1.0
         self._xy = np.array([(stop.x_m, stop.y_m) for stop in stops], dtype=float).reshape(-1, 2)
-        self._stops_are_cells = np.array_equal(self._xy, live_map.grid.cells)
+        grid = live_map.grid
+        self._stops_are_cells = np.array_equal(self._xy, grid.cells)
+        self._cells = spread_cells(grid.mask, MOST_CELLS)[grid.mask]
+        self._weighed = self._few_stops()
         self._home_s = self._way_home_s()
 
     def plan(self, request: RequestPlan, position_xy: tuple[float, float]) -> Plan:
@@ -82,6 +98,8 @@ class Explorer:
         choice = strategy.choose(situation, self.rng)
         if choice is None:
             return Plan(None, None)
+        if isinstance(self.dwell, Optimal) and not choice.dwell:
+            choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request))
         return Plan(choice, float(self.travel.travel_s(position_xy, [choice.stop])[0]))
 
     def situation(self, request: RequestPlan, position_xy: tuple[float, float]) -> Situation:
@@ -93,6 +111,8 @@ class Explorer:
         fits = travel_s + self.min_dwell_s + self._home_s[kept] <= request.budget_left_s
         live_map = self.live_map
         known_rate = live_map.fit is not None
+        weighed = kept[self._weighed[kept]]
+        place = (float(position_xy[0]), float(position_xy[1]))
         return Situation(
             candidates=candidates,
             variance=self._variance(kept),
@@ -107,7 +127,52 @@ class Explorer:
             expected_dwell_s=self.dwell.expected_s(
                 float(live_map.rate.mean()) if known_rate else self.nominal_rate_cps
             ),
+            prospect=cache(lambda: self._prospect(weighed, place, request)),
         )
+
+    def _prospect(
+        self, numbers: NDArray[np.intp], position_xy: tuple[float, float], request: RequestPlan
+    ) -> Prospect | None:
+        """The stops of these numbers as a planner weighs them, ``None`` without a map."""
+        kriging, cells = self.live_map.kriging, self.live_map.grid.cells[self._cells]
+        if kriging is None:
+            return None
+        stops = tuple(self.stops[number] for number in numbers.tolist())
+        model = PlanningModel(kriging, cells, self._weights(cells), self._xy[numbers], self.factor)
+        travel_s = self.travel.travel_s(position_xy, stops)
+        budget_s = request.budget_left_s - self._home_s[numbers]
+        return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)
+
+    def _dwell_at(self, stop: Stop, situation: Situation, request: RequestPlan) -> str:
+        """Dwell rule of a stop, empty without a map."""
+        assert situation.prospect is not None
+        prospect = situation.prospect()
+        if prospect is not None and stop not in prospect.stops:
+            chosen = next(number for number, other in enumerate(self.stops) if other.name == stop.name)
+            numbers = np.union1d(np.flatnonzero(self._weighed), [chosen])
+            prospect = self._prospect(numbers, (*situation.position_xy.tolist(),), request)
+        rule = None if prospect is None else prospect.dwell(stop)
+        return "" if rule is None else str(rule)
+
+    def _weights(self, cells: Array) -> Array:
+        """Weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
+        weights = np.full(len(cells), 1 / len(cells))
+        if self.curve is not None:
+            assert self.live_map.kriging is not None
+            # Near its pole the curve is too steep for one cell to decide the plan.
+            rate = np.maximum(self.live_map.kriging.predict(cells)[0], _NEAR_POLE * self.curve.lowest_rate_cps)
+            weights = weights * self.curve.slope(rate) ** 2
+        return weights
+
+    def _few_stops(self) -> NDArray[np.bool_]:
+        """Stops that are weighed: all, or so many that lie evenly."""
+        if self._stops_are_cells:
+            return self._cells
+        if len(self.stops) <= MOST_STOPS:
+            return np.ones(len(self.stops), bool)
+        chosen = np.zeros(len(self.stops), bool)
+        chosen[:: -(-len(self.stops) // MOST_STOPS)] = True
+        return chosen
 
     def _variance(self, kept: NDArray[np.intp]) -> Array:
         live_map = self.live_map

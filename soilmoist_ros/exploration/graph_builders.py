@@ -54,7 +54,7 @@ def open_lattice(
     :param spacing_m: distance between rows and between columns [m], > 0
     :param neighbours: 4 (along rows and columns) or 8 (diagonals too)
     :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
-    :raises InputError: if no node, or far too many, would lie in the field
+    :raises InputError: if not even two joined nodes, or far too many, would lie in the field
     """
     _require_positive(spacing_m=spacing_m)
     low, high = field.polygon.min(axis=0), field.polygon.max(axis=0)
@@ -101,7 +101,7 @@ def crop_rows(
     :param heading_deg: direction of the rows, clockwise from north [deg]; ``start`` is where one comes from
     :param headland_m: width of the headlands, measured along the rows [m], > 0
     :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
-    :raises InputError: if no row, or far too many nodes, would lie in the field
+    :raises InputError: if no row, no two joined nodes, or far too many would lie in the field
     """
     _require_positive(row_spacing_m=row_spacing_m, node_spacing_m=node_spacing_m, headland_m=headland_m)
     heading = np.radians(heading_deg)
@@ -199,6 +199,9 @@ def _connected(nodes: list[Stop], ways: list[tuple[Stop, Stop]], remedy: str) ->
     names = [(a.name, b.name) for a, b in ways]
     whole = TravelGraph.from_edges(nodes, names + [(b, a) for a, b in names], connected=False)
     main = whole.components() == 0
+    if main.sum() < 2:
+        found = "only one node" if len(nodes) == 1 else f"{len(nodes)} nodes, but no way between them"
+        raise InputError(f"the travel graph would have {found}: there is nowhere to drive", remedy)
     dropped = tuple(stop for stop, kept in zip(whole.stops, main, strict=True) if not kept)
     return BuiltGraph(whole.part(main), dropped)
 

@@ -31,6 +31,7 @@ from soilmoist_ros.exploration.mission_state import (
     Target,
     Todo,
     blacklisted,
+    dwell_rule,
     mission_status,
     shown,
     state_from_dict,
@@ -179,7 +180,9 @@ class _Turn(Moves):
             travel_s = event.travel_s
             if travel_s is None:
                 travel_s = self.rules.travel_s(self.place, xy(choice.stop))
-            self.state = replace(self.state, target=Target(choice.stop, choice.reason, travel_s))
+            self.state = replace(
+                self.state, target=Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell)
+            )
             self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
 
     def on_reached(self, goal: Goal, place: tuple[float, float]) -> None:
@@ -241,8 +244,9 @@ class _Turn(Moves):
             effective_exposure_s=counting.effective_exposure_s + record.effective_exposure_s,
         )
         self.state = replace(self.state, counting=counting, reason=self.counting_reason())
-        if self.rules.dwell.enough(counting.raw_counts, counting.exposure_s):
-            self.complete(self.rules.dwell.outcome(counting.raw_counts, counting.exposure_s))
+        dwell = dwell_rule(self.rules, self.state)
+        if dwell.enough(counting.raw_counts, counting.exposure_s):
+            self.complete(dwell.outcome(counting.raw_counts, counting.exposure_s))
 
     # Commands ------------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from soilmoist_ros.exploration.mission_state import (
     Target,
     Todo,
     blacklisted,
+    dwell_rule,
     raw_rate,
 )
 from soilmoist_ros.exploration.mission_types import (
@@ -239,10 +240,15 @@ class Moves:
 
     # Counting ------------------------------------------------------------------------------------------------
 
+    @property
+    def dwell_name(self) -> str:
+        """The mission's dwell rule: that of a single stop says nothing to people."""
+        return str(self.rules.dwell)
+
     def counting_reason(self) -> str:
         """What the status says while counting."""
         assert self.state.target is not None
-        return f"counting at {self.state.target.stop.name} ({self.rules.dwell})"
+        return f"counting at {self.state.target.stop.name} ({self.dwell_name})"
 
     def count(self, counting: Counting) -> None:
         """Count from now on."""
@@ -250,8 +256,8 @@ class Moves:
         assert target is not None
         self.state = replace(self.state, counting=counting)
         self.enter(Phase.COUNTING, self.counting_reason())
-        expected_s = self.rules.dwell.expected_s(raw_rate(self.state))
-        self.do(StartCounting(target.stop, str(self.rules.dwell), expected_s))
+        expected_s = dwell_rule(self.rules, self.state).expected_s(raw_rate(self.state))
+        self.do(StartCounting(target.stop, self.dwell_name, expected_s))
 
     def suspend(self, reason: str) -> None:
         """Stop counting for the time being."""

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.dwell import DwellRule, parse_dwell
 from soilmoist_ros.exploration.mission_types import Event, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.strategy import Stop
 
@@ -41,12 +42,20 @@ class PendingPlan:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A stop that was chosen; ``attempts`` is how often going there failed, ``travel_s`` the time expected."""
+    """A stop that was chosen.
+
+    :param stop: the stop
+    :param reason: why
+    :param travel_s: time expected to it [s]
+    :param attempts: how often going there failed
+    :param dwell: its own dwell rule, empty for the mission's
+    """
 
     stop: Stop
     reason: str
     travel_s: float
     attempts: int = 0
+    dwell: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,9 +179,9 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         phase=state.phase,
         reason=state.reason,
         target=returning.stop if returning else stop,
-        planned_dwell_s=rules.dwell.expected_s(raw_rate(state)) if state.target else 0.0,
+        planned_dwell_s=dwell_rule(rules, state).expected_s(raw_rate(state)) if state.target else 0.0,
         dwell_s=counting.dwell_s(now_s) if counting else 0.0,
-        progress=rules.dwell.progress(counting.raw_counts, counting.exposure_s) if counting else 0.0,
+        progress=dwell_rule(rules, state).progress(counting.raw_counts, counting.exposure_s) if counting else 0.0,
         time_used_s=state.time_used_s,
         time_left_s=left_s,
         distance_m=state.distance_m,
@@ -183,6 +192,18 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         blacklisted=blacklisted(state),
         estimated_end_s=end_s if state.under_way else None,
     )
+
+
+def dwell_rule(rules: MissionRules, state: MissionState) -> DwellRule:
+    """The dwell rule at the target: its own, else the mission's."""
+    if state.target is None or not state.target.dwell:
+        return rules.dwell
+    return _parsed(state.target.dwell, rules.dwell.longest_s)
+
+
+@lru_cache(maxsize=8)
+def _parsed(dwell: str, longest_s: float) -> DwellRule:
+    return parse_dwell(dwell, longest_s)
 
 
 def shown(state: MissionState) -> tuple[object, ...]:

@@ -105,7 +105,7 @@ def require_solver() -> None:
     if importlib.util.find_spec("pyvrp") is None:
         raise InputError(
             "planning a route of many stops needs PyVRP, which is not installed",
-            "install it with: pip install 'soilmoist_ros[explore]'",
+            "install it with: pip install 'pyvrp>=0.14,<0.15'",
         )
 
 

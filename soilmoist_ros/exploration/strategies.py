@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.information_strategies import VarianceReduction
 from soilmoist_ros.exploration.route import require_solver
 from soilmoist_ros.exploration.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.strategy_rules import (
@@ -26,11 +27,11 @@ __all__ = ["NEEDS_NO_MAP", "PRESETS", "STRATEGIES", "Greedy", "MonteCarlo", "Pre
 
 Array = NDArray[np.float64]
 
-STRATEGIES = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice")
+STRATEGIES = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr")
 """Names that :func:`make_strategy` knows."""
 
 
-NEEDS_NO_MAP = frozenset({"random", "lattice"})
+NEEDS_NO_MAP = frozenset({"random", "lattice", "ivr"})
 """Strategies that need no samples at random places first."""
 
 
@@ -50,6 +51,8 @@ def make_strategy(name: str, preset: str | Preset = "paper") -> Strategy:
     if name in ("adaptive_sampling", "lattice"):
         require_solver()
         return AdaptiveSampling(preset) if name == "adaptive_sampling" else Lattice()
+    if name == "ivr":
+        return VarianceReduction()
     if name == "greedy":
         return Greedy(preset)
     return MonteCarlo(preset) if name == "monte_carlo" else Random(preset)

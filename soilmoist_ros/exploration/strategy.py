@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from soilmoist_ros.exploration.prospect import Prospect
 
 Array = NDArray[np.float64]
 
@@ -42,6 +45,7 @@ class Situation:
     :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
     :param time_left_s: mission time that is left [s]
     :param expected_dwell_s: dwell that the next measurement is expected to take [s]
+    :param prospect: makes what is needed to look ahead, ``None`` while there is no map; it takes a while
     """
 
     candidates: tuple[Stop, ...]
@@ -55,6 +59,7 @@ class Situation:
     travel_between_s: Callable[[NDArray[np.intp]], Array]
     time_left_s: float
     expected_dwell_s: float
+    prospect: Callable[[], Prospect | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +69,14 @@ class Choice:
     :param stop: where to measure next
     :param reason: why, in a short sentence for operators and reports
     :param ahead: the stops planned after it, in order
+    :param dwell: dwell rule of this stop, as :func:`~soilmoist_ros.exploration.dwell.parse_dwell` reads it;
+        empty: the mission's
     """
 
     stop: Stop
     reason: str
     ahead: tuple[Stop, ...] = ()
+    dwell: str = ""
 
 
 class Strategy(Protocol):

@@ -129,7 +129,7 @@ def make_topological_map(
     if not (math.isfinite(xy_goal_tolerance_m) and xy_goal_tolerance_m > 0):
         raise ValueError(f"xy_goal_tolerance_m must be > 0 and finite, got {xy_goal_tolerance_m}")
     place = {"map": metric_map or name, "pointset": pointset or name}
-    zone = _octagon(_zone_radius(graph))
+    zone = _octagon(zone_radius_m(graph))
     properties = {"xy_goal_tolerance": float(xy_goal_tolerance_m), "yaw_goal_tolerance": ANY_HEADING_RAD}
     targets: list[list[str]] = [[] for _ in graph.names]
     for start, end in graph.edges.tolist():
@@ -184,8 +184,8 @@ def _edge(start: str, end: str, action: str, action_type: str) -> dict[str, Any]
     }
 
 
-def _zone_radius(graph: TravelGraph) -> float:
-    """Radius at which the zones of no two nodes touch [m]."""
+def zone_radius_m(graph: TravelGraph) -> float:
+    """Radius of the influence zones of nodes, such that no two touch [m]."""
     from scipy.spatial import KDTree
 
     if len(graph.names) < 2:

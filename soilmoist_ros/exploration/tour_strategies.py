@@ -60,7 +60,8 @@ class AdaptiveSampling:
         first, *rest = (situation.candidates[int(index)] for index in order)
         self.queue = tuple(rest)
         variance = float(situation.variance[order[0]])
-        reason = f"first of {len(order)} targets on the shortest route: kriging variance "
+        reason = f"first of {len(order)} targets on the shortest route" if rest else "the only target planned"
+        reason += ": kriging variance "
         reason += times_mean(variance, situation)
         if dropped:
             reason += f"; {dropped} below {threshold:.3g} {UNIT} dropped"
@@ -154,7 +155,9 @@ class Lattice:
 
     The places are the centres of a k-means of the field's cells, each moved to the nearest candidate. There
     are as many as can be visited in the mission's time at the dwell expected when it starts. It looks at no
-    map, so any adaptive strategy should beat it.
+    map, and finishes just in time: in the shipped campaign ``paper`` (its main dwell rule, ``ami:0.03``) its error
+    is the highest of all strategies at a quarter and at half of the time, and the lowest at the end. So it is hard
+    to beat where the whole time is certain, and poor where a mission may be cut short.
     """
 
     plan: tuple[Stop, ...] | None = field(default=None)

@@ -74,6 +74,13 @@ def test_bad_spacings_are_refused():
         open_lattice(field_of(box(0, 0, 30, 30), box(10, 10, 20, 20)), 40)
 
 
+def test_a_graph_that_leads_nowhere_is_refused():
+    with pytest.raises(InputError, match=r"only one node.* -> use a spacing smaller than 40 m"):
+        open_lattice(field_of(box(0, 0, 30, 30)), 40)
+    with pytest.raises(InputError, match="2 nodes, but no way between them"):
+        open_lattice(field_of(box(0, 0, 30, 10), box(14, -1, 16, 11)), 30)
+
+
 def rows_without_headlands(graph):
     keep = np.array([not name.endswith(("-start", "-end")) for name in graph.names])
     return graph.part(keep)

@@ -89,9 +89,9 @@ def test_no_targets_and_bad_times():
         open_route([1, np.nan], np.ones((2, 2)), np.random.default_rng(0))
 
 
-def test_a_missing_solver_is_named_with_its_extra(monkeypatch):
+def test_a_missing_solver_is_named_with_the_way_to_install_it(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"soilmoist_ros\[explore\]"):
+    with pytest.raises(InputError, match=r"pip install 'pyvrp>=0\.14,<0\.15'"):
         require_solver()
     small = len(open_route([1, 2], np.ones((2, 2)), np.random.default_rng(0)).order)
     assert small == 2

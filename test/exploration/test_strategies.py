@@ -206,6 +206,7 @@ def test_the_papers_queue_fills_the_time_left(left):
 def test_the_authors_queue_holds_five_samples_per_hour(left, size):
     choice = make_strategy("adaptive_sampling", "authors").choose(situation(left=left), rng())
     assert 1 + len(choice.ahead) == size
+    assert choice.reason.startswith(f"first of {size} targets" if size > 1 else "the only target planned:")
 
 
 @both

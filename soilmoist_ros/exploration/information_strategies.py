@@ -1,0 +1,46 @@
+"""Strategies that weigh what counting is worth against the time it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from soilmoist_ros.exploration.strategy import Choice, Situation
+
+
+@dataclass(frozen=True)
+class VarianceReduction:
+    """``ivr``: the stop with the largest fall of the integrated variance per second of travel and dwell.
+
+    What is counted on the way is weighed with it. Before there is a map, it goes to the middle of the field.
+    """
+
+    def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
+        """See :class:`~soilmoist_ros.exploration.strategy.Strategy`."""
+        prospect = situation.prospect() if situation.prospect is not None else None
+        if prospect is None:
+            return to_the_middle(situation)
+        if not len(prospect.reachable):
+            return None
+        worth = prospect.worth
+        best = int(np.argmax(worth.value))
+        stop = prospect.stops[int(prospect.reachable[best])]
+        fall = worth.on_way[best] + worth.gain[best] * worth.dwell_s[best] / (
+            worth.variance[best] * worth.dwell_s[best] + prospect.model.factor * worth.rate[best]
+        )
+        share = fall / max(prospect.model.integrated_variance, 1e-300)
+        time_s = worth.travel_s[best] + worth.dwell_s[best]
+        reason = f"most variance less per second: {100 * share:.2g} % of the map's in {time_s:.0f} s"
+        return Choice(stop, reason)
+
+
+def to_the_middle(situation: Situation) -> Choice | None:
+    """The candidate in the middle of the field, for want of a map."""
+    possible = np.flatnonzero(np.isfinite(situation.travel_s) & (situation.travel_s < situation.time_left_s))
+    if not len(possible):
+        return None
+    places = np.array([(situation.candidates[i].x_m, situation.candidates[i].y_m) for i in possible])
+    middle = situation.map_xy.mean(axis=0)
+    nearest = int(possible[np.argmin(np.hypot(*(places - middle).T))])
+    return Choice(situation.candidates[nearest], "no map yet: to the middle of the field")

@@ -1,0 +1,81 @@
+"""A mission that survives the end of its process: written down as it goes, and taken up again."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
+
+from soilmoist_ros.exploration.mission import Mission
+from soilmoist_ros.exploration.mission_state import event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission_types import Event, MissionRules, Moved, Tick
+
+EVENT = "event"
+"""Kind of the entries that hold events."""
+
+_log = logging.getLogger(__name__)
+
+
+class Journal(Protocol):
+    """Where a mission is written down; :class:`soilmoist_ros.recording.journal.Journal` is one."""
+
+    def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
+        """Write an entry; with ``durable`` it is safely on the disk afterwards."""
+        ...
+
+    def snapshot(self, state_json: str) -> None:
+        """Write the state after all entries so far."""
+        ...
+
+
+class MissionJournal:
+    """Writes a mission down. A disk that fails does not stop the mission; it is told once.
+
+    :param journal: where to; nowhere if ``None``
+    """
+
+    def __init__(self, journal: Journal | None) -> None:
+        self._journal = journal
+        self.problem = ""
+
+    def note(self, mission: Mission, event: Event) -> None:
+        """Write an event down before the mission takes it in; a tick only if something is due."""
+        due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
+        if self._journal is None or due_s is None or due_s > event.now_s:
+            return
+        try:
+            self._journal.append(EVENT, event_to_dict(event), durable=not isinstance(event, Moved))
+            self.problem = ""
+        except OSError as error:
+            self._fail(error)
+
+    def keep(self, mission: Mission) -> None:
+        """Write the state down, so that nothing before needs to be replayed."""
+        if self._journal is None:
+            return
+        try:
+            self._journal.snapshot(mission.snapshot())
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        if not self.problem:
+            _log.error("the mission goes on, but is not written down any more: %s", error)
+        self.problem = f"the mission is not written down: {error.strerror or error}"
+
+
+def interrupted_mission(
+    rules: MissionRules, snapshot: str | None, events: Iterable[Mapping[str, Any]]
+) -> Mission | None:
+    """The mission that was under way when its process ended.
+
+    :param rules: what governs the mission from now on
+    :param snapshot: the last state written down, if any
+    :param events: the events written down after it
+    :returns: the mission as it was, or ``None`` if none was under way
+    :raises InputError: if something was not written by a mission
+    """
+    mission = Mission(rules) if snapshot is None else Mission.restore(rules, snapshot)
+    for event in events:
+        mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
+    return mission if mission.state.under_way else None

@@ -1,0 +1,132 @@
+"""The planner: runs the mission. This node passes messages in and out; what happens is decided by the core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from soilmoist_ros.configuration import resource
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration.mission_control import MissionControl
+from soilmoist_ros.exploration.mission_journal import MissionJournal, interrupted_mission
+from soilmoist_ros.exploration.mission_types import Verb
+from soilmoist_ros.exploration.navigator import Ended, Navigator
+from soilmoist_ros.exploration.pose_client import PoseClient
+from soilmoist_ros.exploration.topological_map import read_topological_map
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.nodes.goal_pose_navigator import GoalPoseNavigator
+from soilmoist_ros.nodes.goto_node_navigator import GotoNodeNavigator, action_class
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.planner_inputs import PlannerInputs
+from soilmoist_ros.nodes.planner_outlets import PlannerOutlets
+from soilmoist_ros.nodes.planner_parameters import PARAMETERS, explorer_settings, mission_rules
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
+
+__all__ = ["PARAMETERS", "Planner", "main"]
+
+MISSION_TICK_S: Final = 1.0
+TICK_S: Final = 0.2
+SHOW_S: Final = 1.0
+
+
+class Planner(Node):
+    """Explores a field: chooses stops, sends the robot there, and lets it count."""
+
+    finished = False
+
+    def __init__(self) -> None:
+        super().__init__("planner")
+        self._values = Parameters(self, PARAMETERS)
+        self._field = load_field(resource("fields", self._values.text("field")))
+        settings = explorer_settings(self._values)
+        rules = mission_rules(self._values, settings)
+        folder, resume = self._values.text("journal_dir"), self._values.text("resume")
+        found = load_journal(Path(folder)) if folder and resume != "fresh" else LoadedJournal(None, (), ())
+        for problem in found.problems:
+            self.get_logger().warning(problem)
+        self._journal = Journal.open(Path(folder)) if folder else None
+        self._outlets = PlannerOutlets(self, self._hand_on)
+        self._control = MissionControl(
+            self._field,
+            settings,
+            rules,
+            self._values.text("home"),
+            self._values.number("map_wait_s"),
+            self._navigator,
+            self._outlets,
+            MissionJournal(self._journal),
+        )
+        self._autostart = self._values.flag("autostart")
+        mission = interrupted_mission(rules, found.snapshot, (entry.payload for entry in found.entries))
+        if mission is not None:
+            self._control.take_up(mission, resume == "auto")
+            self._autostart = False
+        graph = self._values.text("graph")
+        if graph != "topic":
+            self._control.use_ways(None if graph == "free" else read_topological_map(Path(graph)).graph)
+        map_topic = self._values.text("map_topic") if graph == "topic" else ""
+        self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic)
+        for verb in Verb:
+            self.create_service(Trigger, f"planner/{verb}", partial(self._command, verb))
+        # The mission's limits go by ROS time; messages, displays and limits of the navigation by the computer's.
+        self.create_timer(MISSION_TICK_S, self._control.tick)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(TICK_S, self._tick, clock=steady)
+        self.create_timer(SHOW_S, self._show, clock=steady)
+
+    def close(self) -> None:
+        """Stop the robot."""
+        self._control.close()
+        if self._journal is not None:
+            self._journal.close()
+
+    def _navigator(self, report: Callable[[Ended], None]) -> Navigator:
+        text, number = self._values.text, self._values.number
+        radius_m = number("arrival_radius_m")
+        if text("navigator") == "goal_pose":
+            return GoalPoseNavigator(self, PoseClient(radius_m, number("settle_s")), report)
+        if text("graph") == "free":
+            raise InputError(
+                "goto_node goes to nodes of a map, but graph is free", "set graph: topic, or a map file"
+            )
+        client = GoalClient(radius_m, GoalLimits(start_s=number("navigation_wait_s")))
+        kind = action_class(text("action_type"))
+        return GotoNodeNavigator(self, text("action_name"), kind, text("feedback_topic"), client, report)
+
+    def _command(self, verb: Verb, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._autostart = self._autostart and verb is not Verb.ABORT
+        answer = self._control.command(verb)
+        response.success, response.message = answer.accepted, answer.message
+        return response
+
+    # Time ----------------------------------------------------------------------------------------------------
+
+    def _hand_on(self) -> None:
+        self._control.hand_on()
+
+    def _tick(self) -> None:
+        self._control.tick()
+        if self._autostart and not self._control.missing():
+            self._autostart = not self._control.command(Verb.START).accepted
+        self.finished = self._outlets.all_done and self._values.flag("exit_when_finished")
+
+    def _show(self) -> None:
+        self._control.show()
+        self._outlets.diagnose(self._control.health())
+
+
+def main() -> None:
+    """Run the planner."""
+    run(Planner)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""What the planner hears: fixes, records, the mapper's results, and the map of the navigation."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters.counts import counts_from_message
+from msg_adapters.model import model_from_message
+from msg_adapters.samples import samples_from_message
+from msg_adapters.stamps import to_seconds
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.mission_control import MissionControl
+from soilmoist_ros.exploration.topological_map import parse_topological_map
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.nodes.qos import LATCHED, RECORDS, SENSOR
+
+
+class PlannerInputs:
+    """Subscribes, and passes on what can be used; what cannot is logged once.
+
+    :param node: the node it belongs to
+    :param control: takes what is heard
+    :param frame: the field's plane
+    :param map_topic: topic of the navigation's map; empty if it is not wanted
+    """
+
+    def __init__(self, node: Node, control: MissionControl, frame: LocalFrame, map_topic: str) -> None:
+        self._node = node
+        self._control = control
+        self._frame = frame
+        self._faults: dict[str, str] = {}
+        node.create_subscription(PointCloud2, "counts", self._on_counts, RECORDS)
+        node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
+        node.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
+        node.create_subscription(String, "model", self._on_model, LATCHED)
+        if map_topic:
+            node.create_subscription(String, map_topic, self._on_map, LATCHED)
+
+    def _on_fix(self, message: NavSatFix) -> None:
+        if message.status.status >= 0:
+            x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
+            self._control.fix((float(x_m), float(y_m)))
+
+    def _on_counts(self, message: PointCloud2) -> None:
+        try:
+            self._control.records(counts_from_message(message))
+        except ValueError as error:
+            self._ignore("counts", error)
+
+    def _on_samples(self, message: PointCloud2) -> None:
+        try:
+            self._control.samples(samples_from_message(message), to_seconds(message.header.stamp))
+        except ValueError as error:
+            self._ignore("samples", error)
+
+    def _on_model(self, message: String) -> None:
+        try:
+            model = model_from_message(message)
+            self._control.fit(model.fit, model.stamp_s)
+        except ValueError as error:
+            self._ignore("model", error)
+
+    def _on_map(self, message: String) -> None:
+        if not self._control.takes_ways:
+            self._node.get_logger().warning("a new map of the navigation came in mid-mission: the old one is kept")
+            return
+        try:
+            self._control.use_ways(parse_topological_map(message.data).graph)
+        except InputError as error:
+            self._ignore("the map of the navigation", error)
+
+    def _ignore(self, what: str, error: Exception) -> None:
+        if self._faults.get(what) != str(error):  # a publisher in error repeats it
+            self._faults[what] = str(error)
+            self._node.get_logger().error(f"{what} cannot be used: {error}")

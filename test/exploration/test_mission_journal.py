@@ -1,0 +1,82 @@
+"""A mission written down and taken up again is the same mission."""
+
+import json
+
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.mission import Mission
+from soilmoist_ros.exploration.mission_journal import MissionJournal, interrupted_mission
+from soilmoist_ros.exploration.mission_types import Command, MissionRules, Moved, Phase, Planned, Tick, Verb
+from soilmoist_ros.exploration.strategy import Choice, Stop
+
+
+class Pages:
+    """A journal in memory; a full one takes nothing."""
+
+    def __init__(self):
+        self.state, self.events, self.full = None, [], False
+
+    def append(self, kind, payload, *, durable=True):
+        if self.full:
+            raise OSError(28, "No space left on device")
+        self.events.append(json.loads(json.dumps(payload)))
+        return len(self.events)
+
+    def snapshot(self, state_json):
+        self.append("", {})
+        self.state, self.events = state_json, []
+
+
+def travelling():
+    """A mission on its way, and its events."""
+    mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
+    choice = Choice(Stop("east", 30.0, 0.0), "far")
+    events = [Moved(1.0, 0.0, 0.0), Command(2.0, Verb.START), Planned(3.0, 1, choice), Moved(9.0, 4.0, 0.0)]
+    for event in events:
+        mission.step(event)
+    return mission, events
+
+
+def test_the_same_mission_from_events_and_from_a_snapshot():
+    mission, events = travelling()
+    assert mission.state.phase is Phase.TRAVELLING
+    for kept in range(len(events) + 1):
+        pages, copy = Pages(), Mission(mission.rules)
+        journal = MissionJournal(pages)
+        for number, event in enumerate(events):
+            journal.note(copy, event)
+            copy.step(event)
+            if number + 1 == kept:
+                journal.keep(copy)
+        found = interrupted_mission(mission.rules, pages.state, pages.events)
+        assert found.state == mission.state
+
+
+def test_nothing_was_under_way():
+    rules = travelling()[0].rules
+    assert interrupted_mission(rules, None, []) is None
+    assert interrupted_mission(rules, Mission(rules).snapshot(), []) is None
+
+
+def test_ticks_are_written_down_only_when_something_is_due():
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    journal.note(mission, Tick(mission.state.now_s))
+    assert not pages.events
+    journal.note(mission, Tick(mission.next_deadline_s))
+    assert len(pages.events) == 1
+
+
+def test_a_full_disk_does_not_stop_the_mission(caplog):
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    pages.full = True
+    for _ in range(3):
+        journal.note(mission, Moved(mission.state.now_s, 0.0, 0.0))
+        journal.keep(mission)
+    assert "No space left" in journal.problem
+    assert len(caplog.records) == 1, "told once"
+    pages.full = False
+    journal.note(mission, Moved(mission.state.now_s, 0.0, 0.0))
+    assert not journal.problem

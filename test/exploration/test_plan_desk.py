@@ -1,0 +1,106 @@
+"""Plan requests wait for the map, but not for ever, and whatever goes wrong is an answer."""
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.mission_types import MissionRules, PlanFailed, PlanKind, Planned, RequestPlan
+from soilmoist_ros.exploration.plan_desk import PlanDesk, PlanJob, answer
+from soilmoist_ros.exploration.travel import RobotMotion
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.samples import as_samples
+from soilmoist_ros.mapping.variogram_fit import estimate_variogram
+
+SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
+FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=20.0)
+PLACE = (1.0, 1.0)
+
+
+def request(plan_id=1, kind=PlanKind.EXPLORE, blacklisted=(), left_s=3600.0):
+    return RequestPlan(plan_id, kind, blacklisted, left_s, left_s)
+
+
+@pytest.fixture
+def explorer():
+    square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
+    dwell, motion = parse_dwell("fmi:60"), RobotMotion()
+    settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=dwell, motion=motion)
+    ways = Ways(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), motion, None)
+    return make_explorer(ways, settings, MissionRules(budget_s=3600.0, dwell=dwell))
+
+
+def test_before_the_first_measurement_nothing_is_waited_for():
+    desk = PlanDesk(20.0)
+    assert desk.due(0.0, PLACE) is None
+    desk.ask(request(), 0.0)
+    assert desk.due(0.0, None) is None, "without a position nothing can be planned"
+    assert desk.due(0.0, PLACE).samples is None
+    assert desk.due(1.0, PLACE) is None, "answered once"
+
+
+@pytest.mark.parametrize(("kind", "needs_fit"), [(PlanKind.EXPLORE, True), (PlanKind.WARM_UP, False)])
+def test_waits_until_the_map_has_what_was_measured(kind, needs_fit):
+    desk = PlanDesk(20.0)
+    desk.take_samples(SAMPLES, 90.0)
+    desk.take_fit(FIT, 90.0)
+    desk.measured(100.0)
+    desk.ask(request(kind=kind), 101.0)
+    assert desk.due(101.0, PLACE) is None
+    desk.take_samples(SAMPLES, 100.0 - 1e-6)
+    if needs_fit:
+        assert desk.due(102.0, PLACE) is None
+        desk.take_fit(FIT, 100.0)
+    job = desk.due(102.0, PLACE)
+    assert job.samples is SAMPLES
+    assert job.fit is FIT
+    assert not job.late
+
+
+def test_waits_no_longer_than_allowed():
+    desk = PlanDesk(20.0)
+    desk.measured(100.0)
+    desk.ask(request(), 101.0)
+    assert desk.due(120.9, PLACE) is None
+    assert desk.due(121.0, PLACE).late
+
+
+def test_a_newer_request_replaces_the_older():
+    desk = PlanDesk(20.0)
+    desk.ask(request(1), 0.0)
+    desk.ask(request(2), 1.0)
+    assert desk.due(1.0, PLACE).request.plan_id == 2
+    assert desk.due(1.0, PLACE) is None
+
+
+def test_the_answer_follows_the_map(explorer):
+    planned = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True)
+    assert isinstance(planned, Planned)
+    assert "highest kriging variance" in planned.choice.reason
+    nearest = np.hypot(*(SAMPLES.xy - (planned.choice.stop.x_m, planned.choice.stop.y_m)).T).min()
+    assert nearest > 5.0, "the least known place is far from all samples"
+
+
+def test_no_choice_says_why(explorer):
+    planned = answer(explorer, PlanJob(request(left_s=1.0), PLACE, SAMPLES, FIT, False), True)
+    assert planned.choice is None
+    assert "fits into the time" in planned.reason
+
+
+def test_exploring_without_a_map_fails_where_one_is_needed(explorer):
+    job = PlanJob(request(), PLACE, SAMPLES, None, True)
+    assert answer(explorer, job, True) == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
+    assert isinstance(answer(explorer, job, False), Planned)
+    assert explorer.live_map.samples is SAMPLES, "places measured are known without a map, too"
+
+
+@pytest.mark.parametrize("error", [ValueError("bad luck"), KeyError("bad luck")])
+def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
+    def broken(*_):
+        raise error
+
+    monkeypatch.setattr(explorer, "plan", broken)
+    failed = answer(explorer, PlanJob(request(7), PLACE, SAMPLES, FIT, False), True)
+    assert failed.plan_id == 7
+    assert "bad luck" in failed.reason

@@ -1,0 +1,231 @@
+"""Both navigators against a virtual robot: every rule that the real navigation teaches its clients."""
+
+import threading
+import time
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+from geometry_msgs.msg import PoseStamped
+from topological_navigation_msgs.action import GotoNode
+from virtual_navigation import STOPS, VirtualNavigation, World
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration.navigator import Outcome
+from soilmoist_ros.exploration.pose_client import PoseClient
+from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.nodes.goal_pose_navigator import GoalPoseNavigator
+from soilmoist_ros.nodes.goto_node_navigator import GotoNodeNavigator, action_class
+
+# What rclpy says when a server of the test goes away in the middle of an answer.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+FAR, OTHER = STOPS[-1], STOPS[0]
+LIMITS = GoalLimits(start_s=20.0, answer_s=10.0, lost_s=1.0, position_s=1.0)
+
+
+class Driver:
+    """Looks after a navigator as the planner does, and keeps what it reports."""
+
+    def __init__(self, ros, world, make):
+        self.ros, self.world, self.ends = ros, world, {}
+        self.navigator = make(self.report)
+        self.running = True
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.thread.start()
+
+    def report(self, ended):
+        assert ended.goal_id not in self.ends, "an end is reported once"
+        self.ends[ended.goal_id] = ended
+
+    def run(self):
+        while self.running:
+            time.sleep(0.02)
+            self.navigator.tick()
+            self.navigator.moved(self.world.place, self.world.now_s)
+
+    def end_of(self, goal_id):
+        return self.ros.wait_for(lambda: self.ends.get(goal_id), message=f"the end of goal {goal_id}")
+
+
+@pytest.fixture
+def world(ros):
+    with World(ros, rate=30.0, clock=False, mapper=False) as world:
+        yield world
+
+
+@pytest.fixture
+def drive(ros, world):
+    drivers = []
+
+    def start(limits=LIMITS):
+        def make(report):
+            client = GoalClient(2.0, limits)
+            feedback = "topological_navigation/feedback"
+            return GotoNodeNavigator(ros.node, "topological_navigation", GotoNode, feedback, client, report)
+
+        drivers.append(Driver(ros, world, make))
+        return drivers[-1]
+
+    yield start
+    for driver in drivers:
+        driver.running = False
+        driver.thread.join(5)
+
+
+@pytest.fixture
+def navigation(ros, world):
+    with VirtualNavigation(ros, world) as navigation:
+        yield navigation
+
+
+def test_arrival_and_what_is_said_on_the_way(ros, world, navigation, drive):
+    driver = drive()
+    ros.wait_for(lambda: not driver.navigator.waiting_for)
+    driver.navigator.go(1, FAR)
+    assert driver.end_of(1).outcome is Outcome.SUCCEEDED
+    assert world.place == (FAR.x_m, FAR.y_m)
+    # the plain topic is best effort here, so it is heard only if the subscription adapts
+    driver.navigator.go(2, OTHER)
+    ros.wait_for(lambda: driver.navigator.on_the_way == OTHER.name, message="feedback of the plain topic")
+
+
+@pytest.mark.parametrize(
+    ("quirk", "value", "reason"),
+    [
+        ("lies", True, "reported as reached, but the robot is"),
+        ("denies", True, "without success"),
+        ("rejects", True, "rejected"),
+        ("blocked", {FAR.name}, "aborted"),
+    ],
+)
+def test_what_is_not_an_arrival(navigation, drive, quirk, value, reason):
+    setattr(navigation, quirk, value)
+    driver = drive()
+    driver.navigator.go(1, FAR)
+    assert driver.end_of(1).outcome is Outcome.FAILED
+    assert reason in driver.end_of(1).reason
+    setattr(navigation, quirk, type(value)())
+    driver.navigator.go(2, FAR)
+    assert driver.end_of(2).outcome is Outcome.SUCCEEDED
+
+
+def test_a_stop_that_the_navigation_does_not_know(navigation, drive):
+    driver = drive()
+    driver.navigator.go(1, Stop("nowhere", 0.0, 0.0))
+    assert driver.end_of(1).outcome is Outcome.FAILED
+    assert "is the stop on its map" in driver.end_of(1).reason
+
+
+@pytest.mark.parametrize("cancels", ["aborts", "properly"])
+def test_cancelling_stops_the_robot_whatever_is_answered(ros, world, navigation, drive, cancels):
+    navigation.cancels = cancels
+    world.rate = 5.0
+    driver = drive()
+    driver.navigator.go(1, FAR)
+    ros.wait_for(lambda: navigation.goals and world.goal is not None)
+    driver.navigator.cancel(1)
+    assert driver.end_of(1).outcome is Outcome.CANCELED
+    assert world.goal is None
+    assert navigation.ends == ["canceled"]
+
+
+def test_a_second_goal_waits_for_the_end_of_the_first(ros, world, navigation, drive):
+    world.rate = 10.0
+    driver = drive()
+    driver.navigator.go(1, FAR)
+    ros.wait_for(lambda: world.goal is not None)
+    driver.navigator.go(2, OTHER)
+    assert driver.end_of(1).outcome is Outcome.CANCELED
+    assert driver.end_of(2).outcome is Outcome.SUCCEEDED
+    assert navigation.most_at_once == 1
+    assert navigation.ends == ["canceled", "succeeded"]
+
+
+def test_goals_of_a_process_before_are_cancelled(ros, world, navigation, drive):
+    world.rate = 5.0
+    before = drive()
+    before.navigator.go(1, FAR)
+    ros.wait_for(lambda: world.goal is not None)
+    before.running = False
+    after = drive()
+    after.navigator.cancel(1)
+    assert after.end_of(1).outcome is Outcome.CANCELED
+    ros.wait_for(lambda: navigation.ends == ["canceled"])
+
+
+def test_the_server_may_come_late(ros, world, drive):
+    driver = drive()
+    driver.navigator.go(1, OTHER)
+    assert "topological_navigation" in driver.navigator.waiting_for
+    with VirtualNavigation(ros, world):
+        assert driver.end_of(1).outcome is Outcome.SUCCEEDED
+
+
+def test_a_server_that_never_comes(drive):
+    driver = drive(GoalLimits(start_s=0.3))
+    driver.navigator.go(1, OTHER)
+    assert driver.end_of(1).outcome is Outcome.FAILED
+    assert "is not there" in driver.end_of(1).reason
+
+
+def test_the_server_may_die_in_mid_goal_and_come_back(ros, world, drive):
+    world.rate = 5.0
+    driver = drive()
+    with VirtualNavigation(ros, world) as first:
+        driver.navigator.go(1, FAR)
+        ros.wait_for(lambda: world.goal is not None)
+        first.die()
+    assert driver.end_of(1).outcome is Outcome.FAILED
+    world.rate = 30.0
+    with VirtualNavigation(ros, world) as second:
+        driver.navigator.go(2, OTHER)
+        assert driver.end_of(2).outcome is Outcome.SUCCEEDED
+        assert second.ends == ["succeeded"]
+
+
+def test_the_action_type_must_exist():
+    assert action_class("topological_navigation_msgs/action/GotoNode") is GotoNode
+    for name, said in [
+        ("topological_navigation_msgs/action/GotoNod", "did you mean 'GotoNode'"),
+        ("no_such_package/action/GotoNode", "goal_pose"),
+        ("GotoNode", "PACKAGE/action/NAME"),
+    ]:
+        with pytest.raises(InputError, match=said):
+            action_class(name)
+
+
+@pytest.fixture
+def posing(ros, world):
+    poses = []
+
+    def take(message):
+        poses.append((message.pose.position.x, message.pose.position.y))
+        world.goal = poses[-1]
+
+    ros.node.create_subscription(PoseStamped, "goal_pose", take, 10)
+    driver = Driver(ros, world, lambda report: GoalPoseNavigator(ros.node, PoseClient(2.0, 5.0), report))
+    ros.wait_for(lambda: not driver.navigator.waiting_for)
+    driver.poses = poses
+    yield driver
+    driver.running = False
+    driver.thread.join(5)
+
+
+def test_poses_arrive_when_the_robot_stands_there(world, posing):
+    posing.navigator.go(1, FAR)
+    assert posing.end_of(1).outcome is Outcome.SUCCEEDED
+    assert world.place == (FAR.x_m, FAR.y_m)
+    assert posing.poses == [(FAR.x_m, FAR.y_m)]
+
+
+def test_poses_are_cancelled_by_staying(ros, world, posing):
+    world.rate = 10.0
+    posing.navigator.go(1, FAR)
+    ros.wait_for(lambda: world.goal is not None)
+    posing.navigator.cancel(1)
+    assert posing.end_of(1).outcome is Outcome.CANCELED
+    assert posing.poses[-1] != (FAR.x_m, FAR.y_m)
+    assert world.goal is None

@@ -1,0 +1,256 @@
+"""Whole missions with a real planner process, a virtual robot and its navigation."""
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from virtual_navigation import FIELD, STOPS, VirtualNavigation, World
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters.mission import mission_from_message
+from msg_adapters.plan import path_to_places
+from soilmoist_ros.exploration.mission_types import Phase
+from soilmoist_ros.nodes.qos import LATCHED
+
+# What rclpy says when a server of the test goes away in the middle of an answer.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+class Planning:
+    """A planner process and what it says."""
+
+    def __init__(self, ros, folder, namespace="", **params):
+        self.ros, self.namespace = ros, namespace
+        (folder / "field.yaml").write_text(FIELD)
+        given = {
+            "use_sim_time": True, "field": str(folder / "field.yaml"), "dwell": "fmi:20", "hours": 0.1,
+            "speed_mps": 1.0, "stop_overhead_s": 2.0, "min_dwell_s": 20.0, "return_margin_s": 10.0,
+            "arrival_radius_m": 2.0, "cancel_limit_s": 120.0, **params,
+        }  # fmt: skip
+        self.messages = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
+        self.process = ros.start("planner", params=given, namespace=namespace)
+
+    @property
+    def status(self):
+        return mission_from_message(self.messages[-1]) if self.messages else None
+
+    @property
+    def reasons(self):
+        return [message.message for message in list(self.messages)]
+
+    def call(self, verb):
+        return self.ros.call(Trigger, f"{self.namespace}/planner/{verb}")
+
+    def wait(self, condition, message=""):
+        self.ros.wait_for(lambda: self.status is not None and condition(self.status), message=message)
+
+    def wait_phase(self, *phases):
+        self.wait(lambda status: status.phase in phases, f"one of {phases}")
+
+
+def test_a_whole_mission_by_itself(ros, tmp_path):
+    saved = []
+
+    def save(request, response):
+        saved.append(1)
+        response.success = True
+        return response
+
+    ros.node.create_service(Trigger, "mapper/save", save)
+    plans, markers = ros.collect(Path, "plan", LATCHED), ros.collect(MarkerArray, "plan_markers", LATCHED)
+    with World(ros) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Planning(ros, tmp_path, autostart=True, home="shed", exit_when_finished=True)
+        assert planning.process.wait() == 0
+        assert planning.status.phase is Phase.FINISHED
+        assert planning.status.samples >= 2
+        assert "home" in planning.status.reason
+        assert world.place == (-10.0, 5.0)
+        assert set(navigation.ends) == {"succeeded"}
+        assert navigation.goals[-1] == "shed"
+        assert set(navigation.goals[:-1]) <= {stop.name for stop in STOPS}
+        assert len(set(navigation.goals)) == len(navigation.goals), "no stop twice in so short a mission"
+    assert saved
+    assert plans[-1].poses == []
+    assert 5.0 <= path_to_places(next(plan for plan in plans if plan.poses))[0][0] <= 35.0
+    texts = [marker.text for array in markers for marker in array.markers if marker.text]
+    assert any(text.endswith(", 20 s") for text in texts)
+
+
+def test_pause_resume_skip_and_abort(ros, tmp_path):
+    with World(ros, rate=20.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Planning(ros, tmp_path, hours=2.0, dwell="fmi:600")
+        planning.wait(lambda status: "waiting for start" in status.reason)
+        assert not planning.call("pause").success
+        assert not planning.call("resume").success
+        assert not planning.call("skip").success
+        assert planning.call("start").success
+        assert "resume or abort it" in planning.call("start").message
+
+        planning.wait_phase(Phase.TRAVELLING)
+        assert planning.call("pause").success
+        planning.wait_phase(Phase.PAUSED)
+        ros.wait_for(lambda: planning.messages[-1].level == b"\x01", message="a warning while paused")
+        assert world.goal is None, "a paused robot stands"
+        target = planning.status.target
+        assert planning.call("resume").success
+        planning.wait_phase(Phase.COUNTING)
+        assert planning.status.target == target
+
+        assert planning.call("pause").success
+        planning.wait_phase(Phase.PAUSED)
+        assert planning.call("resume").success
+        planning.wait_phase(Phase.COUNTING)
+        assert planning.call("skip").success
+        planning.wait(lambda status: status.phase is Phase.TRAVELLING and status.target != target)
+        assert target.name in planning.status.blacklisted
+
+        assert planning.call("abort").success
+        planning.wait_phase(Phase.IDLE)
+        assert world.goal is None, "an aborted robot stands"
+        assert planning.call("abort").success
+        assert planning.call("start").success
+        planning.wait_phase(Phase.TRAVELLING, Phase.COUNTING)
+        assert navigation.most_at_once == 1
+        assert planning.process.stop() == 0
+        ros.wait_for(lambda: world.goal is None, message="the robot to stop with its planner")
+
+
+def test_stops_that_cannot_be_reached_are_ruled_out(ros, tmp_path):
+    with World(ros) as world, VirtualNavigation(ros, world) as navigation:
+        navigation.blocked = {stop.name for stop in STOPS if stop.name not in ("n00", "n31")}
+        planning = Planning(ros, tmp_path, strategy="random", seed=3, failures_to_pause=100, hours=2.0, retries=0)
+        planning.wait(lambda status: "waiting for start" in status.reason)
+        planning.call("start")
+        planning.wait(lambda status: status.samples >= 1)
+        assert "aborted" in navigation.ends
+        assert planning.status.blacklisted
+
+
+def test_a_robot_that_did_not_move_does_not_count(ros, tmp_path):
+    with World(ros) as world, VirtualNavigation(ros, world) as navigation:
+        navigation.lies = True
+        planning = Planning(ros, tmp_path, autostart=True, hours=2.0, failures_to_pause=2)
+        planning.wait_phase(Phase.PAUSED)
+        assert any("reported as reached, but the robot is" in reason for reason in planning.reasons)
+        assert planning.status.samples == 0
+
+
+def test_the_operator_is_asked_when_nothing_works(ros, tmp_path):
+    with World(ros) as world, VirtualNavigation(ros, world) as navigation:
+        navigation.rejects = True
+        planning = Planning(ros, tmp_path, autostart=True)
+        planning.wait_phase(Phase.PAUSED)
+        assert "5 failures" in planning.status.reason
+        assert planning.messages[-1].level == b"\x02"
+
+
+def test_what_is_missing_is_said(ros, tmp_path):
+    found = ros.collect(DiagnosticArray, "/diagnostics", 10)
+    planning = Planning(ros, tmp_path)
+    for part in ("/clock", "map of the navigation", "a position", "topological_navigation"):
+        planning.wait(lambda status, part=part: part in status.reason, part)
+    answer = planning.call("start")
+    assert not answer.success
+    assert "not yet, waiting for" in answer.message
+    ros.wait_for(lambda: found)
+    assert {status.name for status in found[-1].status} == {
+        "/planner: navigation", "/planner: position", "/planner: records",
+    }  # fmt: skip
+
+
+def test_a_mission_by_poses_alone_in_a_namespace(ros, tmp_path):
+    def take(message):
+        world.goal = (message.pose.position.x, message.pose.position.y)
+
+    with World(ros, namespace="/robot_1") as world:
+        ros.node.create_subscription(PoseStamped, "/robot_1/goal_pose", take, 10)
+        planning = Planning(
+            ros, tmp_path, "/robot_1", navigator="goal_pose", graph="free", autostart=True, home="r0c0",
+            exit_when_finished=True,
+        )  # fmt: skip
+        assert planning.process.wait() == 0
+        assert planning.status.samples >= 3
+        assert world.place == (1.0, 1.0)
+
+
+def test_the_map_may_not_come(ros, tmp_path):
+    with World(ros, mapper=False) as world, VirtualNavigation(ros, world):
+        planning = Planning(ros, tmp_path, autostart=True, hours=1.0)
+        planning.wait(lambda status: "no map has come: is the mapper running?" in status.reason)
+        assert planning.status.samples == 3
+
+
+@pytest.mark.parametrize(
+    ("params", "said"),
+    [
+        ({"strategy": "gredy"}, "did you mean 'greedy'"),
+        ({"dwel": "fmi:20"}, "did you mean 'dwell'"),
+        ({"dwell": "fim:20"}, "did you mean 'fmi'"),
+        ({"field": "patchs"}, "did you mean 'patches'"),
+        ({"action_type": "topological_navigation_msgs/action/GotoNod"}, "did you mean 'GotoNode'"),
+        ({"graph": "no_such_map.yaml"}, "cannot be read"),
+        ({"graph": "free"}, "graph is free"),
+        ({"navigator": "goal_pose", "graph": "free", "home": "r0c"}, "did you mean 'r0c"),
+    ],
+)
+def test_mistakes_in_parameters(ros, tmp_path, params, said):
+    planning = Planning(ros, tmp_path, **params)
+    assert planning.process.wait() == 2
+    assert said in planning.process.output()
+
+
+def test_bad_messages_do_no_harm(ros, tmp_path):
+    with World(ros) as world, VirtualNavigation(ros, world):
+        node = ros.node
+        for topic, kind, message in [
+            ("samples", PointCloud2, PointCloud2()),
+            ("model", String, String(data="{")),
+            ("counts", PointCloud2, PointCloud2()),
+            ("fix", NavSatFix, NavSatFix(latitude=float("nan"), longitude=0.0)),
+        ]:
+            publisher = node.create_publisher(kind, topic, LATCHED)
+            node.create_timer(0.1, lambda publisher=publisher, message=message: publisher.publish(message))
+        planning = Planning(ros, tmp_path, autostart=True, hours=2.0)
+        planning.wait(lambda status: "highest kriging variance" in status.reason)
+        for part in ("samples cannot be used", "model cannot be used", "counts cannot be used"):
+            assert part in planning.process.output()
+
+
+def test_a_mission_survives_its_planner(ros, tmp_path):
+    journal = {"journal_dir": str(tmp_path / "journal"), "hours": 2.0, "dwell": "fmi:300"}
+    with World(ros, rate=30.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Planning(ros, tmp_path, autostart=True, **journal)
+        planning.wait(lambda status: status.phase is Phase.TRAVELLING and status.distance_m > 0)
+        target = planning.status.target
+        planning.process.kill()
+        world.rate = 1.0  # it takes a moment to come back
+        assert world.goal is not None, "nobody told the robot to stop"
+
+        again = Planning(ros, tmp_path, autostart=True, **journal)
+        again.wait_phase(Phase.PAUSED)
+        assert "resumable: interrupted while travelling" in again.status.reason
+        assert again.status.target == target
+        assert again.messages[-1].level == b"\x02"
+        ros.wait_for(lambda: world.goal is None, message="the robot to be stopped")
+        assert navigation.ends == ["canceled"], "it does not move by itself"
+        world.rate = 30.0
+        ros.wait_for(lambda: again.call("resume").success)
+        again.wait_phase(Phase.COUNTING)
+        assert again.status.target == target
+        again.wait(lambda status: status.raw_counts > 0)
+        counts = again.status.raw_counts
+        again.process.kill()
+
+        auto = Planning(ros, tmp_path, resume="auto", **journal)
+        auto.wait(lambda status: status.phase is Phase.COUNTING and status.raw_counts > counts)
+        auto.process.kill()
+
+        fresh = Planning(ros, tmp_path, resume="fresh", **journal)
+        fresh.wait(lambda status: "waiting for start" in status.reason)
+        assert fresh.status.samples == 0

@@ -1,0 +1,236 @@
+"""A small world for tests of the planner: a clock, a robot, its fixes and counts, a mapper, and its navigation.
+
+The navigation is the real action, with the quirks of the real one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections import Counter
+from datetime import UTC, datetime
+
+import numpy as np
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import String
+from topological_navigation_msgs.action import GotoNode
+
+from msg_adapters.counts import counts_to_message
+from msg_adapters.model import Model, model_to_message
+from msg_adapters.samples import samples_to_message
+from msg_adapters.stamps import to_time
+from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.exploration.topological_map import make_topological_map
+from soilmoist_ros.exploration.travel_graph import TravelGraph
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.mapping.samples import as_samples
+from soilmoist_ros.mapping.variogram import Variogram
+from soilmoist_ros.mapping.variogram_fit import VariogramFit
+from soilmoist_ros.nodes.qos import CLOCK, LATCHED, RECORDS, SENSOR
+from soilmoist_ros.sensing.records import CountRecord
+
+FRAME = LocalFrame(53.268, -0.5245)
+START_S = datetime(2026, 6, 1, 6, tzinfo=UTC).timestamp()
+FIELD = """
+name: test field
+datum: {latitude_deg: 53.268, longitude_deg: -0.5245}
+polygon: [[0, 0], [40, 0], [40, 30], [0, 30]]
+cell_m: 2
+"""
+STOPS = [Stop(f"n{x}{y}", 5.0 + 10 * x, 5.0 + 10 * y) for x in range(4) for y in range(3)]
+SHED = Stop("shed", -10.0, 5.0)
+CADENCE_S, SPEED_MPS = 10.0, 1.0
+
+
+def make_map():
+    """A lattice in the field, and a shed outside that it leads to."""
+    ends = [(a.name, b.name) for a in STOPS for b in STOPS if math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) == 10]
+    ends += [("shed", "n00"), ("n00", "shed")]
+    return make_topological_map(TravelGraph.from_edges([*STOPS, SHED], ends), "test", datetime(2026, 1, 1))
+
+
+class World:
+    """Time, the robot, and what its sensors and the mapper say. Use as a context manager.
+
+    :param ros: the ROS system of the test
+    :param rate: how many times faster than real time it runs
+    """
+
+    def __init__(self, ros, rate=45.0, namespace="", clock=True, mapper=True):
+        self.rate, self.mapper = rate, mapper
+        self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
+        self.sensor = True
+        self.counted = Counter()
+        self.exposed = Counter()
+        self.node = Node("world", context=ros.context, namespace=namespace)
+        self.clock = self.node.create_publisher(Clock, "/clock", CLOCK) if clock else None
+        self.fixes = self.node.create_publisher(NavSatFix, "fix", SENSOR)
+        self.counts = self.node.create_publisher(PointCloud2, "counts", RECORDS)
+        self.samples = self.node.create_publisher(PointCloud2, "samples", LATCHED)
+        self.model = self.node.create_publisher(String, "model", LATCHED)
+        self.maps = self.node.create_publisher(String, "/topological_map_2", LATCHED)
+        self.running = True
+        self.thread = threading.Thread(target=self.run, daemon=True)
+
+    def __enter__(self):
+        self.maps.publish(String(data=make_map().to_json()))
+        self.thread.start()
+        return self
+
+    def __exit__(self, *exception):
+        self.running = False
+        self.thread.join(5)
+        self.node.destroy_node()
+
+    def run(self):
+        next_fix_s, next_record_s, last = self.now_s, self.now_s + CADENCE_S, time.monotonic()
+        while self.running:
+            time.sleep(0.015)
+            step_s, last = min(0.05, time.monotonic() - last) * self.rate, time.monotonic()
+            self.now_s += step_s
+            self.drive(step_s * SPEED_MPS)
+            if self.clock is not None:
+                self.clock.publish(Clock(clock=to_time(self.now_s)))
+            if self.now_s >= next_fix_s:
+                next_fix_s = self.now_s + 1.0
+                self.publish_fix()
+            if self.now_s >= next_record_s:
+                next_record_s += CADENCE_S
+                if self.sensor:
+                    self.publish_record()
+
+    def drive(self, step_m):
+        goal = self.goal
+        if goal is None:
+            return
+        left_m = math.dist(self.place, goal)
+        share = 1.0 if left_m <= step_m else step_m / left_m
+        self.place = tuple(a + share * (b - a) for a, b in zip(self.place, goal, strict=True))
+        if share == 1.0 and self.goal is goal:
+            self.goal = None
+
+    def publish_fix(self):
+        fix = NavSatFix()
+        fix.header.stamp = to_time(self.now_s)
+        fix.latitude, fix.longitude = (float(value) for value in FRAME.to_geographic([self.place])[0])
+        self.fixes.publish(fix)
+
+    def publish_record(self):
+        x_m, y_m = self.place
+        raw = round(CADENCE_S * (4 + math.sin(x_m / 7)))
+        record = CountRecord(
+            stamp_s=self.now_s, x_m=x_m, y_m=y_m, z_m=0.0, raw_counts=raw, exposure_s=CADENCE_S,
+            effective_exposure_s=CADENCE_S, f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
+        )  # fmt: skip
+        self.counts.publish(counts_to_message([record]))
+        self.counted[self.place] += raw
+        self.exposed[self.place] += CADENCE_S
+        if self.mapper:
+            self.publish_map()
+
+    def publish_map(self):
+        samples = as_samples(list(self.counted), list(self.counted.values()), list(self.exposed.values()))
+        nothing = np.empty(0)
+        fit = VariogramFit(
+            Variogram("matern32", 0.0, 10.0, 0.5), "reml", samples.mean_rate_cps, len(samples), 0.0, None,
+            (0.0, 0.0, 0.0), True, "", nothing, nothing, nothing, nothing,
+        )  # fmt: skip
+        self.samples.publish(samples_to_message(samples, self.now_s))
+        self.model.publish(model_to_message(Model(fit, self.now_s)))
+
+
+class VirtualNavigation:
+    """The action ``topological_navigation``. Use as a context manager.
+
+    What it does wrong can be changed at any time:
+
+    * ``cancels``: ``aborts`` (as the robot's does: looks rejected, ends aborted) or ``properly``
+    * ``lies``: reports success without moving; ``denies``: moves, but the result says no success
+    * ``rejects``: accepts no goal; ``blocked``: names of stops where it aborts
+    """
+
+    def __init__(self, ros, world, name="topological_navigation", namespace=""):
+        self.world = world
+        self.cancels, self.lies, self.denies, self.rejects, self.blocked = "aborts", False, False, False, set()
+        self.goals, self.ends, self.most_at_once = [], [], 0
+        self._running, self._stopped, self._alive, self._spinning = 0, set(), True, True
+        self.places = {stop.name: (stop.x_m, stop.y_m) for stop in (*STOPS, SHED)}
+        self.node = Node("navigation", context=ros.context, namespace=namespace)
+        self.feedback = self.node.create_publisher(GotoNode.Feedback, f"{name}/feedback", SENSOR)
+        self.server = ActionServer(
+            self.node, GotoNode, name, self.execute, callback_group=ReentrantCallbackGroup(),
+            goal_callback=lambda goal: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
+            cancel_callback=self.on_cancel,
+        )  # fmt: skip
+        self.executor = MultiThreadedExecutor(4, context=ros.context)
+        self.executor.add_node(self.node)
+        self.thread = threading.Thread(target=self.spin, daemon=True)
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *exception):
+        self._alive = False
+        deadline = time.monotonic() + 5
+        while self._spinning and self._running and time.monotonic() < deadline:
+            time.sleep(0.01)
+        self.die()
+
+    def die(self):
+        """Go away in the middle of everything."""
+        self._alive = False
+        if self._spinning:
+            self._spinning = False
+            self.thread.join(5)
+            self.executor.shutdown(timeout_sec=5)
+            self.server.destroy()
+            self.node.destroy_node()
+
+    def spin(self):
+        while self._spinning:
+            with contextlib.suppress(Exception):  # an answer to a client that has gone
+                self.executor.spin_once(timeout_sec=0.05)
+
+    def on_cancel(self, handle):
+        self._stopped.add(bytes(handle.goal_id.uuid))
+        return CancelResponse.ACCEPT if self.cancels == "properly" else CancelResponse.REJECT
+
+    def execute(self, handle):
+        target, identity = handle.request.target, bytes(handle.goal_id.uuid)
+        self.goals.append(target)
+        self._running += 1
+        self.most_at_once = max(self.most_at_once, self._running)
+        try:
+            end = self.drive(target, identity)
+        finally:
+            self._running -= 1
+        self.ends.append(end)
+        if end == "canceled" and self.cancels == "properly":
+            handle.canceled()
+        elif end == "succeeded":
+            handle.succeed()
+        elif self._alive:
+            handle.abort()
+        return GotoNode.Result(success=end == "succeeded" and not self.denies)
+
+    def drive(self, target, identity):
+        if target not in self.places or target in self.blocked:
+            return "aborted"
+        self.feedback.publish(GotoNode.Feedback(route=target))
+        if self.lies:
+            return "succeeded"
+        self.world.goal = goal = self.places[target]
+        while self.world.goal is goal and self._alive:
+            if identity in self._stopped:
+                self.world.goal = None
+                return "canceled"
+            time.sleep(0.005)
+        return "succeeded" if self._alive else "gone"
