@@ -15,13 +15,25 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BeforeValidator
 from pydantic import Field as Setting
 
-from soilmoist_ros.configuration import Section, load_model, read_yaml, resource, resource_names
+from soilmoist_ros.configuration import (
+    Section,
+    config_folder,
+    line_of,
+    load_model,
+    read_yaml,
+    resource,
+    resource_names,
+)
 from soilmoist_ros.errors import InputError, Mistake
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies import STRATEGIES
+from soilmoist_ros.exploration.wording import did_you_mean
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod
 from soilmoist_ros.simulation.mission_run import MissionSettings, Preset
 
-Strategy = Literal["greedy", "monte_carlo", "adaptive_sampling", "random", "lattice"]
+FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
+"""Short names of the published findings."""
 KEY_DIGITS = 16
 
 
@@ -47,26 +59,33 @@ def _distinct(values: tuple[int, ...]) -> tuple[int, ...]:
     return values
 
 
-def check_dwell(text: str) -> str:
-    """A dwell rule as it is, if it is one.
+def plain_dwell(text: str) -> str:
+    """A dwell rule in its plainest form, so that ``ami:3%`` and ``ami:0.03`` are the same missions.
 
-    :raises ValueError: if it is neither ``fmi:SECONDS`` nor ``ami:THRESHOLD``
+    :raises ValueError: if it is no dwell rule
     """
-    kind, _, number = text.partition(":")
     try:
-        value = float(number)
-    except ValueError:
-        value = float("nan")
-    highest = {"fmi": float("inf"), "ami": 1.0}.get(kind, 0.0)
-    if not 0 < value < highest:
-        raise ValueError("give fmi:SECONDS (such as fmi:600) or ami:THRESHOLD (such as ami:0.03)")
-    return text
+        return str(parse_dwell(text))
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+def known_strategy(name: str) -> str:
+    """A strategy as it is, if there is one of the name.
+
+    :raises ValueError: if not
+    """
+    if name not in STRATEGIES:
+        known = ", ".join(STRATEGIES)
+        raise ValueError(f"there is no strategy {name!r} -> use one of: {known}{did_you_mean(name, STRATEGIES)}")
+    return name
 
 
 T = TypeVar("T")
 Many = Annotated[tuple[T, ...], BeforeValidator(_many), Setting(min_length=1)]
 Name = Annotated[str, Setting(min_length=1)]
-Dwell = Annotated[str, AfterValidator(check_dwell)]
+Strategy = Annotated[str, AfterValidator(known_strategy)]
+Dwell = Annotated[str, AfterValidator(plain_dwell)]
 Positive = Annotated[float, Setting(gt=0)]
 NotNegative = Annotated[float, Setting(ge=0)]
 
@@ -79,7 +98,7 @@ class Choices(Section):
     strategy: Many[Strategy] | None = None
     """Exploration strategies."""
     dwell: Many[Dwell] | None = None
-    """Dwell rules: fmi:SECONDS or ami:THRESHOLD."""
+    """Dwell rules: fmi:SECONDS, ami:THRESHOLD or ami:PERCENT%, or optimal."""
     hours: Many[Positive] | None = None
     """Mission times [h]."""
     variogram: Many[ModelName] | None = None
@@ -88,6 +107,8 @@ class Choices(Section):
     """Ways of fitting the variogram."""
     preset: Many[Preset] | None = None
     """Constants of the exploration."""
+    map_from: Many[Literal["stops", "records"]] | None = None
+    """What is mapped: the stops only, as published, or all records, those on the way too."""
     travel: Many[Literal["free", "graph"]] | None = None
     """Straight lines, or the field's travel graph."""
     graph: Many[Name] | None = None
@@ -124,12 +145,14 @@ class Experiment(Choices):
 
 
 class Published(Section):
-    """Which fields stand for which case of the published experiments."""
+    """How the campaign compares with the published experiments: which fields stand for which case of them."""
 
     high_gradient: Many[Name] | None = None
     """Fields with a high contrast."""
     low_gradient: Many[Name] | None = None
     """Fields with a low contrast."""
+    reasons: Mapping[FindingKey, str] = Setting(default_factory=dict)
+    """Why this very campaign differs from a finding, as was established; shown where it does."""
 
 
 class Campaign(Section):
@@ -152,8 +175,8 @@ class Campaign(Section):
     """Values for experiments that do not give their own."""
     experiments: Annotated[tuple[Experiment, ...], Setting(min_length=1)]
     """The experiments."""
-    published: Published = Published()
-    """Fields for the comparison with the published findings."""
+    published: Published | None = None
+    """Comparison with the published findings; none if left out."""
 
 
 @dataclass(frozen=True)
@@ -177,21 +200,17 @@ def load_campaign(name: str) -> Campaign:
     :raises InputError: with every mistake in the file, a field that does not exist included
     """
     path = resource("campaigns", name)
-    campaign = load_model(path, Campaign)
-    mistakes = [*_missing_files(campaign, path), *_repeated_names(campaign, path)]
+    mistakes = list(_beyond_keys(read_yaml(path), path))
+    try:
+        campaign = load_model(path, Campaign)
+    except InputError as error:
+        raise InputError([*error.mistakes, *mistakes]) from None
     if mistakes:
         raise InputError(mistakes)
     choices = [_with_whole_paths(experiment, path.parent) for experiment in campaign.experiments]
     defaults = _with_whole_paths(campaign.defaults, path.parent)
-    published = {
-        key: None if names is None else tuple(_whole_path(name, path.parent) for name in names)
-        for key, names in campaign.published
-    }
-    update = {
-        "experiments": tuple(choices),
-        "defaults": defaults,
-        "published": campaign.published.model_copy(update=published),
-    }
+    published = campaign.published and _published_with_whole_paths(campaign.published, path.parent)
+    update = {"experiments": tuple(choices), "defaults": defaults, "published": published}
     return campaign.model_copy(update=update)
 
 
@@ -267,6 +286,12 @@ def _with_whole_paths(choices: Any, folder: Path) -> Any:
     return choices.model_copy(update=update)
 
 
+def _published_with_whole_paths(published: Published, folder: Path) -> Published:
+    cases = {"high_gradient": published.high_gradient, "low_gradient": published.low_gradient}
+    update = {case: names and tuple(_whole_path(name, folder) for name in names) for case, names in cases.items()}
+    return published.model_copy(update=update)
+
+
 def _field_file(field: str) -> Path | None:
     """The file behind a field, ``None`` for a built-in one."""
     if _is_path(field):
@@ -302,39 +327,67 @@ def _texts(node: Any) -> Iterator[str]:
             yield from _texts(value)
 
 
-def _missing_files(campaign: Campaign, path: Path) -> Iterator[Mistake]:
+def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
+    """Mistakes in what the values stand for, found in the bare file, so that wrong keys do not hide them."""
+    root = _mapping(content)
+    defaults, listed = _mapping(root.get("defaults")), root.get("experiments")
+    experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []
+    places: list[tuple[int | str, ...]] = [("defaults",), *(("experiments", n) for n in range(len(experiments)))]
+
+    def mistake(place: tuple[int | str, ...], key: str, message: str, remedy: str) -> Mistake:
+        where = (*place, key)
+        return Mistake(message, remedy, path, line_of(content, where), ".".join(str(part) for part in where))
+
+    names: list[str] = []
+    for place, part in zip(places, [defaults, *experiments], strict=True):
+        for field in _texts(part.get("field")):
+            try:
+                faults = list(_faults_of_field(field, path.parent))
+            except InputError as error:
+                yield from error.mistakes
+            else:
+                yield from (mistake(place, "field", *fault) for fault in faults)
+        for graph in _texts(part.get("graph")):
+            if not (path.parent / graph).is_file():
+                remedy = "give a path that starts at the campaign file; `soilmoist graph` makes one"
+                yield mistake(place, "graph", f"there is no topological map {graph!r}", remedy)
+        if part is defaults:
+            continue
+        given = {**defaults, **part}
+        if given.get("graph") is not None and set(_texts(given.get("travel"))) != {"graph"}:
+            remedy = "add 'travel: graph', or leave the graph out"
+            yield mistake(place, "graph", "a graph is given, but the robot travels freely", remedy)
+        name = str(part.get("name"))
+        if name in names:
+            yield mistake(place, "name", f"a second experiment of the name {name!r}", "give it another name")
+        names.append(name)
+
+
+def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:
+    """What is wrong with the name of a field, and what to do.
+
+    :raises InputError: if its file cannot be read
+    """
     from soilmoist_ros.simulation.surrogate_field import surrogate_field_names
 
-    known = [*surrogate_field_names(), *resource_names("fields")]
-    places: Mapping[str, Choices] = {
-        "defaults": campaign.defaults,
-        **{f"experiments.{number}": item for number, item in enumerate(campaign.experiments)},
-    }
-    for where, choices in places.items():
-        for field in choices.field or ():
-            there = Path(_whole_path(field, path.parent)).is_file() if _is_path(field) else field in known
-            if not there:
-                yield Mistake(
-                    f"there is no field {'file ' if _is_path(field) else ''}{field!r}",
-                    f"give one of: {', '.join(known)}; or a path that starts at the campaign file",
-                    path,
-                    column=f"{where}.field",
-                )
-        for graph in choices.graph or ():
-            if not (path.parent / graph).is_file():
-                yield Mistake(
-                    f"there is no topological map {graph!r}",
-                    "give a path that starts at the campaign file; `soilmoist graph` makes one",
-                    path,
-                    column=f"{where}.graph",
-                )
+    shipped = {file: config_folder() / "fields" / f"{file}.yaml" for file in resource_names("fields")}
+    usable = [*surrogate_field_names(), *(file for file, path in shipped.items() if _has_truth(path))]
+    remedy = f"give one of: {', '.join(usable)}; or a path that starts at the campaign file"
+    path = Path(_whole_path(name, folder)) if _is_path(name) else shipped.get(name)
+    if name in usable:
+        return
+    if path is None or not path.is_file():
+        yield f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy
+    elif not _has_truth(path):
+        yield (
+            f"the field {name!r} has no truth: it cannot be simulated",
+            f"add a section 'truth' to it, or {remedy}",
+        )
 
 
-def _repeated_names(campaign: Campaign, path: Path) -> Iterator[Mistake]:
-    names = [experiment.name for experiment in campaign.experiments]
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            yield Mistake(
-                f"a second experiment of the name {name!r}", "give it another name", path,
-                column=f"experiments.{number}.name",
-            )  # fmt: skip
+def _has_truth(path: Path) -> bool:
+    return "truth" in _mapping(read_yaml(path))
+
+
+def _mapping(content: Any) -> Mapping[str, Any]:
+    return content if isinstance(content, Mapping) else {}

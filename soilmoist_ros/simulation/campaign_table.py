@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Finished = Sequence[tuple[Mission, StoredMission]]
 
-SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "travel", "graph",
-            "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m", "footprint_m",
+SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "travel",
+            "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m", "footprint_m",
             "position_sd_m", "weather")  # fmt: skip
 """Columns that say which mission a row belongs to."""
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
@@ -38,7 +38,7 @@ def require_pandas() -> Any:
         import pyarrow  # noqa: F401 - pandas looks for it only when it writes
     except ImportError as error:
         raise InputError(
-            f"campaigns need {error.name}, which is not installed", "pip install 'soilmoist_ros[campaign]'"
+            f"campaigns need {error.name}, which is not installed", "pip install 'pandas>=2.2' 'pyarrow>=14'"
         ) from None
     return pandas
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 import os
+import re
 import signal
 import threading
 import traceback
@@ -40,6 +41,7 @@ THREADS = (
 CONNECT_S = 10.0
 """Time that a Dask scheduler, and then its first worker, may take to answer [s]."""
 
+_KEYS = "set ca-file, client.key and client.cert below distributed.comm.tls in ~/.config/dask/distributed.yaml"
 _stop: Event | None = None
 
 
@@ -196,13 +198,14 @@ def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
     :raises InputError: as :func:`on_cluster`
     """
     try:
-        Client: Any = importlib.import_module("distributed").Client
+        distributed: Any = importlib.import_module("distributed")
     except ImportError:
         raise InputError(
-            "a cluster needs Dask, which is not installed", "pip install 'soilmoist_ros[cluster]'"
+            "a cluster needs Dask, which is not installed", "pip install 'distributed>=2024.1'"
         ) from None
+    _check_address(scheduler, distributed)
     try:
-        client = Client(scheduler, timeout=timeout_s, set_as_default=False)
+        client = distributed.Client(scheduler, timeout=timeout_s, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(
             f"no Dask scheduler answers at {scheduler!r} within {timeout_s:g} s ({type(error).__name__})",
@@ -216,6 +219,26 @@ def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
             f"the Dask scheduler at {scheduler!r} has no worker", f"start some with 'dask worker {scheduler}'"
         ) from None
     return client
+
+
+def _check_address(scheduler: str, distributed: Any) -> None:
+    """Refuse an address that Dask would not understand: it would hang in the attempt to take the client down.
+
+    :raises InputError: if it is not that of a scheduler, or an encrypted one without keys
+    """
+    form = re.fullmatch(r"((?P<scheme>tcp|tls)://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):(?P<port>\d{1,5})", scheduler)
+    if form is None or not 0 < int(form["port"]) < 65536:
+        raise InputError(
+            f"{scheduler!r} is not the address of a Dask scheduler",
+            "give tcp://HOST:PORT, such as tcp://127.0.0.1:8786, or tls://HOST:PORT",
+        )
+    if form["scheme"] == "tls":
+        try:
+            keys = distributed.Security().get_connection_args("client")["ssl_context"]
+        except (OSError, ValueError) as error:
+            raise InputError(f"Dask's keys cannot be used: {error}", _KEYS) from None
+        if keys is None:
+            raise InputError(f"{scheduler!r} needs keys, and Dask has none", _KEYS)
 
 
 def _lost(error: BaseException) -> str:

@@ -33,6 +33,7 @@ class MissionSettings:
     :param variogram: variogram model
     :param fit: how the variogram is fitted
     :param preset: constants of the exploration: the paper's text, or the authors' experiments
+    :param map_from: what is mapped: the ``stops`` only, as published, or all ``records``, those on the way too
     :param travel: ``free`` (straight lines) or ``graph`` (over a travel graph)
     :param graph: topological map with the travel graph, a file; an open lattice of about 300 nodes if ``None``
     :param speed_mps: speed of the robot [m/s]
@@ -54,6 +55,7 @@ class MissionSettings:
     variogram: ModelName = "gaussian"
     fit: FitMethod = "soft_l1"
     preset: Preset = "paper"
+    map_from: Literal["stops", "records"] = "stops"
     travel: Literal["free", "graph"] = "free"
     graph: str | None = None
     speed_mps: float = 0.6

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -33,16 +34,17 @@ from soilmoist_ros.exploration.mission_types import (
     Tick,
     Verb,
 )
+from soilmoist_ros.exploration.prospect import Counting
 from soilmoist_ros.exploration.strategies import NEEDS_NO_MAP, PRESETS, make_strategy
 from soilmoist_ros.exploration.strategy import Stop
-from soilmoist_ros.exploration.topological_map import read_topological_map
+from soilmoist_ros.exploration.topological_map import TopologicalMap, make_topological_map, read_topological_map
 from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
-from soilmoist_ros.exploration.travel_graph import TravelGraph
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_grid import FieldGrid, default_cell_m
 from soilmoist_ros.mapping.live_map import LiveMap
-from soilmoist_ros.sensing.moisture import CalibrationCurve
+from soilmoist_ros.mapping.online_map import OnlineMap, OnlineSettings
 from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.map_errors import map_errors
 from soilmoist_ros.simulation.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
 from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
 from soilmoist_ros.simulation.virtual_robot import VirtualRobot
@@ -50,12 +52,11 @@ from soilmoist_ros.simulation.virtual_sensor import VirtualSensor
 
 Array = NDArray[np.float64]
 
-MINERAL_DENSITY_GCM3 = 2.65
-"""Density of soil minerals (quartz) [g/cm^3]."""
 LATTICE_NODES = 300
 """About so many nodes has the lattice that is laid when travel follows a graph and none is given."""
-_PLACES_PER_RECORD = 10
-_COVERAGE_SD = 1.959964
+PLACES_PER_RECORD = 10
+"""Places at which the rate of one record is taken, evenly over its time."""
+_LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 def simulate_mission(settings: MissionSettings, progress: Callable[[float], None] | None = None) -> MissionResult:
@@ -107,8 +108,10 @@ class _Simulation:
             strategy_rng,
             self.mission.rules.min_dwell_s,
             nominal_rate_cps=_nominal_rate(field),
+            counting=Counting(settings.cadence_s, settings.map_from == "records"),
         )
-        start = stops[int(np.argmin([math.dist((stop.x_m, stop.y_m), field.polygon[0]) for stop in stops]))]
+        self.online_map = OnlineMap(self.grid, OnlineSettings(settings.variogram, settings.fit, curve=field.curve))
+        start = start_stop(field.field, stops)
         self.robot = VirtualRobot(motion, (start.x_m, start.y_m))
         self.sensor = VirtualSensor(field, sensor_rng, settings.cadence_s, settings.footprint_m, settings.weather)
         self.truth = field.rate_at(self.grid.cells)
@@ -146,6 +149,7 @@ class _Simulation:
                 next_entry_s += self.settings.series_every_s
                 progress(min(self.now_s / self.mission.rules.budget_s, 1.0))
         self.robot.stop(self.now_s)
+        self.update_map()
         self.enter_series()
         progress(1.0)
         return self.result()
@@ -159,6 +163,7 @@ class _Simulation:
         """Do what the mission asks for; its statuses, displays and saves need nothing here."""
         match action:
             case RequestPlan():
+                self.update_map()
                 plan = self.explorer.plan(action, self.robot.at(self.now_s))
                 self.note(f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
                 self.give(Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
@@ -195,19 +200,32 @@ class _Simulation:
                 sample.reason,
             )
         )
+        if self.settings.map_from == "records":
+            return
         self.live_map.add((sample.x_m, sample.y_m), sample.raw_counts, sample.effective_exposure_s)
         if self.live_map.ready and len(self.visits) >= min(3, max(self.mission.rules.warm_up_stops, 2)):
             self.live_map.update()
             self.errors = self.map_errors()
         self.enter_series()
 
+    def update_map(self) -> None:
+        """Bring a map of all records up to date."""
+        state = self.online_map.state
+        if len(state.samples):
+            fit = self.online_map.fit(state)
+            if fit is not None:
+                self.live_map.take(state.samples, fit)
+                self.errors = self.map_errors()
+
     def record(self) -> CountRecord:
         """The record of the interval that ends now."""
-        inside = self.now_s - self.settings.cadence_s * (np.arange(_PLACES_PER_RECORD) + 0.5) / _PLACES_PER_RECORD
+        inside = self.now_s - self.settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
         places = self.robot.places(inside)
-        middle = places[_PLACES_PER_RECORD // 2]
+        middle = places[PLACES_PER_RECORD // 2]
         record = self.sensor.record(self.now_s, places, self.reported((float(middle[0]), float(middle[1]))))
         self.records.append(record)
+        if self.settings.map_from == "records":
+            self.online_map.take(record)
         return record
 
     def reported(self, xy: tuple[float, float]) -> tuple[float, float]:
@@ -216,16 +234,9 @@ class _Simulation:
         return xy[0] + float(noise[0]), xy[1] + float(noise[1])
 
     def map_errors(self) -> tuple[float, float, float]:
-        """Mean squared error of the rate, RMSE of the moisture, and coverage of the 95 % interval."""
-        rate = self.live_map.rate
-        error = rate - self.truth
-        covered = np.abs(error) <= _COVERAGE_SD * np.sqrt(self.live_map.variance)
-        vwc_rmse = math.nan
-        if self.field.curve is not None:
-            true_vwc = self.field.curve.vwc(self.truth)
-            estimate = possible_moisture(self.field.curve, rate)
-            vwc_rmse = float(np.sqrt(np.mean((estimate - true_vwc) ** 2)))
-        return float(np.mean(error**2)), vwc_rmse, float(np.mean(covered))
+        """Errors of the map as it is now."""
+        live_map = self.live_map
+        return map_errors(live_map.rate, np.sqrt(live_map.variance), self.truth, self.field.curve)
 
     def enter_series(self) -> None:
         """Write down how the mission stands."""
@@ -290,24 +301,27 @@ def travel_and_stops(
     """
     if settings.travel == "free":
         return FreeTravel(motion, (field.polygon,), field.no_go), cell_stops(grid)
-    graph = _graph(field, grid, settings)
+    graph = mission_map(field, grid, settings.graph).graph
     return GraphTravel(graph, motion), graph.stops
 
 
-def _graph(field: Field, grid: FieldGrid, settings: MissionSettings) -> TravelGraph:
-    if settings.graph is not None:
-        return read_topological_map(Path(settings.graph)).graph
-    return open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
+def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
+    """Topological map of a field: that of a file, or an open lattice of about :data:`LATTICE_NODES` nodes.
 
-
-def possible_moisture(curve: CalibrationCurve, rate_cps: Array) -> Array:
-    """Moisture of estimated rates, kept between 0 and the pore volume of the soil [m^3/m^3].
-
-    The curve has a pole: one cell whose rate is estimated a little too low would otherwise decide the RMSE of a
-    whole map. A rate too low for any moisture counts as saturated soil.
+    :param field: the field
+    :param grid: its grid
+    :param graph: file with the map, ``None`` for the lattice
+    :raises InputError: if the file cannot be used
     """
-    pores = 1 - curve.bulk_density_gcm3 / MINERAL_DENSITY_GCM3
-    return np.where(curve.valid(rate_cps), np.clip(curve.vwc(rate_cps), 0.0, pores), pores)
+    if graph is not None:
+        return read_topological_map(Path(graph))
+    lattice = open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
+    return make_topological_map(lattice, "lattice", _LATTICE_TIME)
+
+
+def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
+    """Where a mission begins: the stop nearest to the first corner of the field."""
+    return min(stops, key=lambda stop: math.dist((stop.x_m, stop.y_m), field.polygon[0]))
 
 
 def _nominal_rate(field: SurrogateField) -> float:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.configuration import config_folder, resource_names
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.variogram import Variogram
 from soilmoist_ros.sensing.moisture import CalibrationCurve
 from soilmoist_ros.simulation.rate_extrapolation import kriged_grid
@@ -119,6 +119,16 @@ def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -
     return _loaded(path.resolve(), truth_stamps(path))
 
 
+def known_field(name_or_path: str) -> Field:
+    """The outline of a built-in field, of a shipped field file, or of one with this path; needs no truth.
+
+    :raises InputError: if there is no such field, or for any mistake in its file
+    """
+    if name_or_path in BUILT_IN:
+        return surrogate_field(name_or_path).field
+    return load_field(_field_file(name_or_path, "the path of a field file"))
+
+
 def surrogate_field_names() -> list[str]:
     """Names of the built-in fields."""
     return list(BUILT_IN)
@@ -137,7 +147,7 @@ def _loaded(path: Path, stamps: tuple[int, ...]) -> SurrogateField:
     return load_surrogate(path)
 
 
-def _field_file(name: str) -> Path:
+def _field_file(name: str, or_path: str = "the path of a field file with a truth") -> Path:
     path = Path(name)
     if path.is_file():
         return path
@@ -148,8 +158,7 @@ def _field_file(name: str) -> Path:
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     raise InputError(
         f"there is no surrogate field and no field file of the name {name!r}",
-        f"give one of: {', '.join(known)}; or the path of a field file with a truth"
-        + (f" (did you mean {close[0]!r}?)" if close else ""),
+        f"give one of: {', '.join(known)}; or {or_path}" + (f" (did you mean {close[0]!r}?)" if close else ""),
     )
 
 

@@ -12,13 +12,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-import pynmea2
 from numpy.typing import NDArray
 
 from soilmoist_ros.sensing.corrections import Corrections
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.robot_logger import format_header, format_record
+from soilmoist_ros.simulation.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.surrogate_field import SurrogateField, half_wet_field
+from soilmoist_ros.simulation.virtual_gnss import nmea_sentences
 from soilmoist_ros.simulation.weather import warming_morning
 
 START_S = datetime(2026, 6, 1, 8, 0, tzinfo=UTC).timestamp()
@@ -131,29 +132,6 @@ def _nmea(field: SurrogateField, trajectory: Trajectory, rng: np.random.Generato
     return lines
 
 
-def nmea_sentences(stamp_s: float, position: Position) -> list[str]:
-    """RMC, GGA and GST of one epoch of an RTK receiver."""
-    time = datetime.fromtimestamp(stamp_s, UTC)
-    clock, date = time.strftime("%H%M%S.00"), time.strftime("%d%m%y")
-    latitude, north = _degrees_minutes(position.latitude_deg, 2), "N" if position.latitude_deg >= 0 else "S"
-    longitude, east = _degrees_minutes(position.longitude_deg, 3), "E" if position.longitude_deg >= 0 else "W"
-    place = (latitude, north, longitude, east)
-    sd, up = f"{position.horizontal_sd_m:.3f}", f"{2 * position.horizontal_sd_m:.3f}"
-    gga = (clock, *place, "4", "18", "0.7", f"{position.altitude_m:.3f}", "M", "48.0", "M", "", "")
-    return [
-        str(pynmea2.RMC("GN", "RMC", (clock, "A", *place, "", "", date, "", "", "R"))),
-        str(pynmea2.GGA("GN", "GGA", gga)),
-        str(pynmea2.GST("GN", "GST", (clock, sd, sd, sd, "0.0", sd, sd, up))),
-    ]
-
-
-def _degrees_minutes(degrees: float, width: int) -> str:
-    # Whole units of 1e-7 minutes, so that rounding never prints 60 minutes.
-    units = round(abs(degrees) * 600_000_000)
-    whole, rest = divmod(units, 600_000_000)
-    return f"{whole:0{width}d}{rest / 1e7:010.7f}"
-
-
 def write_survey(folder: Path, seed: int, spacing_m: float = 10.0, dwell_s: float = 120.0) -> SurrogateField:
     """Survey the half wet field and write the log, the NMEA and the files that ``soilmoist map`` needs.
 
@@ -168,28 +146,9 @@ def write_survey(folder: Path, seed: int, spacing_m: float = 10.0, dwell_s: floa
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "survey.log").write_text("\n".join(log.logger_lines) + "\n", encoding="ascii")
     (folder / "survey.nmea").write_text("\r\n".join(log.nmea_lines) + "\r\n", encoding="ascii", newline="")
-    (folder / "field.yaml").write_text(_field_yaml(field), encoding="utf-8")
-    (folder / "site.yaml").write_text(_site_yaml(field), encoding="utf-8")
+    write_field_file(field, folder / "field.yaml")
+    write_site_file(field, folder / "site.yaml")
     return field
-
-
-def _field_yaml(field: SurrogateField) -> str:
-    corners = "".join(f"  - [{x:g}, {y:g}]\n" for x, y in field.polygon)
-    return (
-        f"name: {field.title} (simulated)\n"
-        f"datum: {{latitude_deg: {field.frame.latitude_deg}, longitude_deg: {field.frame.longitude_deg}}}\n"
-        f"polygon: # [east, north] in metres from the datum\n{corners}cell_m: {field.field.cell_m:g}\n"
-    )
-
-
-def _site_yaml(field: SurrogateField) -> str:
-    assert field.curve is not None
-    return (
-        f"name: {field.title} (simulated)\n"
-        "footprint_radius_m: 10\n"
-        f"soil: {{bulk_density_gcm3: {field.curve.bulk_density_gcm3}}}\n"
-        f"calibration: {{n0_cps: {field.curve.n0_cps}, note: the calibration that the simulation used}}\n"
-    )
 
 
 def main() -> None:

@@ -37,3 +37,8 @@ def warming_morning(elapsed_s: float) -> Weather:
         temperature_degc=round(14.0 + 3.0 * min(hours, 5.0), 1),
         relative_humidity=round(0.75 - 0.08 * min(hours, 5.0), 3),
     )
+
+
+def neutral_weather(elapsed_s: float) -> Weather:
+    """Weather at which the default corrections are 1: reference pressure, dry air; always the same."""
+    return Weather(pressure_hpa=1013.25, temperature_degc=15.0, relative_humidity=0.0)

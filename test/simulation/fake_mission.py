@@ -39,8 +39,8 @@ def simulate(settings, progress=None, cell_m=2.0):
     def rate(xy):
         return wet + (dry - wet) / (1 + np.exp((xy[:, 0] - size[0] / 2) / (4 * scale)))
 
-    kind, value = settings.dwell.split(":")
-    driving, error = EFFORT[settings.strategy]
+    kind, _, value = settings.dwell.partition(":")
+    driving, error = EFFORT.get(settings.strategy, (0.7, 0.6))
     end_s = 3600 * settings.hours
     visits, time_s, here, track = [], 0.0, np.array([1.0, 1.0]), [np.array([1.0, 1.0])]
     xy, counts, exposure = [], [], []
@@ -51,7 +51,10 @@ def simulate(settings, progress=None, cell_m=2.0):
             place[edge % 2] = (0.02 + 0.96 * (edge // 2)) * size[edge % 2]
         place = here + (place - here) * (driving if len(visits) > 2 else 1.0)
         expected = float(rate(place[None])[0])
-        dwell = float(value) if kind == "fmi" else np.ceil(1 / float(value) ** 2 / expected / 10) * 10
+        if kind == "optimal":
+            dwell = 10.0 * rng.integers(6, 30)
+        else:
+            dwell = float(value) if kind == "fmi" else np.ceil(1 / float(value) ** 2 / expected / 10) * 10
         arrived = time_s + np.hypot(*(place - here)) / 0.6 + 12
         if arrived + dwell > end_s:
             break

@@ -1,0 +1,153 @@
+"""``field_simulator``: the robot, its navigation, the neutron logger and the GNSS receiver, simulated."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock as RosClock
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from msg_adapters.stamps import to_time
+from soilmoist_ros.nodes.field_simulator_parameters import PARAMETERS, mission_settings
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.nodes.virtual_navigation import NavigationServer
+from soilmoist_ros.simulation.faulty_link import Reachable, Sent
+from soilmoist_ros.simulation.field_files import write_field_file, write_site_file, write_truth_file
+from soilmoist_ros.simulation.line_server import LineServer, write_ports_file
+from soilmoist_ros.simulation.scenario import load_scenario
+from soilmoist_ros.simulation.simulated_time import SimulatedTime, read_start_time
+from soilmoist_ros.simulation.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
+from soilmoist_ros.simulation.virtual_system import GNSS, LOGGER, Output, VirtualSystem
+
+MAP_FRAME = "map"
+TICK_S = 0.02
+LONGEST_STEP_S = 0.06
+"""What a tick makes up for at most: three of them."""
+
+
+class FieldSimulator(Node):
+    """Publishes simulated time and what the navigation tells, serves its action and the two devices."""
+
+    def __init__(self) -> None:
+        super().__init__("field_simulator")
+        given = Parameters(self, PARAMETERS)
+        scenario = load_scenario(given.text("scenario"))
+        start_s = read_start_time(given.text("start_time"))
+        self._system = VirtualSystem(mission_settings(given), start_s, given.number("gnss_period_s"), scenario)
+        self._time = SimulatedTime(given.number("speed"), LONGEST_STEP_S)
+        self._under_way = not given.flag("start_when_connected")
+        self._write_files(given)
+
+        self._simulated_clock = self.create_publisher(Clock, "/clock", CLOCK)
+        self._closest = self.create_publisher(String, "closest_node", LATCHED)
+        self._current = self.create_publisher(String, "current_node", LATCHED)
+        self._map = self.create_publisher(String, "/topological_map_2", LATCHED)
+        self._map.publish(String(data=self._system.map.to_json()))
+        self._told: dict[Publisher, str] = {self._closest: "", self._current: ""}
+        group = MutuallyExclusiveCallbackGroup()
+        self.create_subscription(PoseStamped, "goal_pose", self._on_goal_pose, DEFAULT, callback_group=group)
+        self._navigation = self._navigation_server(group)
+
+        host = given.text("host")
+        greeting = "".join(f"{line}\r\n" for line in self._system.logger.header).encode()
+        self._servers: dict[str, LineServer] = {}
+        self._servers[LOGGER] = LineServer("logger", host, given.whole("logger_port"), greeting)
+        self._servers[GNSS] = LineServer("GNSS receiver", host, given.whole("gnss_port"))
+        if given.text("ports_file"):
+            addresses = {name: server.address for name, server in self._servers.items()}
+            write_ports_file(addresses, Path(given.text("ports_file")))
+        self._tell(f"scenario: {scenario.title}")
+        for name, server in self._servers.items():
+            self._tell("{} on {}:{}".format(name, *server.address))
+        self.create_timer(TICK_S, self._tick, group, RosClock(clock_type=ClockType.STEADY_TIME))
+
+    def close(self) -> None:
+        """Let go of the ports."""
+        for server in self._servers.values():
+            server.close()
+
+    def _write_files(self, given: Parameters) -> None:
+        field = self._system.field
+        if given.text("field_file"):
+            write_field_file(field, Path(given.text("field_file")))
+        if given.text("site_file"):
+            write_site_file(field, Path(given.text("site_file")))
+        if given.text("truth_file"):
+            write_truth_file(field, self._system.grid, Path(given.text("truth_file")))
+
+    def _navigation_server(self, group: MutuallyExclusiveCallbackGroup) -> NavigationServer | None:
+        try:
+            server = NavigationServer(self, self._system, group)
+        except ImportError:
+            self.get_logger().warning("no navigation action: topological_navigation_msgs is not installed")
+            return None
+        server.set_present(self._system.navigation.present)
+        return server
+
+    def _tick(self) -> None:
+        for server in self._servers.values():
+            server.poll()
+        if not self._under_way and all(server.clients for server in self._servers.values()):
+            self._under_way = True
+            self._tell("logger and receiver are connected: time begins")
+        # Before time begins nothing is said either: all runs begin with the same first words.
+        wall_s = time.monotonic()
+        outputs = self._system.advance(self._time.advance(wall_s)) if self._under_way else []
+        # The time first: nobody shall hear of something that, for him, has not happened yet.
+        self._simulated_clock.publish(Clock(clock=to_time(self._system.stamp_s)))
+        for output in outputs:
+            self._carry_out(output)
+
+    def _carry_out(self, output: Output) -> None:
+        match output:
+            case Sent(link, data):
+                self._servers[link].send(data)
+            case Reachable(link, reachable):
+                self._servers[link].set_reachable(reachable)
+            case Localised(closest, current):
+                self._tell_node(self._closest, closest)
+                self._tell_node(self._current, current)
+            case OnRoute() if self._navigation is not None:
+                self._navigation.feed_back(output)
+            case GoalEnded() if self._navigation is not None:
+                self._tell(f"goal {output.goal_id} ended: {output.outcome.name}, success {output.success}")
+                self._navigation.end(output)
+            case ServerPresent(present) if self._navigation is not None:
+                self._tell(f"the navigation server is {'back' if present else 'gone'}")
+                self._navigation.set_present(present)
+
+    def _tell_node(self, publisher: Publisher, name: str) -> None:
+        """Publish a node's name, if it is another one than before."""
+        if self._told[publisher] != name:
+            self._told[publisher] = name
+            publisher.publish(String(data=name))
+
+    def _on_goal_pose(self, pose: PoseStamped) -> None:
+        x_m, y_m = float(pose.pose.position.x), float(pose.pose.position.y)
+        if pose.header.frame_id != MAP_FRAME:
+            self.get_logger().warning(f"a goal pose in frame {pose.header.frame_id!r}, not {MAP_FRAME!r}: ignored")
+        elif self._system.drive_to((x_m, y_m)) is None:
+            self.get_logger().warning(f"no way leads to the goal pose at x = {x_m:g} m, y = {y_m:g} m: ignored")
+        else:
+            self._tell(f"on the way to x = {x_m:g} m, y = {y_m:g} m")
+
+    def _tell(self, text: str) -> None:
+        self.get_logger().info(text)
+
+
+def main() -> None:
+    """Start the node."""
+    run(FieldSimulator)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,348 @@
+"""The simulated field as a real process: simulated time, devices on TCP, and the navigation."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped
+from rclpy.action import ActionClient
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from msg_adapters.stamps import to_seconds
+from soilmoist_ros.exploration.topological_map import parse_topological_map
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED
+from soilmoist_ros.sensing.logger_reader import RecordParser
+from soilmoist_ros.sensing.nmea import NmeaParser
+from soilmoist_ros.sensing.robot_logger import FORMAT_NAME
+from soilmoist_ros.simulation.surrogate_field import surrogate_field
+
+START_S = 1780293600.0  # 2026-06-01T06:00:00Z
+
+
+class Listener:
+    """A client that reads a device in a thread."""
+
+    def __init__(self, host, port, parser):
+        self.parser = parser
+        self.found = []
+        self._socket = socket.create_connection((host, port), timeout=20)
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self):
+        try:
+            for line in self._socket.makefile("rb"):
+                if (found := self.parser.feed(line)) is not None:
+                    self.found.append(found)
+        except OSError:
+            pass  # closed by the test
+
+    @property
+    def connected(self):
+        return self._thread.is_alive()
+
+    def close(self):
+        with contextlib.suppress(OSError):  # the other side has ended it
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._thread.join(10)
+        self._socket.close()
+
+
+class Field:
+    """A running simulator with a client of each device."""
+
+    def __init__(self, ros, folder: Path, *, listen=True, **params):
+        self.ros = ros
+        self.files = folder
+        ports = folder / "ports.json"
+        usual = {"field": "half-wet", "speed": 200.0, "logger_port": 0, "gnss_port": 0, "ports_file": str(ports)}
+        self.clock = ros.collect(Clock, "/clock", CLOCK)
+        self.maps = ros.collect(String, "/topological_map_2", LATCHED)
+        self.current = ros.collect(String, "current_node", LATCHED)
+        self.closest = ros.collect(String, "closest_node", LATCHED)
+        self.process = ros.start("field_simulator", params={**usual, **params})
+        ros.wait_for(lambda: ports.exists() or not self.process.running, message="the ports file")
+        self.ports = json.loads(ports.read_text())
+        self.listeners = []
+        if listen:
+            self.listen()
+        self.graph = parse_topological_map(ros.wait_for(lambda: self.maps)[0].data).graph
+
+    def listen(self):
+        self.logger = self.listen_to("logger", RecordParser(FORMAT_NAME))
+        self.gnss = self.listen_to("gnss", NmeaParser())
+        self.listeners = [self.logger, self.gnss]
+
+    def listen_to(self, device, parser):
+        return Listener(self.ports[device]["host"], self.ports[device]["port"], parser)
+
+    @property
+    def now_s(self):
+        return to_seconds(self.clock[-1].clock) - START_S
+
+    def place(self):
+        """Where the receiver says the robot is [m]."""
+        position = self.gnss.found[-1].position
+        return surrogate_field("half-wet").frame.to_local(position.latitude_deg, position.longitude_deg)[0]
+
+    def is_at(self, xy):
+        return bool(self.gnss.found) and self.place() == pytest.approx(xy, abs=0.2)
+
+    def close(self):
+        for listener in self.listeners:
+            listener.close()
+
+
+@pytest.fixture
+def field(ros, tmp_path):
+    made = []
+
+    def make(**params):
+        made.append(Field(ros, tmp_path, **params))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+class Goal:
+    """A goal sent to the navigation."""
+
+    def __init__(self, field, target):
+        from topological_navigation_msgs.action import GotoNode
+
+        self._field = field
+        self.routes = []
+        self._client = ActionClient(field.ros.node, GotoNode, "topological_navigation")
+        field.ros.wait_for(self._client.server_is_ready, message="the navigation")
+        goal = GotoNode.Goal(target=target, no_orientation=True)
+        heard = lambda message: self.routes.append(message.feedback.route)  # noqa: E731
+        self.handle = self._wait(self._ask(lambda: self._client.send_goal_async(goal, feedback_callback=heard)))
+        self._result = self._ask(self.handle.get_result_async) if self.handle.accepted else None
+
+    def _ask(self, request):
+        """Send a request from a callback of the client's group: from elsewhere, its answer may come too early."""
+        sent = []
+        timer = self._field.ros.node.create_timer(0.0, lambda: sent or sent.append(request()))
+        future = self._field.ros.wait_for(lambda: sent)[0]
+        self._field.ros.node.destroy_timer(timer)
+        return future
+
+    def _wait(self, future):
+        self._field.ros.wait_for(future.done, 60, "an answer of the navigation")
+        return future.result()
+
+    def end(self):
+        """Status and success, once it has ended."""
+        answer = self._wait(self._result)
+        return answer.status, answer.result.success
+
+    def cancel(self):
+        """The goals that the answer to a cancel request names."""
+        return self._wait(self._ask(self.handle.cancel_goal_async)).goals_canceling
+
+    def close(self):
+        self._client.destroy()
+
+
+def far_node(field):
+    """Name and place of the node that is the farthest from the start."""
+    name = field.graph.names[-1]
+    return name, field.graph.xy[-1]
+
+
+def test_time_stands_still_until_somebody_listens(ros, field):
+    simulated = field(listen=False)
+    ros.wait_for(lambda: len(simulated.clock) > 20)
+    assert simulated.now_s == 0
+    simulated.listen()
+    ros.wait_for(lambda: simulated.now_s > 30)
+
+
+def test_time_devices_and_files_belong_together(ros, field, tmp_path):
+    simulated = field(
+        field_file=str(tmp_path / "field.yaml"), site_file=str(tmp_path / "site.yaml"),
+        truth_file=str(tmp_path / "truth.yaml"),
+    )  # fmt: skip
+    ros.wait_for(lambda: len(simulated.logger.found) >= 5 and len(simulated.gnss.found) >= 50, 60)
+    stamps = [to_seconds(message.clock) for message in simulated.clock]
+    assert stamps == sorted(stamps)
+    records = list(simulated.logger.found)
+    assert [record.record_number for record in records] == list(range(1, len(records) + 1))
+    assert [record.stamp_s for record in records] == [
+        START_S + 10 * number for number in range(1, len(records) + 1)
+    ]
+    fixes = list(simulated.gnss.found)
+    assert [fix.stamp_s for fix in fixes] == [START_S + number for number in range(len(fixes))]
+    assert simulated.logger.parser.problems == []
+    assert simulated.gnss.parser.problems == []
+    truth = surrogate_field(str(tmp_path / "truth.yaml"))
+    assert truth.rate_at([[10.5, 10.5]]) == pytest.approx(surrogate_field("half-wet").rate_at([[10.5, 10.5]]))
+    assert load_field(tmp_path / "field.yaml").frame == truth.frame
+    assert "truth" not in (tmp_path / "field.yaml").read_text()
+
+
+def test_a_goal_ends_where_it_should(ros, field):
+    simulated = field(speed=60.0)
+    name, xy = far_node(simulated)
+    start = ros.wait_for(lambda: simulated.closest)[0].data
+    goal = Goal(simulated, name)
+    assert goal.end() == (GoalStatus.STATUS_SUCCEEDED, True)
+    ros.wait_for(lambda: simulated.is_at(xy), message="the receiver at the node")
+    ros.wait_for(lambda: simulated.current and simulated.current[-1].data == name, message="the current node")
+    assert "none" in [message.data for message in simulated.current]
+    # Feedback may be lost at the ends: before the two have met, and once the result is known.
+    way = simulated.graph.path(start, name)
+    assert len(goal.routes) > 1
+    assert goal.routes == [node for node in way if node in goal.routes]
+    goal.close()
+
+
+def test_a_goal_is_cancelled(ros, field):
+    simulated = field(speed=20.0)
+    goal = Goal(simulated, far_node(simulated)[0])
+    assert len(goal.cancel()) == 1
+    assert goal.end() == (GoalStatus.STATUS_CANCELED, False)
+    goal.close()
+
+
+def test_a_newer_goal_takes_over(ros, field):
+    simulated = field(listen=False)
+    first = Goal(simulated, far_node(simulated)[0])
+    second = Goal(simulated, simulated.graph.names[0])
+    simulated.listen()
+    assert first.end() == (GoalStatus.STATUS_ABORTED, False)
+    assert second.end() == (GoalStatus.STATUS_SUCCEEDED, True)
+    assert not Goal(simulated, "nowhere").handle.accepted
+    first.close()
+    second.close()
+
+
+def test_the_surprises_of_thorvald(ros, field):
+    from topological_navigation_msgs.action import GotoNode
+
+    plain = ros.collect(GotoNode.Feedback, "topological_navigation/feedback", DEFAULT)
+    simulated = field(speed=20.0, scenario="thorvald")
+    name, _ = far_node(simulated)
+    goal = Goal(simulated, name)  # the server appears late
+    assert simulated.now_s >= 19
+    assert goal.cancel() == []
+    assert goal.end() == (GoalStatus.STATUS_ABORTED, False)
+    lost = Goal(simulated, "nowhere")
+    assert lost.handle.accepted
+    assert lost.end() == (GoalStatus.STATUS_ABORTED, False)
+    before = simulated.place()
+    unmoved = Goal(simulated, name)  # the third
+    assert unmoved.end() == (GoalStatus.STATUS_SUCCEEDED, True)
+    assert simulated.is_at(before)
+    ros.wait_for(lambda: plain)
+    assert goal.routes == []
+    for each in (goal, lost, unmoved):
+        each.close()
+
+
+def test_a_server_that_dies_comes_back(ros, field, tmp_path):
+    scenario = tmp_path / "dies.yaml"
+    scenario.write_text("navigation: {absent: [{at_s: 30, for_s: 300}]}")
+    simulated = field(speed=50.0, scenario=str(scenario), listen=False)
+    goal = Goal(simulated, far_node(simulated)[0])
+    simulated.listen()
+    ros.wait_for(lambda: not goal._client.server_is_ready(), 60, "the end of the server")
+    again = Goal(simulated, simulated.graph.names[0])
+    assert again.end() == (GoalStatus.STATUS_SUCCEEDED, True)
+    assert not goal._result.done()
+    goal.close()
+    again.close()
+
+
+def test_a_goal_pose_is_driven_to(ros, field):
+    simulated = field(speed=50.0)
+    publisher = ros.node.create_publisher(PoseStamped, "goal_pose", DEFAULT)
+    ros.wait_for(publisher.get_subscription_count)
+    pose = PoseStamped()
+    pose.header.frame_id = "map"
+    pose.pose.position.x, pose.pose.position.y = 33.0, 21.0
+    publisher.publish(pose)
+    ros.wait_for(lambda: simulated.is_at((33.0, 21.0)), 60)
+    pose.pose.position.x = 999.0
+    publisher.publish(pose)
+    ros.wait_for(lambda: "no way leads to the goal pose at x = 999 m" in simulated.process.output())
+    pose.header.frame_id = "odom"
+    publisher.publish(pose)
+    ros.wait_for(lambda: "in frame 'odom'" in simulated.process.output())
+    assert simulated.is_at((33.0, 21.0))
+
+
+def test_without_the_action_it_still_drives_to_goal_poses(ros, field, tmp_path):
+    absent = tmp_path / "absent" / "topological_navigation_msgs"
+    absent.mkdir(parents=True)
+    (absent / "__init__.py").write_text("")  # an installation without actions
+    ros.environment["PYTHONPATH"] = str(absent.parent)
+    simulated = field()
+    assert "topological_navigation_msgs is not installed" in simulated.process.output()
+    publisher = ros.node.create_publisher(PoseStamped, "goal_pose", DEFAULT)
+    ros.wait_for(publisher.get_subscription_count)
+    pose = PoseStamped()
+    pose.header.frame_id = "map"
+    pose.pose.position.x, pose.pose.position.y = 12.0, 8.0
+    publisher.publish(pose)
+    ros.wait_for(lambda: simulated.is_at((12.0, 8.0)), 60)
+
+
+def test_a_link_that_is_cut_can_be_opened_again(ros, field, tmp_path):
+    scenario = tmp_path / "cut.yaml"
+    scenario.write_text("logger: {outages: [{kind: cut, at_s: 60, for_s: 40}]}")
+    simulated = field(speed=50.0, scenario=str(scenario))
+    first = simulated.logger
+    ros.wait_for(lambda: not first.connected, message="the end of the connection")
+    first.close()
+    ros.wait_for(lambda: simulated.now_s > 101)
+    simulated.listeners[0] = simulated.logger = simulated.listen_to("logger", RecordParser(FORMAT_NAME))
+    ros.wait_for(lambda: simulated.logger.found)
+    assert [record.record_number for record in first.found] == [1, 2, 3, 4, 5]
+    assert simulated.logger.found[0].record_number >= 10
+    assert simulated.gnss.connected
+
+
+def test_it_survives_clients_that_come_and_go(ros, field):
+    simulated = field()
+    ros.wait_for(lambda: simulated.logger.found)
+    for listener in simulated.listeners:
+        listener.close()
+    simulated.listen()  # a new client gets the header first, and then what comes from now on
+    ros.wait_for(lambda: len(simulated.logger.found) >= 3)
+    assert simulated.logger.parser.metadata["simulated"] == "yes"
+    assert simulated.process.stop(signal.SIGINT) == 0
+
+
+def test_bad_input_is_told_plainly(ros):
+    process = ros.start("field_simulator", params={"field": "synthetic-hihg", "logger_port": 0, "gnss_port": 0})
+    assert process.wait() == 2
+    assert "did you mean 'synthetic-high'" in process.output()
+    assert "Traceback" not in process.output()
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"start_time": "soon"}, "the start time 'soon' is no time"),
+        ({"scenario": "torvald"}, "did you mean 'thorvald'"),
+        ({"host": "192.0.2.1"}, "cannot listen on 192.0.2.1:0"),
+    ],
+)
+def test_other_bad_input_too(ros, params, message):
+    process = ros.start("field_simulator", params={"logger_port": 0, "gnss_port": 0, **params})
+    assert process.wait() == 2
+    assert message in process.output()
