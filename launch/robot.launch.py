@@ -1,0 +1,91 @@
+"""A survey with the robot: recorder, mapper, planner and sensor driver.
+
+    ros2 launch soilmoist_ros robot.launch.py field:=my_field.yaml site:=my_site.yaml params_file:=my_robot.yaml
+
+Arguments come before params_file. One that is empty leaves its parameter as it is there, or at its default (see
+docs/parameters.md).
+"""
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from soilmoist_ros.nodes.launching import parameters_from
+
+PARAMETERS = {
+    "field": "field file, or name of a shipped one",
+    "site": "site file (corrections, soil, calibration), or name of a shipped one",
+    "logger_uri": "where the neutron logger is: tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=115200 or file:///PATH",
+    "gnss_uri": "where the GNSS receiver is (NMEA), like logger_uri",
+    "strategy": "how the next stop is chosen, such as greedy",
+    "dwell": "how long to count at a stop: fmi:SECONDS or ami:THRESHOLD",
+    "hours": "time of the mission [h], the way home included",
+    "home": "stop to return to at the end",
+    "navigator": "how goals are sent: goto_node or goal_pose",
+    "save_dir": "folder that the mapper's service save writes",
+    "out": "folder for recordings",
+    "name": "name of the recording; the time if empty",
+    "simulated": "true if the counts come from a simulation; every output says so",
+}
+"""Arguments that are parameters of one or more of the nodes."""
+AUTOSTART = "true: the mission starts as soon as position, map and navigation are there"
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The nodes that all run on the robot's computer."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("params_file", default_value="", description="parameters of all nodes (YAML)"),
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot"),
+            DeclareLaunchArgument(
+                "use_sim_time", default_value="false", description="true: time comes from /clock"
+            ),
+            DeclareLaunchArgument("record", default_value="true", description="false: nothing is recorded"),
+            DeclareLaunchArgument("autostart", default_value="false", description=AUTOSTART),
+            DeclareLaunchArgument(
+                "exit_when_finished", default_value="false", description="true: all nodes end with the mission"
+            ),
+            *(
+                DeclareLaunchArgument(name, default_value="", description=f"{text} (empty: as in params_file)")
+                for name, text in PARAMETERS.items()
+            ),
+            OpaqueFunction(function=nodes),
+        ]
+    )
+
+
+def nodes(context: LaunchContext) -> list[Node]:
+    """The nodes, with the parameters that the arguments say."""
+
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    def flag(name: str) -> bool:
+        return IfCondition(LaunchConfiguration(name)).evaluate(context)
+
+    arguments = {name: given(name) for name in PARAMETERS}
+    # The recorder comes first, so that it misses nothing.
+    values = {
+        name: parameters_from(name, arguments) for name in ("recorder", "mapper", "planner", "sensor_driver")
+    }
+    values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
+    if not flag("record"):
+        del values["recorder"]
+    ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
+    return [
+        Node(
+            package="soilmoist_ros",
+            executable=node,
+            name=node,  # so that the arguments come before what params_file says of the node
+            namespace=given("namespace"),
+            parameters=[
+                *filter(None, [given("params_file")]),
+                {"use_sim_time": flag("use_sim_time"), **parameters},
+            ],
+            on_exit=ends_all if node == "planner" else None,
+            output="screen",
+        )
+        for node, parameters in values.items()
+    ]

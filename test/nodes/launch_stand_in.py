@@ -1,0 +1,168 @@
+"""The few parts of ``launch`` and ``launch_ros`` that the launch files use, for machines without them.
+
+There are no wheels of them. Each part takes the same arguments as the real one, and refuses others.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import yaml
+
+
+@dataclass
+class LaunchContext:
+    """Texts of all arguments by name."""
+
+    launch_configurations: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class LaunchDescription:
+    entities: list[Any]
+
+
+@dataclass
+class DeclareLaunchArgument:
+    name: str
+    default_value: str | None = None
+    description: str | None = None
+
+
+@dataclass
+class LaunchConfiguration:
+    name: str
+
+    def perform(self, context: LaunchContext) -> str:
+        return context.launch_configurations[self.name]
+
+
+@dataclass
+class IfCondition:
+    predicate: LaunchConfiguration
+
+    def evaluate(self, context: LaunchContext) -> bool:
+        text = self.predicate.perform(context).lower()
+        if text not in {"true", "1", "false", "0"}:
+            raise ValueError(f"{text!r} is not a condition")
+        return text in {"true", "1"}
+
+
+@dataclass(kw_only=True)
+class OpaqueFunction:
+    function: Any
+
+
+@dataclass(kw_only=True)
+class Shutdown:
+    reason: str
+
+
+@dataclass(kw_only=True)
+class ExecuteProcess:
+    cmd: list[str]
+    output: str
+
+
+@dataclass
+class PythonLaunchDescriptionSource:
+    launch_file_path: str
+
+
+@dataclass
+class IncludeLaunchDescription:
+    launch_description_source: PythonLaunchDescriptionSource
+    launch_arguments: Iterable[tuple[str, str]] = ()
+
+
+@dataclass(kw_only=True)
+class Node:
+    package: str
+    executable: str
+    name: str
+    namespace: str
+    parameters: list[Any]
+    output: str
+    on_exit: list[Any] | None = None
+
+    def ros_arguments(self, folder: Path) -> list[str]:
+        """The command line that ``launch_ros`` makes of it; parameters are written to files in a folder."""
+        namespace = f"/{self.namespace.strip('/')}".rstrip("/")
+        arguments = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:={namespace or '/'}"]
+        for number, given in enumerate(self.parameters):
+            if isinstance(given, dict):
+                path = folder / f"launch_params_{self.name}_{number}.yaml"
+                path.write_text(yaml.dump({f"{namespace}/{self.name}": {"ros__parameters": given}}))
+                given = str(path)
+            arguments += ["--params-file", given]
+        return arguments
+
+
+MODULES = {
+    "launch": (LaunchContext, LaunchDescription),
+    "launch.actions": (
+        DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, OpaqueFunction, Shutdown,
+    ),
+    "launch.conditions": (IfCondition,),
+    "launch.launch_description_entity": (type("LaunchDescriptionEntity", (), {}),),
+    "launch.launch_description_sources": (PythonLaunchDescriptionSource,),
+    "launch.substitutions": (LaunchConfiguration,),
+    "launch_ros": (),
+    "launch_ros.actions": (Node,),
+}  # fmt: skip
+
+
+def load(path: Path, monkeypatch: Any) -> LaunchDescription:
+    """What a launch file describes."""
+    for name, classes in MODULES.items():
+        module = ModuleType(name)
+        for one in classes:
+            setattr(module, one.__name__, one)
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    name = path.name.partition(".")[0]
+    loader = SourceFileLoader(name, str(path))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
+    loader.exec_module(module)
+    description = module.generate_launch_description()
+    assert isinstance(description, LaunchDescription)
+    return description
+
+
+def arguments_of(description: LaunchDescription) -> dict[str, DeclareLaunchArgument]:
+    """The arguments that a launch file declares."""
+    return {one.name: one for one in description.entities if isinstance(one, DeclareLaunchArgument)}
+
+
+def start(path: Path, monkeypatch: Any, given: dict[str, str], context: LaunchContext | None = None) -> list[Any]:
+    """All that a launch file starts with some arguments, that of included files as well."""
+    context = context or LaunchContext()
+    context.launch_configurations.update(given)
+    started: list[Any] = []
+
+    def visit(entities: Iterable[Any]) -> None:
+        for one in entities:
+            if isinstance(one, DeclareLaunchArgument):
+                if one.name not in context.launch_configurations:
+                    assert one.default_value is not None, f"{one.name} is required"
+                    context.launch_configurations[one.name] = one.default_value
+            elif isinstance(one, OpaqueFunction):
+                visit(one.function(context))
+            elif isinstance(one, IncludeLaunchDescription):
+                source = Path(one.launch_description_source.launch_file_path)
+                known = arguments_of(load(source, monkeypatch))
+                arguments = dict(one.launch_arguments)
+                assert arguments.keys() <= known.keys(), arguments.keys() - known.keys()
+                started.extend(start(source, monkeypatch, arguments, context))
+            else:
+                started.append(one)
+
+    visit(load(path, monkeypatch).entities)
+    return started

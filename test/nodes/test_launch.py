@@ -1,0 +1,176 @@
+"""Launch files: what they start, with which parameters, as the nodes would see them."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+import launch_stand_in as stand_in
+import rclpy
+import yaml
+from rclpy.context import Context
+from rclpy.node import Node
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.nodes.launching import parameters_from
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.sensing.site import load_site
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+FILES = sorted((ROOT / "launch").glob("*.launch.py"))
+ROBOT, SIMULATION, REPLAY = (ROOT / "launch" / f"{name}.launch.py" for name in ("robot", "simulation", "replay"))
+
+
+@pytest.fixture
+def seen(tmp_path, monkeypatch):
+    """What a node that is launched finds its parameters to be."""
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "config" / "dds" / "loopback.xml"))
+
+    def see(action):
+        context = Context()
+        rclpy.init(args=action.ros_arguments(tmp_path), context=context, domain_id=101)
+        try:
+            node = Node(action.executable, context=context)
+            table = importlib.import_module(f"soilmoist_ros.nodes.{action.executable}").PARAMETERS
+            values = Parameters(node, table).as_dict()
+            values["use_sim_time"] = node.get_parameter("use_sim_time").value
+            values["node"] = node.get_fully_qualified_name()
+            node.destroy_node()
+            return values
+        finally:
+            context.try_shutdown()
+
+    return see
+
+
+def defaults(node):
+    return {row.name: row.default for row in importlib.import_module(f"soilmoist_ros.nodes.{node}").PARAMETERS}
+
+
+def by_name(started):
+    nodes = {action.executable: action for action in started if isinstance(action, stand_in.Node)}
+    assert all(action.package == "soilmoist_ros" for action in nodes.values())
+    return nodes
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_every_argument_is_described(path, monkeypatch):
+    description = stand_in.load(path, monkeypatch)
+    declared = [one for one in description.entities if isinstance(one, stand_in.DeclareLaunchArgument)]
+    assert len(declared) == len(stand_in.arguments_of(description)) > 5
+    assert [one.name for one in declared if len(one.description or "") < 15] == []
+
+
+def test_there_are_three_files():
+    assert sorted([ROBOT, SIMULATION, REPLAY]) == FILES
+
+
+def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(monkeypatch, seen):
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {}))
+    assert list(nodes) == ["recorder", "mapper", "planner", "sensor_driver"]
+    for name, action in nodes.items():
+        values = seen(action)
+        assert (values.pop("node"), values.pop("use_sim_time")) == (f"/{name}", False)
+        assert values == defaults(name)
+        assert action.on_exit is None
+
+
+def test_arguments_go_to_every_node_that_has_the_parameter(monkeypatch, seen):
+    given = {"field": "f.yaml", "site": "24", "hours": "3", "dwell": "fmi:60", "out": "runs", "namespace": "r1"}
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, given))
+    values = {name: seen(action) for name, action in nodes.items()}
+    assert [values[name]["field"] for name in ("mapper", "planner", "sensor_driver")] == ["f.yaml"] * 3
+    assert [values[name]["site"] for name in ("mapper", "sensor_driver")] == ["24"] * 2
+    assert (values["planner"]["hours"], values["planner"]["dwell"]) == (3.0, "fmi:60")
+    assert values["recorder"]["out"] == "runs"
+    assert {value["node"] for value in values.values()} == {f"/r1/{name}" for name in nodes}
+
+
+def test_arguments_come_before_the_file_and_the_file_before_the_defaults(monkeypatch, seen, tmp_path):
+    path = tmp_path / "mine.yaml"
+    about = {"/**": {"use_sim_time": False}, "planner": {"hours": 4.0, "speed_mps": 0.9}}
+    path.write_text(yaml.safe_dump({name: {"ros__parameters": values} for name, values in about.items()}))
+    given = {"params_file": str(path), "hours": "1", "use_sim_time": "true"}
+    values = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["planner"])
+    assert (values["hours"], values["speed_mps"], values["use_sim_time"]) == (1.0, 0.9, True)
+
+
+def test_nothing_is_recorded_without_record_and_all_ends_with_the_mission_if_wished(monkeypatch):
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"record": "false", "exit_when_finished": "true"}))
+    assert list(nodes) == ["mapper", "planner", "sensor_driver"]
+    assert isinstance(nodes["planner"].on_exit[0], stand_in.Shutdown)
+    assert nodes["mapper"].on_exit is None
+
+
+def test_a_wrong_argument_stops_the_launch_with_a_message(monkeypatch):
+    with pytest.raises(InputError, match="planner: parameter hours must be a number, got 'two'"):
+        stand_in.start(ROBOT, monkeypatch, {"hours": "two"})
+
+
+def test_the_simulation_joins_all_nodes_on_one_simulated_field(monkeypatch, seen, tmp_path):
+    given = {"field": "synthetic-high", "out": str(tmp_path / "run"), "logger_port": "5001", "seed": "7"}
+    nodes = by_name(stand_in.start(SIMULATION, monkeypatch, given))
+    values = {name: seen(action) for name, action in nodes.items()}
+    simulator, driver, planner = (values[name] for name in ("field_simulator", "sensor_driver", "planner"))
+    assert next(iter(nodes)) == "field_simulator"
+    assert (simulator["field"], simulator["seed"], simulator["logger_port"]) == ("synthetic-high", 7, 5001)
+    assert simulator["use_sim_time"] is False
+    assert (driver["logger_uri"], driver["gnss_uri"]) == ("tcp://127.0.0.1:5001", "tcp://127.0.0.1:4002")
+    for name in ("mapper", "planner", "sensor_driver", "recorder"):
+        assert values[name]["use_sim_time"] is True
+    assert len({values[name]["field"] for name in ("mapper", "planner", "sensor_driver")}) == 1
+    load_field(Path(driver["field"]))
+    load_site(Path(driver["site"]))
+    assert (planner["autostart"], planner["exit_when_finished"]) == (True, True)
+    assert values["mapper"]["simulated"] is True
+    assert Path(values["recorder"]["out"], values["recorder"]["name"]) == tmp_path / "run" / "bag"
+    assert isinstance(nodes["planner"].on_exit[0], stand_in.Shutdown)
+
+
+def test_two_simulations_do_not_share_a_folder(monkeypatch):
+    argument = stand_in.arguments_of(stand_in.load(SIMULATION, monkeypatch))["out"]
+    assert argument.default_value.startswith("soilmoist_simulation_2")
+
+
+def test_replay_plays_records_to_a_mapper_that_follows_the_recorded_time(monkeypatch, seen):
+    given = {"bag": "runs/bag", "rate": "10", "namespace": "/r1/", "fit": "soft_l1"}
+    mapper, player = stand_in.start(REPLAY, monkeypatch, given)
+    values = seen(mapper)
+    assert (values["node"], values["use_sim_time"], values["fit"]) == ("/r1/mapper", True, "soft_l1")
+    assert player.cmd[:8] == ["ros2", "bag", "play", "runs/bag", "--clock", "--rate", "10", "--topics"]
+    played = set(player.cmd[8:])
+    assert "/r1/counts" in played
+    assert not played & {f"/r1/{topic}" for topic in ("samples", "model", "soil_map", "uncertainty")}
+
+
+def test_replay_needs_a_bag(monkeypatch):
+    with pytest.raises(AssertionError, match="bag is required"):
+        stand_in.start(REPLAY, monkeypatch, {})
+
+
+@pytest.mark.parametrize(("text", "value"), [("true", True), ("True", True), ("false", False), ("", None)])
+def test_texts_become_values(text, value):
+    given = parameters_from("mapper", {"simulated": text, "no_parameter": "1"})
+    assert given == ({} if value is None else {"simulated": value})
+
+
+def test_texts_that_look_like_something_else_stay_texts():
+    assert parameters_from("mapper", {"field": "24", "site": "true"}) == {"field": "24", "site": "true"}
+
+
+def test_unreadable_texts_are_named():
+    with pytest.raises(InputError, match="mapper: parameter cell_m must be a number"):
+        parameters_from("mapper", {"cell_m": "[1"})
+
+
+def test_the_stand_in_does_not_stay(monkeypatch):
+    with monkeypatch.context() as patch:
+        stand_in.load(ROBOT, patch)
+        assert "launch_ros.actions" in sys.modules
+    assert "launch_ros.actions" not in sys.modules

@@ -1,0 +1,140 @@
+"""The parameter files and tables that people read, held together with the tables that the nodes obey."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+import subprocess
+import sys
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("rclpy")
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+
+from soilmoist_ros.nodes.parameters import Parameter, Parameters, check_values
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+SCRIPT = ROOT / "scripts" / "parameter_tables"
+NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
+
+
+def load_script():
+    loader = SourceFileLoader("parameter_tables", str(SCRIPT))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("parameter_tables", loader))
+    write_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # not beside the scripts
+    try:
+        loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = write_bytecode
+    return module
+
+
+tables = load_script()
+
+
+def table(node):
+    return importlib.import_module(f"soilmoist_ros.nodes.{node}").PARAMETERS
+
+
+def test_files_and_document_say_what_the_nodes_say():
+    run = subprocess.run([sys.executable, SCRIPT, "--check"], capture_output=True, text=True, timeout=100)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert run.stdout == ""
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_every_file_gives_every_default_to_a_real_node(node, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "config" / "dds" / "loopback.xml"))
+    path = ROOT / "config" / f"{node}.yaml"
+    defaults = {row.name: row.default for row in table(node)}
+    context = Context()
+    rclpy.init(args=["--ros-args", "--params-file", str(path)], context=context, domain_id=101)
+    try:
+        example = Node(node, context=context)
+        assert Parameters(example, table(node)).as_dict() == defaults
+        types = {name: type(parameter.value) for name, parameter in example._parameter_overrides.items()}
+        assert types == {name: type(value) for name, value in defaults.items() if value != []}
+        example.destroy_node()
+    finally:
+        context.try_shutdown()
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_defaults_are_allowed_and_every_row_is_explained(node):
+    rows = {row.name: row for row in table(node)}
+    assert len(rows) == len(table(node)), "a name is used twice"
+    _, mistakes = check_values(rows, {row.name: row.default for row in rows.values() if row.default != ""})
+    assert not [str(mistake) for mistake in mistakes]
+    for row in rows.values():
+        assert len(row.description) > 5
+
+
+ROWS = (
+    Parameter(name="radius_m", default=2.0, description="radius", unit="m", low=0.0, changeable=True),
+    Parameter(name="fit", default="reml", description="how it is | fitted", choices=("reml", "")),
+    Parameter(name="topics", default=[], description="topics"),
+)
+
+
+def test_the_file_explains_each_parameter():
+    text = tables.yaml_file("example", "shows.", ROWS)
+    assert text.startswith("# example: shows.\n")
+    assert "    # Radius [m]. At least 0. Changeable while running.\n    radius_m: 2.0\n" in text
+    assert '    # How it is | fitted. One of: reml, (empty).\n    fit: "reml"\n' in text
+    assert "    # Topics.\n    # topics: []\n" in text
+    assert yaml.safe_load(text) == {"/**": {"ros__parameters": {"radius_m": 2.0, "fit": "reml"}}}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [(None, None, ""), (0.5, None, "At least 0.5."), (None, 3, "At most 3."), (0, 1, "From 0 to 1.")],
+)
+def test_ranges_are_said_in_words(low, high, said):
+    assert tables.allowed(Parameter(name="x", default=1.0, description="x", low=low, high=high)) == said
+
+
+def test_the_table_has_a_row_for_each_parameter():
+    lines = tables.markdown_table(ROWS).splitlines()
+    assert lines[2] == "| `radius_m` * | double | `2.0` | m | >= 0 | radius |"
+    assert lines[3] == '| `fit` | string | `"reml"` |  | `reml`, `""` | how it is \\| fitted |'
+
+
+def test_a_table_takes_the_place_of_the_old_one_only():
+    document = "a\n<!-- parameters of x -->\nold\n<!-- end of x -->\nb\n"
+    new = tables.with_table(document, "x", "new \\1")
+    assert new == "a\n<!-- parameters of x -->\nnew \\1\n<!-- end of x -->\nb\n"
+    with pytest.raises(ValueError, match="<!-- parameters of y --> and <!-- end of y --> once"):
+        tables.with_table(document, "y", "new")
+
+
+@pytest.mark.parametrize(
+    ("docstring", "purpose"),
+    [
+        ("``mapper``: counts to maps.\n\nMore.", "counts to maps."),
+        ("The planner: runs the\nmission. It is thin.", "runs the mission."),
+        ("Drives a robot", "drives a robot."),
+    ],
+)
+def test_the_purpose_of_a_node_is_the_first_sentence_of_its_file(docstring, purpose):
+    assert tables.purpose_of(docstring) == purpose
+
+
+PRINTABLE = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]))
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False) | PRINTABLE | st.integers() | st.booleans())
+def test_a_default_is_the_same_value_when_it_is_read_back(value):
+    read = yaml.safe_load(f"a: {tables.scalar(value)}")["a"]
+    assert type(read) is type(value)
+    assert read == value
+    assert not isinstance(value, float) or math.copysign(1, read) == math.copysign(1, value)

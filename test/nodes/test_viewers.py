@@ -1,0 +1,138 @@
+"""Layouts of the viewers, and the picture of the system: only what the nodes publish, in its types and fields."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+SVG = "{http://www.w3.org/2000/svg}"
+TOPICS = {
+    "counts": "PointCloud2", "fix": "NavSatFix", "pressure": "FluidPressure", "temperature": "Temperature",
+    "relative_humidity": "RelativeHumidity", "samples": "PointCloud2", "soil_map": "PointCloud2",
+    "uncertainty": "OccupancyGrid", "model": "String", "plan": "Path", "plan_markers": "MarkerArray",
+    "mission": "DiagnosticStatus", "diagnostics": "DiagnosticArray",
+}  # fmt: skip
+LATCHED = {"samples", "soil_map", "uncertainty", "model", "plan", "plan_markers", "mission"}
+RVIZ_SHOWS = {"PointCloud2": "PointCloud2", "Map": "OccupancyGrid", "Path": "Path", "MarkerArray": "MarkerArray"}
+"""Message type by display of RViz."""
+
+
+def rviz_displays():
+    layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
+    assert layout["Global Options"]["Fixed Frame"] == "map"
+    return [display for display in layout["Displays"] if "Topic" in display]
+
+
+def foxglove_layout():
+    return json.loads((ROOT / "config" / "foxglove" / "soilmoist.json").read_text())
+
+
+@pytest.fixture
+def fields():
+    """Fields of the point clouds by topic."""
+    pytest.importorskip("rclpy")
+    import numpy as np
+
+    from msg_adapters import counts, samples
+    from msg_adapters.soil_map import soil_map_to_message
+    from soilmoist_ros.mapping.field_grid import FieldGrid
+    from soilmoist_ros.mapping.samples import Samples
+    from soilmoist_ros.sensing.records import CountRecord
+
+    grid = FieldGrid.from_polygon([(0, 0), (9, 0), (9, 9), (0, 9)], cell_m=1.0)
+    nothing = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
+    messages = {
+        "soil_map": soil_map_to_message(grid, None, 0.0),
+        "samples": samples.samples_to_message(nothing, 0.0),
+        "counts": counts.counts_to_message([CountRecord(1.0, 2.0, 0.0, 0.0, 0.0, 10, 10.0)]),
+    }
+    return {topic: {field.name for field in message.fields} for topic, message in messages.items()}
+
+
+def test_rviz_shows_topics_in_their_type_and_quality_of_service():
+    displays = rviz_displays()
+    for display in displays:
+        topic = display["Topic"]["Value"].removeprefix("/")
+        assert TOPICS[topic] == RVIZ_SHOWS[display["Class"].removeprefix("rviz_default_plugins/")]
+        durability = "Transient Local" if topic in LATCHED else "Volatile"
+        assert display["Topic"]["Durability Policy"] == durability
+        assert display["Topic"]["Reliability Policy"] == "Reliable"
+        assert display["Enabled"] == display["Value"]
+    shown = {display["Topic"]["Value"] for display in displays}
+    assert shown == {"/soil_map", "/uncertainty", "/samples", "/counts", "/plan", "/plan_markers"}
+
+
+def test_rviz_opens_with_one_map_that_covers_nothing_else():
+    on = [display["Name"] for display in rviz_displays() if display["Enabled"]]
+    assert on == [
+        "Soil moisture",
+        "Samples by exposure",
+        "Records of the last 10 min",
+        "Plan",
+        "Stops ahead, with dwell",
+    ]
+
+
+def test_rviz_has_no_tool_that_could_drive_the_robot_by_accident():
+    layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
+    tools = {tool["Class"].removeprefix("rviz_default_plugins/") for tool in layout["Tools"]}
+    assert tools == {"MoveCamera", "Select", "FocusCamera", "Measure"}
+
+
+def test_coloured_fields_exist(fields):
+    for display in rviz_displays():
+        if "Channel Name" in display:
+            assert display["Channel Name"] in fields[display["Topic"]["Value"].removeprefix("/")]
+    for name, settings in foxglove_layout()["configById"]["3D!map"]["topics"].items():
+        if "colorField" in settings:
+            assert settings["colorField"] in fields[name.removeprefix("/")]
+
+
+def test_foxglove_panels_show_topics_that_they_can_show():
+    panels = foxglove_layout()["configById"]
+    for name, settings in panels["3D!map"]["topics"].items():
+        assert TOPICS[name.removeprefix("/")] in {"PointCloud2", "OccupancyGrid", "Path", "MarkerArray"}, settings
+    assert TOPICS[panels["map!fix"]["followTopic"].removeprefix("/")] == "NavSatFix"
+    assert TOPICS[panels["DiagnosticSummary!health"]["topicToRender"].removeprefix("/")] == "DiagnosticArray"
+    raw = [panel["topicPath"] for name, panel in panels.items() if name.startswith("RawMessages!")]
+    assert raw == ["/mission", "/model.data"]
+    plotted = [path["value"] for path in panels["Plot!weather"]["paths"]]
+    assert plotted == ["/pressure.fluid_pressure"]
+
+
+def test_foxglove_buttons_call_the_services_of_the_planner():
+    panels = foxglove_layout()["configById"]
+    called = {panel["serviceName"] for name, panel in panels.items() if name.startswith("CallService!")}
+    assert called == {f"/planner/{verb}" for verb in ("start", "pause", "resume", "abort", "skip")}
+
+
+def test_foxglove_layout_places_every_panel_once():
+    layout = foxglove_layout()
+
+    def leaves(node):
+        if isinstance(node, str):
+            return [node]
+        assert node["direction"] in {"row", "column"}
+        assert 0 < node["splitPercentage"] < 100
+        return leaves(node["first"]) + leaves(node["second"])
+
+    assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
+
+
+def test_both_layouts_say_nothing_of_other_topics():
+    text = (ROOT / "config" / "rviz" / "soilmoist.rviz").read_text()
+    named = set(re.findall(r"Value: /(\S+)", text))
+    assert named - {"uncertainty_updates"} <= TOPICS.keys()
+
+
+def test_the_architecture_picture_names_every_node_and_topic():
+    root = ET.parse(ROOT / "docs" / "architecture.svg").getroot()
+    words = set(re.findall(r"[\w/]+", " ".join("".join(text.itertext()) for text in root.iter(f"{SVG}text"))))
+    assert {"sensor_driver", "mapper", "planner", "recorder", "field_simulator"} <= words
+    assert {topic for topic in TOPICS if topic not in words and f"/{topic}" not in words} == set()
