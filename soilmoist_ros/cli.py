@@ -1,52 +1,31 @@
-"""The ``soilmoist`` command. Exit code 0: all was done; 2: bad input; 130: interrupted.
+"""The ``soilmoist`` command. Exit code 0: all was done; 1: not all of it; 2: bad input; 130: interrupted.
 
 Each subcommand imports what it needs when it runs, so that ``--help`` answers at once.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import wraps
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from soilmoist_ros import __version__
+from soilmoist_ros.cli_run import bag_group, demo_command, replay_command
+from soilmoist_ros.cli_simulate import campaign_command, simulate_command
+from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
 from soilmoist_ros.errors import InputError, Mistake
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun
     from soilmoist_ros.sensing.site import Site
 
-FILE = click.Path(path_type=Path)
-MODELS = ("gaussian", "exponential", "spherical", "matern32", "matern52")
-
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="soilmoist")
 def main() -> None:
     """Soil-moisture mapping with a cosmic-ray neutron sensor."""
-
-
-def told_plainly(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn bad input into a message and exit code 2, and an interrupt into exit code 130."""
-
-    @wraps(command)
-    def run(*args: Any, **kwargs: Any) -> None:
-        try:
-            command(*args, **kwargs)
-        except InputError as error:
-            for mistake in error.mistakes:
-                click.echo(f"error: {mistake}", err=True)
-            sys.exit(2)
-        except KeyboardInterrupt:
-            click.echo("interrupted: nothing was written", err=True)
-            sys.exit(130)
-
-    return run
 
 
 @main.command("map")
@@ -178,114 +157,6 @@ def calibrate_command(
     click.echo(f"wrote {site}")
 
 
-@main.command("simulate")
-@click.option(
-    "--field", default="synthetic-high", show_default=True, help="Built-in field, or a field file with a truth."
-)
-@click.option("--strategy", default="greedy", show_default=True,
-              help="greedy, monte_carlo, adaptive_sampling, random or lattice.")  # fmt: skip
-@click.option("--dwell", default="ami:0.03", show_default=True,
-              help="fmi:SECONDS (fixed) or ami:THRESHOLD (until 1/sqrt(counts) falls to it).")  # fmt: skip
-@click.option(
-    "--hours", type=click.FloatRange(min=0, min_open=True), help="Mission time [h]. Default: the field's."
-)
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all randomness.")
-@click.option(
-    "--variogram", type=click.Choice(MODELS), default="gaussian", show_default=True, help="Variogram model."
-)
-@click.option("--fit", type=click.Choice(["soft_l1", "reml"]), default="soft_l1", show_default=True,
-              help="Variogram fit: the published one, or restricted maximum likelihood.")  # fmt: skip
-@click.option("--preset", type=click.Choice(["paper", "authors"]), default="paper", show_default=True,
-              help="Constants of the strategies: the paper's text, or the authors' experiments.")  # fmt: skip
-@click.option(
-    "--graph", type=FILE, help='Topological map to travel on; "lattice" lays one. Default: straight lines.'
-)
-@click.option(
-    "--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m]. Default: the field's."
-)
-@click.option("--footprint", "footprint_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
-              help="Radius of the sensor's Gaussian footprint [m]; 0: a point.")  # fmt: skip
-@click.option("--speed", "speed_mps", type=click.FloatRange(min=0, min_open=True), default=0.6, show_default=True,
-              help="Speed of the robot [m/s].")  # fmt: skip
-@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
-@told_plainly
-def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
-    """Explore a surrogate field with a simulated robot, without ROS.
-
-    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
-    """
-    from soilmoist_ros.reporting.mission_report import write_mission
-    from soilmoist_ros.simulation.mission_run import MissionSettings
-    from soilmoist_ros.simulation.mission_simulator import simulate_mission
-    from soilmoist_ros.simulation.surrogate_field import surrogate_field
-
-    settings = MissionSettings(
-        field=field,
-        hours=hours or surrogate_field(field).hours,
-        travel="free" if graph is None else "graph",
-        graph=None if graph is None or str(graph) == "lattice" else str(graph),
-        **choices,
-    )
-    with progress_bar() as progress:
-        result = simulate_mission(settings, lambda share: progress("exploring", share))
-        progress("writing the results", 1.0)
-        written = write_mission(out, result)
-    last = result.series[-1]
-    click.echo(
-        f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}"
-    )
-    covered = f"{100 * last.coverage95:.0f} % of the cells within their 95 % interval"
-    click.echo(f"rate       MSE {last.mse:.4f} (counts/s)2, {covered}")
-    click.echo(f"moisture   RMSE {last.vwc_rmse:.4f} m3/m3")
-    for path in written:
-        click.echo(f"wrote {path}")
-
-
-@main.command("campaign")
-@click.argument("campaign")
-@click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
-@click.option("--scheduler", help="Address of a Dask scheduler to run on instead, such as tcp://host:8786.")
-@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
-@told_plainly
-def campaign_command(campaign: str, workers: int | None, scheduler: str | None, out: Path) -> None:
-    """Run the many missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
-
-    Finished missions are kept in the folder --out: run the same command again to go on after an interruption.
-    Writes results.parquet, results.csv and report.html.
-    """
-    from soilmoist_ros.reporting.campaign_report import write_campaign_report
-    from soilmoist_ros.simulation.campaign import CampaignInterrupted, load_campaign, run_campaign
-    from soilmoist_ros.simulation.mission_simulator import simulate_mission
-
-    plan = load_campaign(campaign)
-    try:
-        with progress_bar() as progress:
-            outcome = run_campaign(
-                plan,
-                out,
-                simulate_mission,
-                workers,
-                scheduler,
-                lambda done, total, left_s: progress(f"simulating {total} missions", done / max(total, 1)),
-            )
-            progress("writing the report", 1.0)
-            report = write_campaign_report(plan, out, outcome.failures)
-    except CampaignInterrupted as stopped:
-        click.echo(str(stopped), err=True)
-        sys.exit(130)
-    for remark in outcome.remarks:
-        click.echo(f"note: {remark}")
-    click.echo(
-        f"missions   {outcome.computed} simulated, {outcome.reused} taken over, {len(outcome.failures)} failed"
-    )
-    for failure in outcome.failures:
-        click.echo(f"failed: {failure}", err=True)
-    for path in (*outcome.written, report):
-        click.echo(f"wrote {path}")
-    if not outcome.complete:
-        sys.exit(1)
-
-
 @main.command("graph")
 @click.argument("field")
 @click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
@@ -317,14 +188,11 @@ def graph_command(
     """
     from datetime import UTC, datetime
 
-    from soilmoist_ros.configuration import resource
     from soilmoist_ros.exploration.graph_builders import crop_rows, open_lattice
     from soilmoist_ros.exploration.topological_map import make_topological_map
-    from soilmoist_ros.mapping.field import load_field
-    from soilmoist_ros.simulation.surrogate_field import surrogate_field, surrogate_field_names
+    from soilmoist_ros.simulation.surrogate_field import known_field
 
-    built_in = field in surrogate_field_names()
-    known = surrogate_field(field).field if built_in else load_field(resource("fields", field))
+    known = known_field(field)
     if rows is None:
         built = open_lattice(known, spacing, margin_m=margin)
     else:
@@ -416,31 +284,8 @@ def _print_summary(run: MapRun) -> None:
         click.echo(f"warning    {warning}")
 
 
-@contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Report steps: a bar with the time left on a terminal, a plain line per step and tenth otherwise."""
-    if not sys.stderr.isatty():
-        last = ("", 0)
-
-        def plain(step: str, share: float) -> None:
-            nonlocal last
-            tenths = int(10 * share)
-            if step != last[0]:
-                click.echo(f"... {step}", err=True)
-            elif tenths > last[1] and tenths < 10:
-                click.echo(f"... {step}: {10 * tenths} %", err=True)
-            last = (step, tenths)
-
-        yield plain
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description:32}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
-        yield lambda step, share: bar.update(task, description=step, completed=share)
-
+for command in (simulate_command, campaign_command, demo_command, replay_command, bag_group):
+    main.add_command(command)
 
 if __name__ == "__main__":
     main()

@@ -112,7 +112,8 @@ def load_model(path: Path, model: type[Model]) -> Model:
     try:
         return model.model_validate(_plain(content))
     except ValidationError as error:
-        raise InputError([_as_mistake(detail, content, path, model) for detail in error.errors()]) from None
+        details: list[Any] = _without_consequences(error.errors())
+        raise InputError([_as_mistake(detail, content, path, model) for detail in details]) from None
 
 
 def _plain(node: Any) -> Any:
@@ -126,10 +127,22 @@ def _plain(node: Any) -> Any:
     return node
 
 
+def _without_consequences(details: Sequence[Any]) -> list[Any]:
+    """The errors but those of lists that are too short only because their items are wrong."""
+
+    def is_consequence(detail: Any) -> bool:
+        place = detail["loc"]
+        return detail["type"] == "too_short" and any(
+            len(other["loc"]) > len(place) and other["loc"][: len(place)] == place for other in details
+        )
+
+    return [detail for detail in details if not is_consequence(detail)]
+
+
 def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -> Mistake:
     location: Location = tuple(detail["loc"])
     column = ".".join(str(part) for part in location if not _is_tag(part, content))
-    line = _line_of(content, location)
+    line = line_of(content, location)
     if detail["type"] == "extra_forbidden":
         known = _known_keys(model, location[:-1])
         unknown = str(location[-1])
@@ -150,7 +163,7 @@ def _is_tag(part: int | str, content: Any) -> bool:
     return isinstance(part, str) and bool(re.search(r"[\[(]|^function-|^[A-Z]\w+$", part))
 
 
-def _line_of(content: Any, location: Location) -> int:
+def line_of(content: Any, location: Location) -> int:
     """Line (from 1) of the deepest part of a location that stands in the file."""
     node, line = content, 0
     for part in location:

@@ -210,6 +210,39 @@ def test_a_campaign_runs_and_goes_on_where_it_stopped(tmp_path):
     assert "0 simulated, 4 taken over" in run("campaign", plan, "--workers", 0, "--out", tmp_path / "out").output
 
 
+def test_failures_are_named_when_no_mission_finishes(tmp_path):
+    plan, out = tmp_path / "plan.yaml", tmp_path / "out"
+    plan.write_text(
+        "title: tiny\nruns: 1\nexperiments: [{name: a, field: synthetic-high, hours: 0.5, cell_m: 5000}]\n"
+    )
+    out.mkdir()
+    (out / "report.html").write_text("of another campaign")
+    result = run("campaign", plan, "--workers", 0, "--out", out)
+    assert result.exit_code == 1, result.output
+    assert "failed: field=synthetic-high" in result.output
+    assert "cannot be gridded" in result.output
+    assert "error:" not in result.output
+    assert not (out / "report.html").exists()
+
+
+def test_a_mission_without_a_map_says_so(tmp_path):
+    (tmp_path / "map.tif").write_text("of another mission")
+    result = run("simulate", "--hours", 0.05, "--strategy", "random", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "no map: the mission ended before the first" in result.output
+    assert "nan" not in result.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["series.csv", "summary.json", "visits.csv"]
+
+
+def test_a_graph_of_an_unknown_field_is_told_all_fields(tmp_path):
+    result = run("graph", "sinthetic-high", "--out", tmp_path / "graph.yaml")
+    assert result.exit_code == 2
+    assert "half-wet" in result.output
+    assert "patches" in result.output
+    assert "did you mean 'synthetic-high'" in result.output
+    assert run("graph", "example", "--out", tmp_path / "graph.yaml").exit_code == 0
+
+
 def test_mistakes_in_a_campaign_are_all_named(tmp_path):
     plan = tmp_path / "plan.yaml"
     plan.write_text("title: x\nrnus: 2\nexperiments: [{name: a, filed: synthetic-high}]\n")

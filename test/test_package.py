@@ -1,16 +1,47 @@
 """The package as pip, colcon and ROS see it."""
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import click
+import numpy as np
+import pytest
+
 import soilmoist_ros
-from soilmoist_ros.configuration import config_folder
+from soilmoist_ros.cli import main
+from soilmoist_ros.configuration import config_folder, resource_names
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies import STRATEGIES
+from soilmoist_ros.simulation.campaign_file import load_campaign, missions
+from soilmoist_ros.simulation.surrogate_field import surrogate_field, surrogate_field_names
 
 ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def readme_blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+
+
+def readme_table(first_heading):
+    """The `names` in the first column of a table, which is found by the heading of that column."""
+    table = re.search(rf"^ *\| {re.escape(first_heading)} \|.*\n *\|[-|]+\n((?: *\|.*\n)+)", README, re.MULTILINE)
+    return [name for row in table[1].splitlines() for name in re.findall("`([^`]+)`", row.split("|")[1])]
+
+
+def readme_commands():
+    """Every `soilmoist` command of the README, as arguments."""
+    shell = "".join(readme_blocks("sh")).replace("\\\n", " ").splitlines()
+    inline = re.findall(r"`((?:\.venv/bin/)?soilmoist [^`]+)`", README.replace("\n", " "))
+    found = [shlex.split(line, comments=True) for line in [*shell, *inline]]
+    return [words[1:] for words in found if words and words[0].removeprefix(".venv/bin/") == "soilmoist"]
 
 
 def test_package_xml_says_what_setup_py_says():
@@ -73,3 +104,69 @@ def test_colcon_builds_what_ros2_run_looks_for(tmp_path):
         env={**os.environ, "PYTHONPATH": str(site_packages)}, cwd=tmp_path, capture_output=True, text=True,
     )  # fmt: skip
     assert checked.stdout.splitlines() == ["ok: finapp", "ok: example"], checked.stderr
+
+
+@pytest.mark.parametrize("arguments", readme_commands(), ids=" ".join)
+def test_the_command_takes_what_the_readme_gives_it(arguments):
+    name, *rest = arguments
+    command = main.commands[name]
+    if not rest or rest == ["--help"]:  # the command is only named
+        return
+    context = command.make_context(name, rest)
+    assert isinstance(context, click.Context)
+
+
+def test_the_readme_shows_every_command():
+    shown = {arguments[0] for arguments in readme_commands() if "--help" not in arguments}
+    assert shown == set(main.commands)
+
+
+def test_the_tables_of_the_readme_are_complete():
+    with_truth = []
+    for name in resource_names("fields"):
+        try:
+            surrogate_field(name)
+        except InputError:
+            continue
+        with_truth.append(name)
+    assert sorted(readme_table("`--field`")) == sorted([*surrogate_field_names(), *with_truth])
+    assert tuple(readme_table("`--strategy`")) == STRATEGIES
+    assert [str(parse_dwell(text)) for text in readme_table("`--dwell`")] == readme_table("`--dwell`")
+    assert sorted(readme_table("name")) == resource_names("loggers")
+    folders = {path.name for path in (ROOT / "soilmoist_ros").iterdir() if (path / "__init__.py").is_file()}
+    named = {Path(name).name for name in readme_table("folder") if name.startswith("soilmoist_ros/")}
+    assert named <= folders
+    assert {"sensing", "mapping", "exploration", "simulation", "reporting"} <= named
+
+
+def test_the_paths_and_links_of_the_readme_lead_somewhere():
+    paths = re.findall(r"`((?:config|scripts|soilmoist_ros|msg_adapters|launch)/[\w./-]*)`", README)
+    assert paths
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+    anchors = {re.sub(r"[^\w -]", "", title).strip().lower().replace(" ", "-")
+               for title in re.findall(r"^#+ (.*)$", README, re.MULTILINE)}  # fmt: skip
+    links = re.findall(r"\]\(#([\w-]+)\)", README)
+    assert links
+    assert set(links) <= anchors
+
+
+def test_the_campaign_of_the_readme_can_be_run(tmp_path):
+    (block,) = readme_blocks("yaml")
+    (tmp_path / "campaign.yaml").write_text(block)
+    planned = missions(load_campaign(str(tmp_path / "campaign.yaml")))
+    assert len(planned) == 5 * 2 * 3 * 2
+    count = re.search(r"(\d+) missions", README)[1]
+    assert int(count) == len(missions(load_campaign("paper")))
+
+
+def test_the_python_of_the_readme_runs(capsys):
+    rng = np.random.default_rng(1)
+    xy = rng.uniform(0, 50, (30, 2))
+    names = {"xy": xy, "xy_new": xy[:3] + 1, "counts": rng.poisson(1000, 30), "exposure_s": np.full(30, 300.0)}
+    for block in readme_blocks("python"):
+        exec(block, names)
+    assert names["rate"].shape == names["variance"].shape == (3,)
+    assert (
+        capsys.readouterr().out
+        == f"{names['mission'].series[-1].vwc_rmse} {[v.name for v in names['mission'].visits]}\n"
+    )

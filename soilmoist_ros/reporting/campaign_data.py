@@ -14,14 +14,17 @@ from soilmoist_ros.simulation.mission_store import StoredMission
 if TYPE_CHECKING:
     import pandas as pd
 
-PUBLISHED = ("greedy", "monte_carlo", "adaptive_sampling")
+BASELINES = ("random", "lattice")
 STRATEGIES = {
     "greedy": "Greedy",
     "monte_carlo": "Monte Carlo",
     "adaptive_sampling": "Adaptive sampling",
     "random": "Random",
     "lattice": "Lattice",
+    "ivr": "Integrated variance",
+    "gcb": "Cost-benefit tour",
 }
+"""Names for readers, in the order of lists and legends; others go by their own name."""
 COMPARED = ("strategy", "dwell", "seed")
 """Settings within which the missions of a case differ."""
 NAMES = {
@@ -29,6 +32,7 @@ NAMES = {
     "variogram": "{} variogram",
     "fit": "fit {}",
     "preset": "constants: {}",
+    "map_from": "map from {}",
     "travel": "travel {}",
     "graph": "graph {}",
     "speed_mps": "{} m/s",
@@ -66,7 +70,9 @@ def strategy_text(strategy: str) -> str:
 def dwell_text(dwell: str) -> str:
     """Name of a dwell rule for readers: FMI with its seconds, AMI with its standard error in percent."""
     kind, _, value = dwell.partition(":")
-    return f"FMI {float(value):g} s" if kind == "fmi" else f"AMI {100 * float(value):g} %"
+    if kind == "fmi":
+        return f"FMI {float(value):g} s"
+    return f"AMI {100 * float(value):g} %" if kind == "ami" else dwell.capitalize()
 
 
 class CampaignData:
@@ -78,12 +84,12 @@ class CampaignData:
 
     def __init__(self, campaign: Campaign, finished: Sequence[tuple[Mission, StoredMission]]) -> None:
         self.campaign = campaign
-        self.expected = len(missions(campaign))
+        planned = missions(campaign)
+        self.expected = len(planned)
+        self._dwells = list(dict.fromkeys(mission.settings.dwell for mission in planned))
         self.stored = {mission.key: stored for mission, stored in finished}
         self.missions = missions_table(finished)
         self.results = results_table(finished, campaign.table_every_s)
-        self.high_gradient = campaign.published.high_gradient or ()
-        self.low_gradient = campaign.published.low_gradient or ()
         by_key = self._cases_by_key()
         self.missions["case"] = self.missions["key"].map(by_key)
         self.results["case"] = self.results["key"].map(by_key)
@@ -113,15 +119,15 @@ class CampaignData:
         return [case for case in self.cases if self.final(case)["strategy"].nunique() > 1]
 
     def main_dwell(self, case: Case) -> str:
-        """The dwell rule with the most strategies; of several the one with the most missions, then the last."""
+        """The dwell rule with the most strategies; of several the one with the most missions, then the first."""
         rows = self._of(self.missions, case)
-        dwells = list(dict.fromkeys(rows["dwell"]))
+        dwells = sorted(rows["dwell"].unique(), key=self._dwells.index)
 
         def size(dwell: str) -> tuple[int, int]:
             some = rows[rows["dwell"] == dwell]
             return some["strategy"].nunique(), len(some)
 
-        return str(max(reversed(dwells), key=size))
+        return str(max(dwells, key=size))
 
     def final(self, case: Case) -> pd.DataFrame:
         """One row per mission of a case with its main dwell rule."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.campaign_data import (
-    PUBLISHED,
+    BASELINES,
     CampaignData,
     Case,
     dwell_text,
@@ -21,6 +21,7 @@ from soilmoist_ros.reporting.maps import RATE, RATE_SD, colours
 from soilmoist_ros.reporting.style import (
     BLUE,
     FAINT,
+    GOLD,
     GREEN,
     INK,
     NORMAL,
@@ -54,18 +55,23 @@ LOOKS: dict[str, Look] = {
     "adaptive_sampling": (GREEN, "-", 2.0),
     "random": (SOFT, (0, (1.2, 1.6)), 1.7),
     "lattice": (PURPLE, (0, (5, 2)), 1.5),
+    "ivr": (INK, "-", 2.0),
+    "gcb": (GOLD, "-", 2.0),
 }
 OTHER: Look = (INK, "-.", 1.5)
 ERROR = "Mean squared error [(counts/s)²]"
-MOST_EXAMPLES = 3
+MOST_EXAMPLES = 5
+KEYS_PER_ROW = 5
+KEY_IN = 0.55
+"""Height of the strip below the examples [in]."""
 
 
 def strategies_figure(data: CampaignData, case: Case) -> Figure:
     """Distance and error against time, a line per strategy: mean and standard deviation over the runs."""
     rows = data.over_time(case, data.main_dwell(case))
     figure = new_figure(WIDTH_IN, 3.7)
-    left = plain(figure.add_axes((0.065, 0.145, 0.305, 0.76)), "y")
-    right = plain(figure.add_axes((0.57, 0.145, 0.305, 0.76)), "y")
+    left = plain(figure.add_axes((0.065, 0.145, 0.295, 0.76)), "y")
+    right = plain(figure.add_axes((0.555, 0.145, 0.295, 0.76)), "y")
     lines = [
         (strategy_text(name), rows[rows["strategy"] == name], LOOKS.get(name, OTHER))
         for name in strategies_in(rows)
@@ -120,7 +126,8 @@ def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
     deep = -(-len(cases) // columns)
     titles = [textwrap.fill(case.title, 30) for case in cases]
     row_in = 2.7 + 0.2 * max(title.count("\n") + 1 for title in titles)
-    high = row_in * deep + 0.4
+    every = {name for case in cases for name in strategies_in(data.final(case))}
+    high = row_in * deep + 0.2 * (1 + _key_rows(len(every) + 1))
     figure = new_figure(WIDTH_IN, high)
     step = 0.94 / columns
     drawn: dict[str, Look] = {}
@@ -155,17 +162,22 @@ def _shared_key(figure: Figure, drawn: dict[str, Look]) -> None:
     ]
     handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="95 %, as stated"))
     figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.057, 1.0), ncols=len(handles), frameon=False,
-        fontsize=SMALL, labelcolor=INK, columnspacing=1.4, handlelength=2.2,
+        handles=handles, loc="upper left", bbox_to_anchor=(0.057, 1.0), frameon=False, fontsize=SMALL,
+        ncols=-(-len(handles) // _key_rows(len(handles))), labelcolor=INK, columnspacing=1.4, handlelength=2.2,
     )  # fmt: skip
+
+
+def _key_rows(count: int) -> int:
+    return -(-count // KEYS_PER_ROW)
 
 
 def examples_figure(data: CampaignData, case: Case) -> Figure | None:
     """Truth, and of each strategy one mission: map, path and stops above, kriging variance below."""
-    known = [name for name in PUBLISHED if name in strategies_in(data.final(case))]
-    shown = known or strategies_in(data.final(case))
-    found = [(name, data.example(case, name)) for name in shown[:MOST_EXAMPLES]]
-    examples = [(name, stored) for name, stored in found if stored is not None]
+    examples = [
+        (name, stored)
+        for name in example_strategies(data, case)
+        if (stored := data.example(case, name)) is not None
+    ]
     if not examples:
         return None
     first = examples[0][1]
@@ -183,14 +195,22 @@ def examples_figure(data: CampaignData, case: Case) -> Figure | None:
         below = cell(1, column)
         shade = _panel(below, stored, variance, RATE_SD.colours, (0.0, most), "")
         _stops(below, stored)
+    corner = cell(1, 0)
+    corner.set_axis_off()
+    corner.text(0.0, 0.5, "Kriging\nvariance", fontsize=NORMAL, color=INK, fontweight="bold", va="center")
     _bars(
         figure,
-        cell(1, 0),
         image,
         shade,
         (extension(pooled, low, high), extension(np.concatenate([v.ravel() for v in variances]), 0, most)),
     )
     return figure
+
+
+def example_strategies(data: CampaignData, case: Case) -> list[str]:
+    """Strategies of which a mission is shown: those that explore, the baselines only where there are no others."""
+    present = strategies_in(data.final(case))
+    return ([name for name in present if name not in BASELINES] or present)[:MOST_EXAMPLES]
 
 
 def _lines(
@@ -244,7 +264,7 @@ def _end_names(axes: Axes, names: Sequence[EndName], gap: float = 0.072) -> None
     place = axes.transAxes.inverted()
     heights = [float(place.transform(axes.transData.transform((0.0, value)))[1]) for value, _, _ in names]
     order = np.argsort(heights, kind="stable")
-    spread = spaced(np.array(heights)[order], gap)
+    spread = spaced(np.array(heights)[order], gap, 0.0, 1.0)
     for index, height in zip(order, spread, strict=True):
         _, text, colour = names[index]
         axes.annotate(
@@ -254,8 +274,8 @@ def _end_names(axes: Axes, names: Sequence[EndName], gap: float = 0.072) -> None
         )  # fmt: skip
 
 
-def spaced(places: Array, gap: float) -> Array:
-    """Ascending places moved as little as needed (in the sense of least squares) to be ``gap`` apart."""
+def spaced(places: Array, gap: float, low: float = -np.inf, high: float = np.inf) -> Array:
+    """Ascending places moved as little as needed (by least squares) to be ``gap`` apart and within bounds."""
     groups: list[list[float]] = []  # mean of the places less their offset in the group, and their number
     for number, place in enumerate(places):
         groups.append([float(place) - number * gap, 1.0])
@@ -263,7 +283,7 @@ def spaced(places: Array, gap: float) -> Array:
             (mean, n), (other, m) = groups.pop(-2), groups.pop()
             groups.append([(mean * n + other * m) / (n + m), n + m])
     free = np.concatenate([np.full(int(n), mean) for mean, n in groups]) if groups else np.empty(0)
-    return np.asarray(free + gap * np.arange(len(places)))
+    return np.asarray(np.clip(free, low, high - gap * (len(places) - 1)) + gap * np.arange(len(places)))
 
 
 def _hours(axes: Axes, case: Case) -> None:
@@ -273,16 +293,20 @@ def _hours(axes: Axes, case: Case) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 
-def _dwell_order(dwell: str) -> tuple[bool, float]:
-    value = float(dwell[4:])
-    return (False, -value) if dwell.startswith("fmi") else (True, value)
+def _dwell_order(dwell: str) -> tuple[int, float]:
+    """Fixed intervals first, then adaptive ones, each from the longest to the shortest; then all others."""
+    kind, _, number = dwell.partition(":")
+    if kind == "fmi":
+        return 0, -float(number)
+    return (1, float(number)) if kind == "ami" else (2, 0.0)
 
 
 def _dwell_look(dwell: str, dwells: Sequence[str]) -> Look:
-    """Fixed orange, adaptive blue; the longest solid, shorter ones dashed."""
-    kin = [other for other in dwells if other[:3] == dwell[:3]]
+    """Fixed orange, adaptive blue, others green; the longest solid, shorter ones dashed."""
+    kind = dwell.partition(":")[0]
+    kin = [other for other in dwells if other.partition(":")[0] == kind]
     dashes = ("-", (0, (4, 1.5)), (0, (1.2, 1.4)), "-.")[min(kin.index(dwell), 3)]
-    return (ORANGE if dwell.startswith("fmi") else BLUE), dashes, 2.0
+    return {"fmi": ORANGE, "ami": BLUE}.get(kind, GREEN), dashes, 2.0
 
 
 def _inside(values: Array, stored: StoredMission) -> Array:
@@ -295,12 +319,12 @@ def _map_grid(stored: StoredMission, columns: int) -> tuple[Figure, Callable[[in
     wide = (WIDTH_IN - 0.2) / columns
     across = min(wide - 0.2, 2.6 * width_m / height_m)
     high = across * height_m / width_m
-    total = 2 * (high + 0.38) + 0.1
+    total = KEY_IN + 2 * (high + 0.38) + 0.1
     figure = new_figure(WIDTH_IN, total)
 
     def cell(row: int, column: int) -> Axes:
         left = 0.1 + column * wide + (wide - across) / 2
-        bottom = 0.08 + (1 - row) * (high + 0.38)
+        bottom = KEY_IN + 0.08 + (1 - row) * (high + 0.38)
         return figure.add_axes((left / WIDTH_IN, bottom / total, across / WIDTH_IN, high / total))
 
     return figure, cell
@@ -338,26 +362,25 @@ def _stops(axes: Axes, stored: StoredMission) -> None:
     axes.scatter(xy[:, 0], xy[:, 1], s=13, facecolors="white", edgecolors=INK, linewidths=0.7, zorder=3)
 
 
-def _bars(figure: Figure, axes: Axes, image: Any, shade: Any, extend: tuple[str, str]) -> None:
-    """Both colour bars and the key of the marks, in the empty cell below the truth."""
+def _bars(figure: Figure, image: Any, shade: Any, extend: tuple[str, str]) -> None:
+    """The key of the marks and both colour bars, in the strip below the maps."""
     from matplotlib.lines import Line2D
 
-    axes.set_axis_off()
     key = [
         Line2D([], [], color=INK, linewidth=0.8, label="path"),
         Line2D([], [], color=INK, marker="s", linestyle="", markersize=5, label="start"),
         Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="", markersize=4, label="stop"),
     ]
-    axes.legend(
-        handles=key, loc="upper left", bbox_to_anchor=(-0.02, 1.0), ncols=3, frameon=False, fontsize=SMALL,
-        labelcolor=INK, handlelength=1.2, columnspacing=1.0, borderaxespad=0.0,
+    high = figure.get_figheight()
+    figure.legend(
+        handles=key, loc="center left", bbox_to_anchor=(0.01, 0.4 / high), ncols=3, frameon=False, fontsize=SMALL,
+        labelcolor=INK, handlelength=1.2, columnspacing=1.0, borderaxespad=0.0, borderpad=0.0,
     )  # fmt: skip
-    box, inch = axes.get_position(), 1 / figure.get_figheight()
-    rate_bar, variance_bar = (image, "Rate [counts/s]", 0.95), (shade, "Kriging variance [(counts/s)²]", 0.42)
-    for (mappable, text, above_in), end in zip((rate_bar, variance_bar), extend, strict=True):
-        place = (box.x0, box.y0 + above_in * inch, 0.95 * box.width, 0.12 * inch)
+    rate_bar, variance_bar = (image, "Rate [counts/s]", 0.33), (shade, "Kriging variance [(counts/s)²]", 0.67)
+    for (mappable, text, left), end in zip((rate_bar, variance_bar), extend, strict=True):
+        place = (left, 0.4 / high, 0.3, 0.11 / high)
         bar = figure.colorbar(mappable, cax=figure.add_axes(place), orientation="horizontal", extend=end)
-        bar.set_label(text, fontsize=SMALL, color=INK, labelpad=2)
-        bar.ax.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8)
-        bar.ax.locator_params(nbins=4)
+        bar.set_label(text, fontsize=SMALL, color=INK, labelpad=1)
+        bar.ax.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8, pad=2)
+        bar.ax.locator_params(nbins=5)
         bar.outline.set(edgecolor=FAINT, linewidth=0.8)

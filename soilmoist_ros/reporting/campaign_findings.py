@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.campaign_data import CampaignData, dwell_text, strategy_text
 from soilmoist_ros.reporting.wording import percent
+from soilmoist_ros.simulation.campaign_file import FindingKey
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Outcome = Literal["seen", "partly", "not seen", "too few runs"]
 Verdict = Literal["confirmed", "partly", "not seen", "not tested"]
+Reasons = Mapping[FindingKey, str]
 
 FEWEST_RUNS = 3
 LITTLE = 0.20
@@ -26,27 +28,6 @@ FAR_LESS = 0.25
 """Share of the distance from which on driving is called far less."""
 SLIGHTLY = 0.50
 """Share by which an error may be higher and still be called slightly higher."""
-
-_STOPS = (
-    "The error follows the number of stops, and that follows the mean dwell, whichever rule sets it. On these "
-    "fields 1600 counts (AMI 2.5 %) take 320 to 640 s, on average less than the 600 s they are compared with; "
-    "1112 counts (AMI 3 %) take 220 to 445 s, on average a little more than 300 s. So AMI gains over FMI 600 s, "
-    "and loses a little to FMI 300 s."
-)
-REASONS: dict[str, str] = {
-    "ami_high": _STOPS,
-    "ami_low": _STOPS,
-    "adaptive_sampling": (
-        "Where its error is lower, not slightly higher, the published variogram fit decides, not the choice of "
-        "stops: greedy stops lie far apart along the border, which leaves the short distances empty and the fit "
-        "to guess. With the recommended map (Matern 3/2, REML) the order of the published study returns: greedy "
-        "lowest, then Monte Carlo, then adaptive sampling, slightly higher."
-    ),
-}
-"""Key of a finding -> why this simulation differs from it. Shown where the verdict is not ``confirmed``.
-
-Only reasons that were established, by an experiment or by the equations, belong here.
-"""
 
 
 @dataclass(frozen=True)
@@ -84,16 +65,16 @@ class Comparison:
 class Finding:
     """One published finding and what the campaign says about it.
 
-    :param key: short name, for :data:`REASONS`
+    :param key: short name
     :param statement: the finding
     :param rule: when it counts as confirmed
     :param verdict: the outcome, in a word
     :param summary: the measured numbers in a sentence
     :param comparisons: all of them
-    :param reason: why the verdict differs, if known
+    :param reason: why the verdict differs, if the campaign says so
     """
 
-    key: str
+    key: FindingKey
     statement: str
     rule: str
     verdict: Verdict
@@ -102,8 +83,12 @@ class Finding:
     reason: str
 
 
-def findings(data: CampaignData, reasons: Mapping[str, str] = REASONS) -> list[Finding]:
-    """The published findings, judged by the campaign's data."""
+def findings(data: CampaignData) -> list[Finding]:
+    """The published findings, judged by the campaign's data; none if the campaign is not to be compared."""
+    published = data.campaign.published
+    if published is None:
+        return []
+    reasons = published.reasons
     return [
         _finding(
             "ami_high",
@@ -111,7 +96,7 @@ def findings(data: CampaignData, reasons: Mapping[str, str] = REASONS) -> list[F
             "(AMI) than with fixed ones (FMI).",
             "Measure: mean squared error, averaged over the times at which both missions have a map, and over the "
             "strategies. Seen where it is lower with AMI by more than two standard errors.",
-            list(_intervals(data, data.high_gradient, _lower)),
+            list(_intervals(data, published.high_gradient or (), _lower)),
             reasons,
         ),
         _finding(
@@ -119,7 +104,7 @@ def findings(data: CampaignData, reasons: Mapping[str, str] = REASONS) -> list[F
             "On a field with a low moisture gradient there is little difference between the two.",
             f"Same measure. Seen where the difference and two standard errors together stay within "
             f"{percent(LITTLE)} of the error with FMI; partly where only the difference itself does.",
-            list(_intervals(data, data.low_gradient, _alike)),
+            list(_intervals(data, published.low_gradient or (), _alike)),
             reasons,
         ),
         _adaptive_sampling(data, reasons),
@@ -135,7 +120,7 @@ def findings(data: CampaignData, reasons: Mapping[str, str] = REASONS) -> list[F
 
 
 def _finding(
-    key: str, statement: str, rule: str, comparisons: Sequence[Comparison], reasons: Mapping[str, str],
+    key: FindingKey, statement: str, rule: str, comparisons: Sequence[Comparison], reasons: Reasons,
     needed: Sequence[Comparison] = (),
 ) -> Finding:  # fmt: skip
     """A finding, confirmed if all comparisons show it, not seen if none (of those needed) does."""
@@ -150,9 +135,8 @@ def _finding(
         verdict = "not seen"
     else:
         verdict = "partly"
-    seen = sum(item.outcome == "seen" for item in judged)
     if judged:
-        summary = f"Seen in {seen} of {len(judged)} comparisons: {_spans(judged)}."
+        summary = f"Seen {_shares(judged)}."
     elif comparisons:
         summary = f"Fewer than {FEWEST_RUNS} pairs of runs: nothing can be said."
     else:
@@ -161,17 +145,22 @@ def _finding(
     return Finding(key, statement, rule, verdict, summary, tuple(comparisons), reason)
 
 
-def _spans(comparisons: Sequence[Comparison]) -> str:
-    """The smallest and largest relative difference of each quantity."""
+def _shares(comparisons: Sequence[Comparison]) -> str:
+    """Of each quantity, in how many comparisons the finding is seen, and the smallest and largest difference."""
     texts = []
     for quantity in dict.fromkeys(item.quantity for item in comparisons):
-        shares = [100 * item.relative for item in comparisons if item.quantity == quantity]
+        mine = [item for item in comparisons if item.quantity == quantity]
+        seen = sum(item.outcome == "seen" for item in mine)
+        shares = [100 * item.relative for item in mine]
         low, high = (f"{value:+.0f}".replace("-", "−") for value in (min(shares), max(shares)))
-        texts.append(f"{quantity.partition(' [')[0]} {low if low == high else f'{low} to {high}'} %")
-    return "; ".join(texts)
+        texts.append(
+            f"in {seen} of {len(mine)} comparison{'s' if len(mine) != 1 else ''} of the "
+            f"{quantity.partition(' [')[0]} ({low if low == high else f'{low} to {high}'} %)"
+        )
+    return " and ".join(texts)
 
 
-def _adaptive_sampling(data: CampaignData, reasons: Mapping[str, str]) -> Finding:
+def _adaptive_sampling(data: CampaignData, reasons: Reasons) -> Finding:
     distances: list[Comparison] = []
     errors: list[Comparison] = []
     for case in data.strategy_cases:
@@ -200,7 +189,7 @@ def _adaptive_sampling(data: CampaignData, reasons: Mapping[str, str]) -> Findin
 
 def _intervals(data: CampaignData, fields: Sequence[str], judge: _Judge) -> Iterator[Comparison]:
     """Adaptive against fixed intervals: the longest with the longest, and so on."""
-    quantity = "error, mean over time [(counts/s)²]"
+    quantity = "error averaged over time [(counts/s)²]"
     for case in data.cases:
         if case.field not in fields:
             continue

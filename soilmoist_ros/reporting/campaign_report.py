@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ import numpy as np
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.reporting import campaign_figures as figures
 from soilmoist_ros.reporting.campaign_data import CampaignData, Case, dwell_text, strategy_text
-from soilmoist_ros.reporting.campaign_findings import REASONS, Comparison, findings
+from soilmoist_ros.reporting.campaign_findings import Comparison, findings
 from soilmoist_ros.reporting.report import render_page
 from soilmoist_ros.reporting.section import Section
 from soilmoist_ros.reporting.style import picture
@@ -73,33 +73,31 @@ class ComparisonRow:
     outcome: str
 
 
-def write_campaign_report(
-    campaign: Campaign,
-    out: Path,
-    failures: Sequence[Failure] = (),
-    reasons: Mapping[str, str] = REASONS,
-) -> Path:
+def write_campaign_report(campaign: Campaign, out: Path, failures: Sequence[Failure] = ()) -> Path | None:
     """Write ``report.html`` about the missions stored in the output folder of a campaign; returns its path.
+
+    Without a finished mission there is nothing to report: ``None``, and an older report is removed, since the
+    tables beside it are of this campaign.
 
     :param campaign: the campaign
     :param out: its output folder
     :param failures: missions that failed in the last run, to be named
-    :param reasons: why findings differ from the published ones, by key of the finding
-    :raises InputError: if no mission is finished, or the page cannot be written
+    :raises InputError: if the page cannot be written
     """
-    html = render_campaign_report(CampaignData(campaign, stored_missions(campaign, out)), failures, reasons)
     path, workshop = out / NAME, out / f".{NAME}.writing"
+    data = CampaignData(campaign, stored_missions(campaign, out))
     try:
-        workshop.write_text(html, encoding="utf-8")
+        if not data.stored:
+            path.unlink(missing_ok=True)
+            return None
+        workshop.write_text(render_campaign_report(data, failures), encoding="utf-8")
         os.replace(workshop, path)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", path) from None
     return path
 
 
-def render_campaign_report(
-    data: CampaignData, failures: Sequence[Failure] = (), reasons: Mapping[str, str] = REASONS
-) -> str:
+def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ()) -> str:
     """The page as HTML.
 
     :raises InputError: if no mission is finished
@@ -108,7 +106,7 @@ def render_campaign_report(
         raise InputError(
             "no mission of the campaign is finished", "run the campaign, and see why its missions failed"
         )
-    found = findings(data, reasons)
+    found = findings(data)
     return render_page(
         "campaign.html.j2",
         campaign=data.campaign,
@@ -118,6 +116,7 @@ def render_campaign_report(
         failures=[str(failure) for failure in failures],
         experiments=list(_experiments(data)),
         common=_common_settings(data),
+        optimal="optimal" in set(data.missions["dwell"]),
         sections=list(_sections(data)),
         finals=list(_finals(data)),
         findings=[(finding, [_as_text(item) for item in finding.comparisons]) for finding in found],
@@ -163,7 +162,7 @@ def _sections(data: CampaignData) -> Iterator[Section]:
         examples = figures.examples_figure(data, case)
         if examples is not None:
             yield Section(
-                f"examples-{case.number}", f"{case.title}: one mission of each strategy",
+                f"examples-{case.number}", f"{case.title}: examples of missions",
                 picture(examples, f"Truth, maps with paths, and kriging variance: {case.title}"),
                 "Above: the true rate, and the map at the end of one mission per strategy (the first seed) with "
                 f"its path and stops, {dwell_text(data.main_dwell(case))}. Below: the kriging variance, dark "
@@ -220,12 +219,14 @@ def _intervals_section(data: CampaignData, case: Case) -> Section:
             f" Over all panels, {dwell_text(best)} ends lowest ({number(error[best])} (counts/s)²). Stops of a "
             f"mission on average: {counts}."
         )
+    pays = "optimal" in samples.index
+    optimal = " Green: it counts as long as that lowers the variance of the map faster than moving on." * pays
     alt = f"Error against time by counting interval: {case.title}"
     return Section(
         f"intervals-{case.number}", f"{case.title}: fixed and adaptive counting interval",
         picture(figures.intervals_figure(data, case), alt, True),
         "Orange: the robot counts for a fixed time (FMI). Blue: it counts until the relative standard error of "
-        f"the counts falls to a threshold (AMI). Solid: long intervals; dashed: short ones. Mean over "
+        f"the counts falls to a threshold (AMI).{optimal} Solid: long intervals; dashed: short ones. Mean over "
         f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.{text}",
     )  # fmt: skip
 

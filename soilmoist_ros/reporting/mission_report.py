@@ -13,7 +13,7 @@ import numpy as np
 from soilmoist_ros import __version__
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.reporting.mission_tables import write_series, write_visits
-from soilmoist_ros.reporting.outputs import write_outputs
+from soilmoist_ros.reporting.outputs import NAMES, write_outputs
 from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.reporting.strict_json import write_json
 from soilmoist_ros.reporting.summary import SCHEMA, mission_summary
@@ -31,7 +31,8 @@ def write_mission(
 ) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``series.csv``, ``visits.csv``.
 
-    A mission that ended before its first map leaves ``summary.json``, ``series.csv`` and ``visits.csv`` only.
+    A mission that ended before its first map leaves ``summary.json``, ``series.csv`` and ``visits.csv`` only; the
+    other files of an older mission in the folder are removed.
 
     :param folder: output folder; made if missing
     :param result: the mission
@@ -45,6 +46,8 @@ def write_mission(
         return write_outputs(folder, mission_run(result, created), crs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for name in NAMES:
+            (folder / name).unlink(missing_ok=True)
         about = {
             "schema": SCHEMA,
             "software": "soilmoist_ros",
@@ -85,7 +88,7 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
         version=__version__,
         settings=asdict(settings),
         truth_rate=result.truth_rate,
-        footprint_radius_m=settings.footprint_m or None,
+        footprint_radius_m=settings.footprint_m,
         mission=result,
     )
 

@@ -164,9 +164,12 @@ def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
     maps.draw_boundary(run, axes, unit_m)
     path = np.asarray(mission.track_xy, float).reshape(-1, 2) / unit_m
     axes.plot(path[:, 0], path[:, 1], color=INK, linewidth=0.9, zorder=2.6)
-    axes.scatter(
-        path[:1, 0], path[:1, 1], s=60, marker="s", color=INK, edgecolors="white", linewidths=0.8, zorder=3
-    )
+    # hollow and above all: a mission often starts where it stops, and the number is to be read as well
+    for colour, width in (("white", 4.0), (INK, 2.0)):
+        axes.scatter(
+            path[:1, 0], path[:1, 1], s=200, marker="s", facecolors="none", edgecolors=colour, linewidths=width,
+            zorder=6,
+        )  # fmt: skip
     numbered = len(mission.visits) <= MOST_NUMBERS
     stops = np.array([(visit.x_m, visit.y_m) for visit in mission.visits]).reshape(-1, 2) / unit_m
     axes.scatter(

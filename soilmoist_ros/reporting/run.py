@@ -119,7 +119,7 @@ class MapRun:
     :param version: version of this package
     :param settings: settings of the run, name (with its unit) -> value
     :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
-    :param footprint_radius_m: radius of the soil seen by the sensor [m], ``None`` if unknown
+    :param footprint_radius_m: radius of the soil seen by the sensor [m], 0 for a point, ``None`` if unknown
     :param mission: the simulated mission behind the map, if there was one
     :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
     :param uncertain_rate_share: the same for the rate, as a share of the rate [-]

@@ -21,6 +21,14 @@ from soilmoist_ros.reporting.statistics import (
 FEW_SAMPLES = 10
 MOST_UNUSABLE = 0.25
 """Share of the area with impossible or undefined moisture beyond which no average of it is told."""
+_CHECK = "check N0, the bulk density, and whether all tubes were counted"
+_CHECK_ALL = "Check N0 and whether all tubes were counted."
+_UNFIT = (
+    "Do not use the soil moisture before N0, the bulk density and the tubes that were counted have been checked; "
+    "the map of the count rate holds."
+)
+_UNCERTAIN = "The map of the rate is not sure enough for a soil moisture yet: more or longer stops would help."
+"""The same where counts are simulated and the calibration is the one they were simulated with."""
 
 
 @dataclass(frozen=True)
@@ -168,14 +176,14 @@ def headline(run: MapRun) -> list[str]:
     if not math.isfinite(wet.mean):
         return [
             f"{value} {unit} were mapped, but the count rate lies below the calibration curve everywhere, so no "
-            "soil moisture could be computed. Check N0 and whether all tubes were counted."
+            f"soil moisture could be computed. {_UNCERTAIN if run.simulated else _CHECK_ALL}"
         ]
     unusable = undefined_share(soil_map) + sum(implausible_shares(soil_map))
     if unusable > MOST_UNUSABLE:
         return [
             f"{value} {unit} were mapped, but on {percent(unusable)} of the area the soil moisture is impossible "
-            "or not defined: the count rate does not fit the calibration. Do not use the soil moisture before N0, "
-            "the bulk density and the tubes that were counted have been checked; the map of the count rate holds."
+            "or not defined: the count rate does not fit the calibration. "
+            f"{_UNCERTAIN if run.simulated else _UNFIT}"
         ]
     sentences = [
         f"On average, 100 litres of soil hold {volume(wet.mean)} litres of water in the {value} {unit} mapped.",
@@ -209,7 +217,7 @@ def doubts(run: MapRun) -> list[str]:
     if soil_map.curve is not None:
         pores = pore_volume(soil_map.curve.bulk_density_gcm3)
         too_wet, negative = implausible_shares(soil_map)
-        cause = "check N0, the bulk density, and whether all tubes were counted"
+        cause = "the map of the rate is not sure enough there" if run.simulated else _CHECK
         if too_wet > 0:
             asked.append(
                 f"On {percent(too_wet)} of the area the soil moisture is above {volume(pores)} %, more than the "

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.errors import InputError, Mistake
 from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections import Corrections, effective_exposure
 from soilmoist_ros.sensing.logger_reader import LogFile
-from soilmoist_ros.sensing.neutron_monitor import NeutronMonitor, read_neutron_monitor
 from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing.record_correction import (
+    UnusableRecordError,
+    Weather,
+    correct_record,
+    counting_interval_s,
+    intensity_source,
+    place_record,
+    position_gap_s,
+)
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.sensing.site import CorrectionSettings, Site
+from soilmoist_ros.sensing.site import Site
 from soilmoist_ros.sensing.track import Track
-from soilmoist_ros.sensing.tubes import combine_tubes, tube_shares
+from soilmoist_ros.sensing.tubes import tube_shares
 
 LONGEST_WEATHER_GAP_S = 1800.0
 """Missing weather values are interpolated in time over gaps up to this long [s]."""
-_POSITION_GAP_RECORDS = 3.0
 
 
 @dataclass(frozen=True)
@@ -54,15 +60,6 @@ class Survey:
     def effective_exposure_s(self) -> NDArray[np.float64]:
         """Effective exposures of the records, shape (n,) [s]."""
         return np.array([record.effective_exposure_s for record in self.records], dtype=float)
-
-
-@dataclass(frozen=True)
-class Weather:
-    """Air pressure [hPa], temperature [degC] and relative humidity [0..1] at one record; NaN if unknown."""
-
-    pressure_hpa: float
-    temperature_degc: float
-    relative_humidity: float
 
 
 @dataclass(frozen=True)
@@ -99,37 +96,18 @@ def process_logs(
     places = _positions(entries, site, track)
     frame = frame or _frame_about(places)
     weather = fill_weather([entry.record for entry in entries])
-    monitor = _intensity_source(site.corrections)
+    monitor = intensity_source(site.corrections)
     records = []
     for entry, position, air in zip(entries, places, weather, strict=True):
         try:
-            corrected = _correct(entry.record, air, site, monitor, shares)
-            records.append(_place(corrected, position, frame))
-        except _LostError as loss:
+            corrected = correct_record(entry.record, air, site, monitor, shares)
+            records.append(place_record(corrected, position, frame))
+        except UnusableRecordError as loss:
             mistake = Mistake(loss.message, loss.remedy, entry.log.path, entry.record.line)
             problems.append(Problem(loss.kind, mistake, lost=True))
     if not records or frame is None:
         raise InputError(_all_lost(logs, problems))
     return Survey(tuple(records), frame, tuple(problems), shares)
-
-
-def correction_factors(
-    air: Weather, intensity: float | None, settings: CorrectionSettings, parameters: Corrections
-) -> Mapping[str, float]:
-    """Factors ``f_pressure``, ``f_humidity`` and ``f_intensity`` of one record [-].
-
-    A correction that is switched off is 1.
-
-    :raises ValueError: if a value that an active correction needs is missing or impossible; names it
-    """
-    factors = {"f_pressure": 1.0, "f_humidity": 1.0, "f_intensity": 1.0}
-    if settings.pressure is not None:
-        factors["f_pressure"] = parameters.f_pressure(air.pressure_hpa)
-    if settings.humidity is not None:
-        factors["f_humidity"] = parameters.f_humidity(air.temperature_degc, air.relative_humidity)
-    if settings.intensity is not None:
-        factors["f_intensity"] = parameters.f_intensity(math.nan if intensity is None else intensity)
-    return factors
 
 
 def fill_weather(records: Sequence[LoggerRecord]) -> list[Weather]:
@@ -158,48 +136,6 @@ def _fill(stamps: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[n
     return np.asarray(np.where(known, values, np.where(usable, np.interp(stamps, at, values[known]), np.nan)))
 
 
-class _LostError(Exception):
-    """A record cannot be used."""
-
-    def __init__(self, kind: Kind, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.kind, self.message, self.remedy = kind, message, remedy
-
-
-def _correct(
-    record: LoggerRecord,
-    air: Weather,
-    site: Site,
-    monitor: NeutronMonitor | float | None,
-    shares: NDArray[np.float64],
-) -> CountRecord:
-    """The record with its corrections, not yet at a place."""
-    try:
-        raw_counts, exposure_s = combine_tubes(record, shares)
-    except ValueError as error:
-        raise _LostError(Kind.NO_COUNTS, str(error), "check the detector") from None
-    intensity = monitor.at(record.stamp_s) if isinstance(monitor, NeutronMonitor) else monitor
-    try:
-        factors = correction_factors(air, intensity, site.corrections, site.corrections_parameters)
-        factor = factors["f_pressure"] * factors["f_humidity"] * factors["f_intensity"]
-        effective_s = effective_exposure(exposure_s, factor)
-    except ValueError as error:
-        remedy = "complete the data, or switch the correction off in the site file (write null)"
-        raise _LostError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None
-    nowhere = math.nan
-    return CountRecord(record.stamp_s, nowhere, nowhere, nowhere, raw_counts, exposure_s, effective_s, **factors)
-
-
-def _place(record: CountRecord, position: Position | None, frame: LocalFrame | None) -> CountRecord:
-    if position is None or frame is None:
-        remedy = "give the GNSS log with --nmea, or the location of a stationary probe in the site file"
-        raise _LostError(Kind.NO_POSITION, "there is no position for this record", remedy)
-    x, y = frame.to_local(position.latitude_deg, position.longitude_deg)[0]
-    if not math.isfinite(x + y):
-        raise _LostError(Kind.NO_POSITION, "the position is on the far side of the earth", "check the datum")
-    return replace(record, x_m=float(x), y_m=float(y), z_m=position.altitude_m)
-
-
 def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
     """Raw counts and effective exposures [s] of all records, wherever they were taken, as for a calibration.
 
@@ -209,13 +145,13 @@ def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], li
     records = sorted((record for log in logs for record in log.records), key=lambda record: record.stamp_s)
     if not records:
         raise InputError(_all_lost(logs, [problem for log in logs for problem in log.problems]))
-    shares, monitor = _shares(records, site), _intensity_source(site.corrections)
+    shares, monitor = _shares(records, site), intensity_source(site.corrections)
     try:
         corrected = [
-            _correct(record, air, site, monitor, shares)
+            correct_record(record, air, site, monitor, shares)
             for record, air in zip(records, fill_weather(records), strict=True)
         ]
-    except _LostError as loss:
+    except UnusableRecordError as loss:
         raise InputError(loss.message, loss.remedy, logs[0].path) from None
     return [record.raw_counts for record in corrected], [record.effective_exposure_s for record in corrected]
 
@@ -276,9 +212,9 @@ def _positions(entries: Sequence[_Entry], site: Site, track: Track | None) -> li
         track = Track.from_positions(own)
     places = []
     for index, record in enumerate(records):
-        period_s = _interval_s(records, index)
+        period_s = counting_interval_s(records[index], records[index - 1] if index else None)
         middle_s = record.stamp_s - period_s / 2 - ahead_s[index]
-        place = track.at(middle_s, max_gap_s=max(_POSITION_GAP_RECORDS * period_s, 5.0))
+        place = track.at(middle_s, max_gap_s=position_gap_s(period_s))
         places.append(place if place is not None else record.position)
     return places
 
@@ -286,15 +222,6 @@ def _positions(entries: Sequence[_Entry], site: Site, track: Track | None) -> li
 def _clock_ahead_s(log: LogFile) -> float:
     """What the logger's clock is ahead of GNSS time [s], as far as the log tells."""
     return log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0
-
-
-def _interval_s(records: Sequence[LoggerRecord], index: int) -> float:
-    """Duration of the counting interval: since the previous record, or the live time after a gap."""
-    record = records[index]
-    live = [live for live in record.tube_live_s if math.isfinite(live)]
-    live_s = max(live, default=0.0)
-    since_s = record.stamp_s - records[index - 1].stamp_s if index else math.inf
-    return since_s if live_s <= since_s <= 1.5 * live_s else live_s
 
 
 def _frame_about(places: Sequence[Position | None]) -> LocalFrame | None:
@@ -305,14 +232,6 @@ def _frame_about(places: Sequence[Position | None]) -> LocalFrame | None:
     latitude = float(np.mean([place.latitude_deg for place in known]))
     east = np.exp(1j * np.radians([place.longitude_deg for place in known]))
     return LocalFrame(round(latitude, 4), round(math.degrees(float(np.angle(east.mean()))), 4))
-
-
-def _intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | None:
-    if settings.intensity is None:
-        return None
-    if settings.intensity.file is not None:
-        return read_neutron_monitor(settings.intensity.file)
-    return settings.intensity.constant
 
 
 def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:

@@ -2,20 +2,22 @@ from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.text import Text
 
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.reporting import campaign_figures, campaign_report
-from soilmoist_ros.reporting.campaign_data import CampaignData, dwell_text
+from soilmoist_ros.reporting.campaign_data import CampaignData, dwell_text, strategy_text
 from soilmoist_ros.reporting.campaign_figures import spaced
 from soilmoist_ros.reporting.campaign_findings import findings
 from soilmoist_ros.reporting.campaign_report import mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.reporting.style import Picture
-from soilmoist_ros.simulation.campaign import Failure, missions, run_campaign
+from soilmoist_ros.simulation.campaign import Failure, load_campaign, missions, run_campaign
 from soilmoist_ros.simulation.campaign_file import Campaign
 from soilmoist_ros.simulation.mission_run import SeriesRow, Visit
 from soilmoist_ros.simulation.mission_store import StoredMission
@@ -74,6 +76,11 @@ def crafted(mission, mse=None, distance=None, border=None):
 
 def data(campaign=CAMPAIGN, keep=lambda settings: True, **how):
     return CampaignData(campaign, [(m, crafted(m, **how)) for m in missions(campaign) if keep(m.settings)])
+
+
+def with_reasons(reasons):
+    published = CAMPAIGN.published.model_copy(update={"reasons": reasons})
+    return CAMPAIGN.model_copy(update={"published": published})
 
 
 def verdicts(**how):
@@ -157,16 +164,31 @@ def test_numbers_are_paired_by_seed():
 
 def test_what_cannot_be_told_is_not_tested():
     assert set(verdicts(keep=lambda s: s.seed < 3).values()) == {"not tested"}
-    lonely = Campaign.model_validate({"title": "t", "runs": 5, "experiments": [{"name": "a", "field": "high"}]})
+    lonely = Campaign.model_validate(
+        {"title": "t", "runs": 5, "experiments": [{"name": "a", "field": "high"}], "published": {}}
+    )
     found = findings(data(lonely))
     assert {finding.verdict for finding in found} == {"not tested"}
     assert all(not finding.comparisons for finding in found)
 
 
 def test_reasons_are_given_only_where_a_verdict_differs():
-    reasons = {"ami_high": "the border is blurred"}
-    assert findings(data(mse=fixed(1.0)), reasons)[0].reason == "the border is blurred"
-    assert findings(data(mse=fixed(1.4)), reasons)[0].reason == ""
+    campaign = with_reasons({"ami_high": "the border is blurred"})
+    assert findings(data(campaign, mse=fixed(1.0)))[0].reason == "the border is blurred"
+    assert findings(data(campaign, mse=fixed(1.4)))[0].reason == ""
+    assert not any(finding.reason for finding in findings(data(mse=fixed(1.0))))
+
+
+def test_the_shipped_reasons_belong_to_the_shipped_campaign():
+    assert set(load_campaign("paper").published.reasons) == {"ami_high", "ami_low", "adaptive_sampling"}
+
+
+def test_each_measure_counts_its_own_comparisons():
+    found = findings(data(distance=sampling(0.4), mse=sampling_error(0.8)))
+    assert [finding.summary for finding in found if finding.key == "adaptive_sampling"] == [
+        "Seen in 2 of 2 comparisons of the distance driven (−60 %) and in 0 of 2 comparisons of the final mean "
+        "squared error (−20 %)."
+    ]
 
 
 def test_cases_are_told_apart():
@@ -179,6 +201,15 @@ def test_cases_are_told_apart():
     assert len(set(titles)) == 8
     assert "The high field, constants: authors, cells of 2 m" in titles
     assert data().main_dwell(data().cases[0]) == "ami:0.03"
+
+
+def test_of_equal_dwell_rules_the_first_of_the_campaign_is_the_main_one():
+    campaign = CAMPAIGN.model_copy(update={"experiments": CAMPAIGN.experiments[:1]})
+    some = data(campaign)
+    assert some.main_dwell(some.cases[0]) == "fmi:600"
+    crossed = {("greedy", "ami:0.03"), ("monte_carlo", "fmi:600")}
+    some = data(campaign, keep=lambda s: (s.strategy, s.dwell) in crossed)
+    assert some.main_dwell(some.cases[0]) == "fmi:600"
 
 
 class Page(HTMLParser):
@@ -254,13 +285,13 @@ def test_verdicts_and_numbers_in_the_page():
         section = html[html.index(f'id="{key}"') :]
         return re.search(r'class="verdict [^"]*">([^<]*)<', section)[1]
 
-    html = render_campaign_report(data(mse=fixed(1.4)), reasons={"ami_low": "of a good reason"})
+    html = render_campaign_report(data(with_reasons({"ami_low": "of a good reason"}), mse=fixed(1.4)))
     assert verdict(html, "ami_high") == "confirmed"
     assert verdict(html, "ami_low") == "not seen"
     assert "of a good reason" in html
     text = Page(html).text
     assert "−29 %" in text  # 1 / 1.4 - 1
-    assert "Seen in 2 of 2 comparisons" in text
+    assert "Seen in 2 of 2 comparisons of the error averaged over time (−29 %)" in text
     assert "not been established" in text
     assert verdict(render_campaign_report(data(mse=fixed(1.0))), "ami_high") == "not seen"
     assert verdict(render_campaign_report(data(mse=fixed(1.0))), "ami_low") == "confirmed"
@@ -276,6 +307,8 @@ def test_missing_and_failed_missions_are_named():
     text = Page(render_campaign_report(some, [failure] * 12)).text
     assert "seed=3: ValueError: <no range>" in text
     assert "and 2 more" in text
+    alone = data(CAMPAIGN.model_copy(update={"published": None}))
+    assert "published" not in Page(render_campaign_report(alone)).text
     with pytest.raises(InputError, match="no mission of the campaign is finished"):
         render_campaign_report(data(keep=lambda s: False))
 
@@ -288,6 +321,49 @@ def test_names_belong_to_their_lines():
         assert [text.get_text() for text in shown] == ["FMI 600 s", "FMI 300 s", "AMI 2.5 %", "AMI 3 %"]
         ends = {line.get_ydata()[-1]: line.get_color() for line in axes.get_lines()}
         assert [ends[end] for end in sorted(ends, reverse=True)] == [text.get_color() for text in shown]
+
+
+SEVEN = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr", "gcb")
+
+
+@pytest.fixture(scope="module")
+def wide():
+    """Seven strategies and four dwell rules, one of them without a number."""
+    dwells = ("ami:0.03", "fmi:600", "fmi:300", "optimal")
+    experiment = CAMPAIGN.experiments[0].model_copy(update={"strategy": SEVEN, "dwell": dwells})
+    campaign = CAMPAIGN.model_copy(update={"experiments": (experiment,), "published": None})
+    return data(campaign, mse=lambda s: 1 + SEVEN.index(s.strategy) + 0.3 * dwells.index(s.dwell))
+
+
+def test_many_lines_can_be_told_apart(wide):
+    strategies = campaign_figures.strategies_figure(wide, wide.cases[0]).axes[1]
+    looks = {(line.get_color(), line.get_linestyle()) for line in strategies.get_lines()}
+    assert len(looks) == len(SEVEN)
+    intervals = campaign_figures.intervals_figure(wide, wide.cases[0])
+    assert len(intervals.axes) == len(SEVEN)
+    for axes in intervals.axes:
+        assert len({(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}) == 4
+        assert "Optimal" in {text.get_text() for text in axes.texts}
+
+
+def test_no_text_is_cut_off_or_written_over_another(wide):
+    case = wide.cases[0]
+    figures = [
+        campaign_figures.strategies_figure(wide, case),
+        campaign_figures.intervals_figure(wide, case),
+        campaign_figures.coverage_figure(wide, wide.cases),
+        campaign_figures.examples_figure(wide, case),
+    ]
+    for figure in figures:
+        figure.canvas.draw()
+        texts = [text for text in figure.findobj(Text) if re.search("[a-z]", text.get_text())]  # no ticks
+        boxes = [(text.get_text(), Text.get_window_extent(text)) for text in texts]  # without arrows
+        assert len(boxes) >= len(SEVEN)
+        edge = figure.bbox
+        for text, box in boxes:
+            assert edge.x0 <= box.x0 < box.x1 <= edge.x1, text
+            assert edge.y0 <= box.y0 < box.y1 <= edge.y1, text
+        assert not [(a, b) for (a, first), (b, second) in combinations(boxes, 2) if first.overlaps(second)]
 
 
 def test_missions_without_a_map_are_left_out_of_the_examples():
@@ -305,8 +381,13 @@ def test_names_are_pushed_apart(places, expected):
     assert spaced(np.array(places), 0.1) == pytest.approx(expected)
 
 
+def test_names_stay_within_bounds():
+    assert spaced(np.array([0.0, 0.01, 0.98, 1.0]), 0.1, 0.0, 1.0) == pytest.approx([0.0, 0.1, 0.9, 1.0])
+
+
 def test_texts():
     assert dwell_text("ami:0.025") == "AMI 2.5 %"
+    assert (dwell_text("optimal"), strategy_text("new_idea")) == ("Optimal", "new idea")
     assert mean_sd_text(pd.Series([1.0, 2.0, np.nan])) == "1.50 ± 0.71"
     assert mean_sd_text(pd.Series([380.0, 460.0])) == "420 ± 57"
     assert mean_sd_text(pd.Series([np.nan])) == "–"

@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,11 +12,13 @@ import pytest
 import rasterio
 
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.reporting import report
 from soilmoist_ros.reporting.mission_report import mission_run, write_mission
 from soilmoist_ros.reporting.mission_section import course_chart, mission_part, trajectory_map
 from soilmoist_ros.reporting.report import render_report
-from soilmoist_ros.reporting.wording import facts
+from soilmoist_ros.reporting.wording import doubts, facts, headline
+from soilmoist_ros.sensing.moisture import CalibrationCurve
 from soilmoist_ros.simulation.mission_run import MissionSettings, SeriesRow
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"
@@ -68,9 +71,12 @@ def test_tables(mission, tmp_path):
 
 
 def test_a_mission_without_a_map(mission, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    write_mission(tmp_path, mission)
     short = dataclasses.replace(mission, soil_map=None, series=mission.series[:3], visits=[], ended="no time")
     paths = write_mission(tmp_path, short)
     assert [path.name for path in paths] == ["summary.json", "series.csv", "visits.csv"]
+    assert {path.name for path in tmp_path.iterdir()} == {*(path.name for path in paths), "notes.txt"}
     about = json.loads(paths[0].read_text(encoding="utf-8"))
     assert about["map"] is None
     assert about["mission"]["ended"] == "no time"
@@ -106,6 +112,34 @@ def test_stops_are_numbered_in_order(mission):
     assert [text.get_text() for text in axes.texts if text.get_text().isdigit()] == [
         str(number) for number in range(1, len(mission.visits) + 1)
     ]
+
+
+def test_the_start_is_seen_where_the_robot_also_stopped(mission):
+    circles, *squares = reversed(list(trajectory_map(mission_run(mission, NOW)).axes[0].collections))
+    assert squares
+    assert all(square.get_zorder() > circles.get_zorder() for square in squares)
+    assert all(not len(square.get_facecolor()) for square in squares), "the number below can be read"
+
+
+def test_only_a_sensor_with_a_footprint_smooths(mission):
+    assert "patches are smoothed" not in render_report(mission_run(mission, NOW))
+    wide = dataclasses.replace(mission, settings=dataclasses.replace(mission.settings, footprint_m=10.0))
+    assert "within about 10 m to a depth" in render_report(mission_run(wide, NOW))
+
+
+@pytest.mark.parametrize("n0_cps", [6.3, 12.0, 30.0])
+def test_a_simulation_gives_no_advice_about_its_sensor(mission, n0_cps):
+    """Whose moisture is wrong in part, in most, and in all of the field."""
+    run = mission_run(dataclasses.replace(mission, soil_map=with_n0(mission.soil_map, n0_cps)), NOW)
+    advice = re.compile("N0, the bulk|check N0|tubes", re.IGNORECASE)
+    assert not advice.search(" ".join([*headline(run), *doubts(run)]))
+    real = dataclasses.replace(run, simulated=False)
+    assert advice.search(" ".join([*headline(real), *doubts(real)]))
+
+
+def with_n0(soil_map, n0_cps):
+    curve = CalibrationCurve(n0_cps, 1.4)
+    return make_soil_map(soil_map.samples, soil_map.grid, soil_map.variogram, curve)
 
 
 def test_course_without_any_map():

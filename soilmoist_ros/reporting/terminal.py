@@ -1,0 +1,165 @@
+"""A mission under way on a terminal: state, numbers, and the map as a small picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.text import Text
+
+Array = NDArray[np.float64]
+
+# From dry to wet: light sand over green to deep blue, of even steps in lightness.
+_COLOURS = np.array(
+    [
+        (253, 237, 196),
+        (222, 226, 150),
+        (152, 203, 129),
+        (72, 172, 147),
+        (29, 133, 158),
+        (26, 88, 147),
+        (34, 42, 107),
+    ],
+    float,
+)
+_ROBOT, _TARGET, _SAMPLE = (230, 30, 60), (255, 140, 0), (20, 20, 20)
+
+
+@dataclass(frozen=True, eq=False)
+class LiveView:
+    """What is shown; all of it may still be missing.
+
+    :param title: first line
+    :param facts: short name -> text, one line each
+    :param band: map to show, shape (ny, nx), south first; NaN outside
+    :param band_name: name of the map with its unit
+    :param wet_is_high: whether high values are wet
+    :param extent: of the map: west, east, south, north [m]
+    :param samples_xy: places measured, shape (n, 2) [m]
+    :param robot_xy: where the robot is [m]
+    :param target_xy: where it is going or counting [m]
+    """
+
+    title: str
+    facts: Mapping[str, str]
+    band: Array | None = None
+    band_name: str = ""
+    wet_is_high: bool = True
+    extent: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)
+    samples_xy: Array = field(default_factory=lambda: np.empty((0, 2)))
+    robot_xy: tuple[float, float] | None = None
+    target_xy: tuple[float, float] | None = None
+
+
+def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
+    """The view for a rich console.
+
+    :param columns: most columns of the picture, at least 1 is used
+    :param rows: most lines of it, at least 1 is used
+    """
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    facts = Table.grid(padding=(0, 2))
+    facts.add_column(style="bold", no_wrap=True)
+    facts.add_column(overflow="fold")
+    for name, value in view.facts.items():
+        facts.add_row(Text(name), Text(value))  # as texts: brackets in them are no markup
+    parts: list[RenderableType] = [Text(view.title, style="bold reverse"), facts]
+    if view.band is None:
+        parts.append(Text("no map yet: it begins with the first samples", style="dim"))
+    else:
+        parts += [map_picture(view, max(1, columns), max(1, rows)), scale(view)]
+    return Group(*parts)
+
+
+def map_picture(view: LiveView, columns: int, rows: int) -> Text:
+    """The map in half blocks, two cells of the picture per character, north up."""
+    from rich.text import Text
+
+    assert view.band is not None
+    pixels = _pixels(view, columns, 2 * rows)
+    text = Text(no_wrap=True, overflow="crop")
+    for line in range(0, len(pixels), 2):
+        if line:
+            text.append("\n")
+        for upper, lower in zip(pixels[line], pixels[line + 1], strict=True):
+            above, below = (None if pixel[0] < 0 else _hex(pixel) for pixel in (upper, lower))
+            if above is None and below is None:
+                text.append(" ")
+            elif above is None:
+                text.append("▄", style=str(below))
+            else:
+                text.append("▀", style=above if below is None else f"{above} on {below}")
+    return text
+
+
+def scale(view: LiveView) -> Text:
+    """Colour scale of the picture, and what the marks mean."""
+    from rich.text import Text
+
+    low, high = _limits(view)
+    text = Text(f"{view.band_name} {low:.3g} ")
+    for share in np.linspace(0, 1, 16):
+        text.append("█", style=_hex(_colour(np.array([share if view.wet_is_high else 1 - share]))[0]))
+    text.append(f" {high:.3g}   ")
+    for colour, name in ((_ROBOT, "robot"), (_TARGET, "target"), (_SAMPLE, "sample")):
+        text.append("■", style=_hex(colour))
+        text.append(f" {name}  ")
+    return text
+
+
+def _pixels(view: LiveView, columns: int, lines: int) -> Array:
+    """Colours of the picture, north first, shape (lines, columns, 3); -1 where there is no field."""
+    assert view.band is not None
+    ny, nx = view.band.shape
+    factor = max(nx / columns, ny / lines)
+    width, height = max(1, round(nx / factor)), max(2, round(ny / factor))
+    height += height % 2
+    row = np.minimum((np.arange(height) + 0.5) / height * ny, ny - 1).astype(int)[::-1]
+    column = np.minimum((np.arange(width) + 0.5) / width * nx, nx - 1).astype(int)
+    band = view.band[np.ix_(row, column)]
+    low, high = _limits(view)
+    share = np.clip((band - low) / (high - low), 0, 1) if high > low else np.where(np.isnan(band), np.nan, 0.5)
+    colours = _colour(share if view.wet_is_high else 1 - share)
+    west, east, south, north = view.extent
+
+    def mark(places: Sequence[Sequence[float]] | Array, colour: tuple[int, int, int]) -> None:
+        for x, y in places:
+            if np.isfinite(x) and np.isfinite(y):
+                # What lies beyond the map is shown at its edge: it is there, in that direction.
+                i = min(max((north - y) / max(north - south, 1e-9), 0.0), 1.0) * height
+                j = min(max((x - west) / max(east - west, 1e-9), 0.0), 1.0) * width
+                colours[min(int(i), height - 1), min(int(j), width - 1)] = colour
+
+    mark(view.samples_xy, _SAMPLE)
+    mark([view.target_xy] if view.target_xy else [], _TARGET)
+    mark([view.robot_xy] if view.robot_xy else [], _ROBOT)
+    return colours
+
+
+def _limits(view: LiveView) -> tuple[float, float]:
+    """Smallest and largest value that the colours tell apart; a few odd cells do not decide it."""
+    assert view.band is not None
+    known = view.band[np.isfinite(view.band)]
+    return (float(np.quantile(known, 0.02)), float(np.quantile(known, 0.98))) if known.size else (0.0, 0.0)
+
+
+def _colour(share: Array) -> Array:
+    place = np.nan_to_num(share, nan=0.0) * (len(_COLOURS) - 1)
+    steps = np.arange(len(_COLOURS))
+    found = np.stack([np.interp(place, steps, _COLOURS[:, band]) for band in range(3)], axis=-1)
+    found[np.isnan(share)] = -1
+    return found
+
+
+def _hex(colour: Array | tuple[int, int, int]) -> str:
+    red, green, blue = (int(part) for part in colour)
+    return f"#{red:02x}{green:02x}{blue:02x}"

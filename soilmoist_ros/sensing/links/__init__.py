@@ -1,0 +1,6 @@
+"""Where lines of a sensor come from: TCP, UDP, serial ports and recorded files, all behind one method."""
+
+from soilmoist_ros.sensing.links.line_source import LineSource, LinkState, LinkStatus
+from soilmoist_ros.sensing.links.open_source import open_source
+
+__all__ = ["LineSource", "LinkState", "LinkStatus", "open_source"]

@@ -1,0 +1,76 @@
+"""A thread that reads lines, so that nobody else has to wait for them."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+
+from soilmoist_ros.sensing.links.line_source import LineSource, LinkStatus
+
+MOST_WAITING = 20_000
+"""Lines that may wait to be taken; when there are more the reader pauses, and the sender is held up."""
+_WAIT_S = 0.2
+_STOP_S = 5.0
+_log = logging.getLogger(__name__)
+
+
+class LineReader:
+    """Reads a source in a thread of its own.
+
+    :param source: the source; closed at the end
+    :param on_line: called from the thread after each line; must not take long
+    """
+
+    def __init__(self, source: LineSource, on_line: Callable[[], None]) -> None:
+        self._source = source
+        self._on_line = on_line
+        self._waiting: queue.Queue[bytes] = queue.Queue(MOST_WAITING)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="line reader", daemon=True)
+        self._thread.start()
+
+    @property
+    def status(self) -> LinkStatus:
+        """What the link has been through."""
+        return self._source.status
+
+    def take(self, most: int) -> list[bytes]:
+        """Lines that have come, oldest first.
+
+        :param most: how many at most
+        """
+        lines: list[bytes] = []
+        while len(lines) < most:
+            try:
+                lines.append(self._waiting.get_nowait())
+            except queue.Empty:
+                break
+        return lines
+
+    def stop(self) -> None:
+        """End the thread and close the source."""
+        self._stopping.set()
+        self._thread.join(_STOP_S)  # looking up a name cannot be interrupted: then the thread is left behind
+        self._source.close()
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                line = self._source.read_line(_WAIT_S)
+            except Exception:  # a fault of ours must not silence the sensor for good
+                _log.exception("reading a line failed; going on")
+                self._stopping.wait(1.0)
+                continue
+            if line is not None:
+                self._hand_over(line)
+
+    def _hand_over(self, line: bytes) -> None:
+        while not self._stopping.is_set():
+            try:
+                self._waiting.put(line, timeout=_WAIT_S)
+            except queue.Full:
+                continue
+            self._on_line()
+            return

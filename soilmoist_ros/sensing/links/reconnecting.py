@@ -1,0 +1,178 @@
+"""A link that is made again, for ever, whenever it breaks or falls silent."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from soilmoist_ros.sensing.links.line_buffer import LineBuffer
+from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
+
+
+class Connection(Protocol):
+    """One connection over some transport."""
+
+    datagrams: bool
+    """Whether each piece received is whole lines, and silence says nothing about the connection."""
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Some bytes, ``None`` if nothing came in time.
+
+        :raises OSError: if the connection broke or the other side closed it
+        """
+
+    def close(self) -> None:
+        """Close it; never raises."""
+
+
+@dataclass(frozen=True)
+class Retry:
+    """When to try again.
+
+    :param first_s: pause before the second attempt [s]; each further pause doubles
+    :param longest_s: longest pause [s]
+    :param silence_s: a connection on which nothing comes for so long is taken for dead and made anew [s]
+    """
+
+    first_s: float = 0.5
+    longest_s: float = 15.0
+    silence_s: float = 35.0
+
+    def pause_s(self, attempts: int, rng: random.Random) -> float:
+        """Pause after so many attempts in vain [s].
+
+        Up to half of it is chance, so that many readers do not come back all at the same moment.
+        """
+        longest_s = min(self.longest_s, self.first_s * 2.0 ** min(attempts - 1, 60))
+        return longest_s * rng.uniform(0.5, 1.0)
+
+
+class ReconnectingSource:
+    """A :class:`~soilmoist_ros.sensing.links.line_source.LineSource` over connections that may break.
+
+    :param uri: name of the link, for messages
+    :param connect: makes a connection, or raises ``OSError``
+    :param retry: when to try again
+    :param clock: monotonic time [s]
+    :param rng: source of chance in the pauses
+    """
+
+    def __init__(
+        self,
+        uri: str,
+        connect: Callable[[], Connection],
+        retry: Retry | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        rng: random.Random | None = None,
+    ) -> None:
+        self._uri = uri
+        self._connect = connect
+        self._retry = retry or Retry()
+        self._clock = clock
+        self._rng = rng or random.Random()
+        self._buffer = LineBuffer()
+        self._connection: Connection | None = None
+        self._closed = threading.Event()
+        self._retry_at_s = self._heard_at_s = clock()
+        self._attempts = self._connections = self._n_bytes = self._n_lines = 0
+        self._last_error = ""
+        self._silent = False
+
+    @property
+    def status(self) -> LinkStatus:
+        """What the link has been through."""
+        silent_s = self._clock() - self._heard_at_s
+        if self._closed.is_set():
+            state = LinkState.CLOSED
+        elif self._silent or (self._connection is not None and silent_s > self._retry.silence_s):
+            state = LinkState.SILENT
+        else:
+            state = LinkState.CONNECTING if self._connection is None else LinkState.CONNECTED
+        return LinkStatus(
+            uri=self._uri,
+            state=state,
+            attempts=self._attempts,
+            connections=self._connections,
+            last_error=self._last_error,
+            n_bytes=self._n_bytes,
+            n_lines=self._n_lines,
+            n_oversized=self._buffer.n_oversized,
+            silent_s=silent_s,
+        )
+
+    def read_line(self, timeout_s: float) -> bytes | None:
+        """The next line, ``None`` if none came in time."""
+        deadline_s = self._clock() + timeout_s
+        while not self._closed.is_set():
+            line = self._buffer.pop()
+            if line is not None:
+                self._n_lines += 1
+                return line
+            left_s = deadline_s - self._clock()
+            if left_s <= 0:
+                return None
+            if self._connection is None:
+                self._try_again(left_s)
+            else:
+                self._receive(self._connection, left_s)
+        return None
+
+    def close(self) -> None:
+        """Close the link for good."""
+        self._closed.set()
+        connection = self._connection
+        if connection is not None:
+            connection.close()
+
+    def _try_again(self, left_s: float) -> None:
+        pause_s = self._retry_at_s - self._clock()
+        if pause_s > 0:
+            self._closed.wait(min(pause_s, left_s))
+            return
+        self._attempts += 1
+        try:
+            self._connection = self._connect()
+        except OSError as error:
+            self._fail(error)
+            return
+        self._connections += 1
+        self._heard_at_s = self._clock()
+        if self._closed.is_set():  # while it was being made
+            self._connection.close()
+
+    def _receive(self, connection: Connection, left_s: float) -> None:
+        quiet_s = self._clock() - self._heard_at_s
+        if quiet_s > self._retry.silence_s and not connection.datagrams:
+            self._silent = True
+            self._fail(TimeoutError(f"nothing came for {quiet_s:.0f} s"))
+            return
+        try:
+            data = connection.receive(min(left_s, max(self._retry.silence_s - quiet_s, 0.05)))
+        except (OSError, ValueError) as error:  # ValueError: closed by another thread meanwhile
+            self._fail(error)
+            return
+        if not data:
+            return
+        self._silent = False
+        self._heard_at_s = self._clock()
+        self._n_bytes += len(data)
+        lines = self._buffer.feed(data)
+        if connection.datagrams:
+            self._buffer.end_line()
+        if lines or connection.datagrams:
+            # Only a line proves that the link works: a server that accepts and hangs up gets longer pauses.
+            self._attempts = 0
+
+    def _fail(self, error: Exception) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+        self._buffer.drop_rest()
+        if self._closed.is_set():
+            return
+        self._last_error = str(error) or type(error).__name__
+        self._retry_at_s = self._clock() + self._retry.pause_s(max(self._attempts, 1), self._rng)
