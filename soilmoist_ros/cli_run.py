@@ -76,6 +76,9 @@ def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
 @click.option("--merge", "merge_radius_m", type=click.FloatRange(min=0),
               help="Records within this radius become one sample [m].")  # fmt: skip
+@click.option("--source", type=click.Choice(["counts", "raw"]), default="counts", show_default=True,
+              help="The records as the driver corrected them, or the raw lines, corrected anew.")  # fmt: skip
+@click.option("--logger", help="Logger format of the raw lines. Default: told from their header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
@@ -151,9 +154,7 @@ def print_replay(replay: Replay) -> None:
         if math.isfinite(last.vwc_rmse):
             click.echo(f"moisture   RMSE {last.vwc_rmse:.4f} m3/m3")
     click.echo(f"records    {len(replay.run.track)}, merged into {len(samples)} samples")
-    same = {None: "", True: "equals the robot's last one, bit for bit", False: "differs from the robot's last one"}
-    if same[replay.as_on_line]:
-        click.echo(f"map        {same[replay.as_on_line]}")
+    click.echo(f"map        {replay.comparison}")
 
 
 @contextmanager

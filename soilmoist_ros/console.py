@@ -11,14 +11,14 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.errors import InputError, SoilmoistError
 
 FILE = click.Path(path_type=Path)
 MODELS = ("gaussian", "exponential", "spherical", "matern32", "matern52")
 
 
 def told_plainly(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn bad input into a message and exit code 2, and an interrupt into exit code 130."""
+    """Turn bad input into a message and exit code 2, other trouble into 1, and an interrupt into 130."""
 
     @wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
@@ -28,6 +28,9 @@ def told_plainly(command: Callable[..., None]) -> Callable[..., None]:
             for mistake in error.mistakes:
                 click.echo(f"error: {mistake}", err=True)
             sys.exit(2)
+        except SoilmoistError as error:
+            click.echo(f"error: {error}", err=True)
+            sys.exit(1)
         except KeyboardInterrupt:
             click.echo("interrupted: nothing was written", err=True)
             sys.exit(130)

@@ -33,7 +33,7 @@ def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path
     :raises InputError: if it cannot be written
     """
     path = run / CONFIGURATION / f"{node}.yaml"
-    lines = [f"/**/{node}:", f"  {_PARAMETERS}:"]
+    lines = [f"/**/{node}:", f"  {_PARAMETERS}:{'' if values else ' {}'}"]
     lines += [f"    {name}: {_yaml(value)}" for name, value in values.items()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -53,8 +53,8 @@ def configuration_of(bag: Path) -> Path | None:
 
     :param bag: the folder of a bag, or a file in it
     """
-    folder = bag.absolute() if bag.is_dir() else bag.absolute().parent
-    for folder in (folder, folder.parent):
+    home = bag.absolute() if bag.is_dir() else bag.absolute().parent
+    for folder in (home, home.parent):
         if (folder / CONFIGURATION).is_dir():
             return folder / CONFIGURATION
     return None

@@ -114,7 +114,7 @@ def map_logs(
         title=settings.title,
         inputs=_inputs(logs, settings),
         logger_format=logs[0].format_title,
-        losses=_loss_rows([*survey.problems, *track_problems]),
+        losses=loss_rows([*survey.problems, *track_problems]),
         simulated=any(log.simulated for log in logs),
     )
 
@@ -168,7 +168,7 @@ def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:
     ]
 
 
-def _loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
+def loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
     """One row per kind of problem, losses first, then the most frequent."""
     counts = Counter((problem.kind, problem.lost) for problem in problems)
     examples = {(problem.kind, problem.lost): problem.mistake for problem in reversed(problems)}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-CORE = ("sensing", "mapping", "exploration", "simulation", "recording", "reporting")
+CORE = ("sensing", "mapping", "exploration", "simulation", "recording", "reporting", "replay")
 ROS = {"rclpy", "msg_adapters", "sensor_msgs", "std_msgs", "nav_msgs", "geometry_msgs", "diagnostic_msgs",
        "visualization_msgs", "std_srvs", "rosgraph_msgs", "builtin_interfaces", "ament_index_python", "launch",
        "launch_ros", "topological_navigation_msgs"}  # fmt: skip
@@ -17,6 +17,7 @@ ALLOWED = {
     "simulation": {"simulation", "exploration", "mapping", "sensing"},
     "recording": {"recording", "mapping", "sensing"},
     "reporting": {"reporting", "simulation", "exploration", "mapping", "sensing"},
+    "replay": {"replay", "recording", "reporting", "simulation", "mapping", "sensing"},
 }
 
 

@@ -47,7 +47,6 @@ def loopback_environment(domain: int) -> dict[str, str]:
         "ROS_DOMAIN_ID": str(domain),
         # What a robot's shell may have set would lead elsewhere, or nowhere.
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
-        "ROS_LOCALHOST_ONLY": "0",
         "ROS_STATIC_PEERS": "",
         "ROS_DISCOVERY_SERVER": "",
         # The variable of this Fast DDS; its newer name is ignored.

@@ -13,6 +13,9 @@ from soilmoist_ros.reporting.wording import duration, length
 
 Array = NDArray[np.float64]
 
+WETTEST = 0.6
+"""Soil moisture that hardly any soil can exceed [m^3/m^3]; early maps do, where the rate is hardly known."""
+
 
 class LiveMission:
     """The newest of everything. What comes may be set in one thread and viewed in another.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -39,6 +39,7 @@ __all__ = [
     "RecordParser",
     "Severity",
     "detect_format",
+    "parse_log",
     "read_log",
 ]
 
@@ -317,8 +318,26 @@ def read_log(path: Path | str, logger: LoggerFormat | str, longitude: Longitude 
         formats that fit
     """
     path = Path(path)
-    parser = RecordParser(logger, longitude, path=path)
     lines, last_is_complete = read_lines(path)
+    return parse_log(lines, logger, longitude, path, last_is_complete)
+
+
+def parse_log(
+    lines: Sequence[bytes],
+    logger: LoggerFormat | str,
+    longitude: Longitude,
+    path: Path,
+    last_is_complete: bool = True,
+) -> LogFile:
+    """Read the lines of a logger.
+
+    :param lines: the lines, without their ends
+    :param path: where they are from, for messages
+    :param last_is_complete: whether the last line had an end
+
+    The others, and what is raised, are those of :func:`read_log`.
+    """
+    parser = RecordParser(logger, longitude, path=path)
     last = len(lines) - 1
     fed = [parser.feed(line, complete=number < last or last_is_complete) for number, line in enumerate(lines)]
     records = tuple(record for record in fed if record is not None)

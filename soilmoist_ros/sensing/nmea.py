@@ -7,7 +7,7 @@ same time of day make an epoch. No line can raise; what is wrong with one is rep
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -33,7 +33,7 @@ from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 from soilmoist_ros.sensing.track import Track, interpolate_position
 
-__all__ = ["Fix", "FixStatus", "NmeaParser", "Track", "interpolate_position", "read_nmea"]
+__all__ = ["Fix", "FixStatus", "NmeaParser", "Track", "interpolate_position", "parse_nmea", "read_nmea"]
 
 DAY_S = 86_400.0
 LONGEST_SENTENCE = 512  # the standard allows 82 characters; receivers take more
@@ -373,6 +373,15 @@ def read_nmea(path: Path | str) -> tuple[list[Fix], list[Problem]]:
     """
     path = Path(path)
     lines, _ = read_lines(path)
+    return parse_nmea(lines, path)
+
+
+def parse_nmea(lines: Sequence[bytes], path: Path) -> tuple[list[Fix], list[Problem]]:
+    """All fixes of the lines of a receiver, as :func:`read_nmea`.
+
+    :param lines: the lines
+    :param path: where they are from, for messages
+    """
     parser = NmeaParser(reference_stamp_s=_first_stamp(lines), path=path)
     fixes = [parser.feed(line) for line in lines]
     fixes.append(parser.flush())
@@ -385,7 +394,7 @@ def read_nmea(path: Path | str) -> tuple[list[Fix], list[Problem]]:
     return [fix for fix in fixes if fix is not None], parser.problems
 
 
-def _first_stamp(lines: list[bytes]) -> float:
+def _first_stamp(lines: Sequence[bytes]) -> float:
     """Time of the first epoch that has a date, NaN if there is none."""
     parser = NmeaParser(on_problem=lambda problem: None)
     for line in lines:

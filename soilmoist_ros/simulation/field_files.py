@@ -33,7 +33,7 @@ def write_site_file(field: SurrogateField, path: Path) -> None:
     :param path: file to write
     :raises InputError: if it cannot be written
     """
-    about: dict[str, Any] = {"name": _title(field), "footprint_radius_m": 10.0}
+    about: dict[str, Any] = {"name": "simulated sensor", "footprint_radius_m": 10.0}
     _write(path, _yaml({**about, **_calibration(field, note="the calibration that the simulation uses")}))
 
 

@@ -32,7 +32,7 @@ def map_errors(
     covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
     vwc_rmse = math.nan
     if curve is not None:
-        difference = possible_moisture(curve, rate_cps) - curve.vwc(true_rate_cps)
+        difference = possible_moisture(curve, rate_cps) - possible_moisture(curve, true_rate_cps)
         vwc_rmse = float(np.sqrt(np.mean(difference**2)))
     return float(np.mean(error**2)), vwc_rmse, covered
 

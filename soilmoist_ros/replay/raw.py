@@ -1,0 +1,91 @@
+"""What logger and receiver sent, from a bag: corrected and placed anew, as from their own files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.recording.bag_reader import BagReader
+from soilmoist_ros.replay.topics import TEXT, RunTopics
+from soilmoist_ros.sensing.log_file import matching_formats
+from soilmoist_ros.sensing.log_values import split_lines
+from soilmoist_ros.sensing.logger_reader import parse_log
+from soilmoist_ros.sensing.nmea import parse_nmea
+from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.robot_logger import FORMAT_NAME
+from soilmoist_ros.sensing.site import Site
+from soilmoist_ros.sensing.survey import process_logs
+from soilmoist_ros.sensing.track import Track
+
+
+@dataclass(frozen=True)
+class RawSurvey:
+    """Raw lines, processed.
+
+    :param records: corrected records at their places, in order of time
+    :param problems: all that was wrong
+    :param format_title: what kind of logger wrote them
+    """
+
+    records: Sequence[CountRecord]
+    problems: Sequence[Problem]
+    format_title: str
+
+
+def read_raw(topics: RunTopics, site: Site, frame: LocalFrame, logger: str | None = None) -> RawSurvey:
+    """Process the raw lines of a robot.
+
+    :param topics: its topics
+    :param site: corrections and tubes
+    :param frame: plane of the field
+    :param logger: logger format, a shipped name or a file; told from the header if ``None``
+    :raises InputError: if not one record can be made of them
+    """
+    name = topics.find("raw/logger", TEXT)
+    if name is None:
+        raise InputError("has no topic raw/logger", "map its counts instead", topics.reader.path)
+    lines = _lines(topics.reader, name)
+    form = logger or next(iter(matching_formats(lines)), FORMAT_NAME)
+    log = parse_log(lines, form, site.longitude, _place(name))
+    gnss = topics.find("raw/gnss", TEXT)
+    track = None
+    problems: list[Problem] = []
+    if gnss is not None:
+        fixes, problems = parse_nmea(_lines(topics.reader, gnss), _place(gnss))
+        track = Track(fixes)
+        if len(track) == 0:
+            raise InputError(f"{gnss} holds no position", "map its counts instead", topics.reader.path)
+    survey = process_logs([log], site, frame, track)
+    return RawSurvey(survey.records, [*survey.problems, *problems], log.format_title)
+
+
+def says_simulated(reader: BagReader, logger: str) -> bool:
+    """Whether a logger says of itself that its counts are simulated.
+
+    :param logger: full name of the topic with its lines
+    """
+    return any(line.startswith(b"#simulated=yes") for line in _lines(reader, logger))
+
+
+def _lines(reader: BagReader, topic: str) -> list[bytes]:
+    """Lines of a topic, without their ends; a message may hold several.
+
+    A message has one character per byte, and a sign for zero, as the driver writes it.
+    """
+    found: list[bytes] = []
+    for message in reader.messages([topic]):
+        try:
+            text = str(reader.decode(message).data).replace("\N{SYMBOL FOR NULL}", "\0")
+        except InputError:
+            text = "\0"  # bytes that are no text: the parser counts them
+        found += split_lines(text.encode("latin-1", "replace"))[0]
+    return found
+
+
+def _place(topic: str) -> Path:
+    """What messages about a line say in the place of a file."""
+    return Path(topic.lstrip("/"))

@@ -1,0 +1,77 @@
+"""Which topics of a bag belong together: a bag may hold several robots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.recording.bag_reader import BagReader
+
+CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+TEXT: Final = "std_msgs/msg/String"
+STATUS: Final = "diagnostic_msgs/msg/DiagnosticStatus"
+
+
+@dataclass(frozen=True)
+class RunTopics:
+    """The topics of one robot.
+
+    :param reader: the bag
+    :param counts: full name of its topic with the records
+    :param alone: whether no other robot is in the bag
+    """
+
+    reader: BagReader
+    counts: str
+    alone: bool
+
+    @classmethod
+    def beside(cls, reader: BagReader, counts: str) -> Self:
+        """The topics of the robot whose records have this full name."""
+        last = counts.rsplit("/", 1)[-1]
+        others = [
+            name
+            for name, kind in reader.topics.items()
+            if name != counts and name.endswith(f"/{last}") and kind == CLOUD
+        ]
+        return cls(reader, counts, not others)
+
+    @classmethod
+    def beside_raw(cls, reader: BagReader, counts: str) -> Self:
+        """The topics of the robot whose raw lines are in the bag, maybe without its records.
+
+        :param counts: topic with the records, if it has one: tells which robot is meant
+        :raises InputError: if there are no raw lines, or those of several robots and it is not said of which
+        """
+        named = counts if counts.startswith("/") else f"/{counts}"
+        ending = "/raw/logger"
+        spaces = [
+            name.removesuffix(ending)
+            for name, kind in reader.topics.items()
+            if name.endswith(ending) and kind == TEXT
+        ]
+        meant = [space for space in spaces if space == named.rpartition("/")[0]] if counts[:1] == "/" else spaces
+        if len(meant) == 1:
+            return cls(reader, f"{meant[0]}/{named.rpartition('/')[2]}", len(spaces) == 1)
+        if meant:
+            names = ", ".join(f"{space}/{named[1:]}" for space in sorted(meant))
+            raise InputError("has the raw lines of several robots", f"name one of: {names}", reader.path)
+        raise InputError(
+            f"has no raw lines of a logger (topic raw/logger of type {TEXT})",
+            "map its counts instead, or record raw/logger and raw/gnss",
+            reader.path,
+        )
+
+    def find(self, name: str, kind: str) -> str | None:
+        """Full name of a topic of this robot, ``None`` if it is not in the bag.
+
+        :param name: name without its namespace
+        :param kind: its type
+        """
+        topics = self.reader.topics
+        beside = f"{self.counts.rpartition('/')[0]}/{name}"
+        if topics.get(beside) == kind:
+            return beside
+        named = [topic for topic, type_name in topics.items() if topic.endswith(f"/{name}") and type_name == kind]
+        return named[0] if self.alone and len(named) == 1 else None

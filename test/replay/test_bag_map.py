@@ -1,0 +1,364 @@
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.replay import ReplaySettings, replay_bag
+from soilmoist_ros.replay.mission import last_mission
+from soilmoist_ros.reporting.outputs import write_outputs
+
+GOLDEN = Path(__file__).resolve().parent.parent / "golden"
+CASES = {
+    "one_stop": {"replay": {}},
+    "drive_and_stop": {"replay": {}},
+    "no_position_gap": {"replay": {}},
+    "was_reset": {"replay": {}},
+    "raw_lines": {"counts": {}, "raw": {"source": "raw"}},
+    "two_robots": {"robot1": {"counts_topic": "/robot1/counts"}, "robot2": {"counts_topic": "/robot2/counts"}},
+}
+REPLAYS = [(case, name) for case, replays in CASES.items() for name in replays]
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+@pytest.fixture(scope="session")
+def makers():
+    """The script that makes the golden bags."""
+    if importlib.util.find_spec("rclpy") is None:
+        pytest.skip("needs the messages of ROS")
+    spec = importlib.util.spec_from_file_location("make_golden_bags", GOLDEN / "make_golden_bags.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def bands(soil_map):
+    return {name: getattr(soil_map, name) for name in ("rate", "rate_sd", "vwc", "vwc_sd")}
+
+
+def copy_bag(source, target, keep=lambda topic, number: True, rename=lambda topic: topic, **options):
+    """Copy a bag message by message with another writer, in its storage.
+
+    :param keep: which messages, by topic and number within the topic
+    """
+    mode = options.pop("compression", None)
+    with AnyReader([source]) as reader, writer_of(target, mode, **options) as writer:
+        topics = {
+            c.id: writer.add_connection(rename(c.topic), c.msgtype, typestore=reader.typestore)
+            for c in reader.connections
+        }
+        seen = dict.fromkeys(topics, 0)
+        for connection, stamp_ns, data in reader.messages():
+            number = seen[connection.id]
+            seen[connection.id] += 1
+            if keep(connection.topic, number):
+                writer.write(topics[connection.id], stamp_ns, data)
+    return target
+
+
+def writer_of(target, mode, **options):
+    target.parent.mkdir(parents=True, exist_ok=True)
+    writer = Writer(target, version=9, **options)
+    if mode is not None:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    return writer
+
+
+def with_files(case, **changes):
+    """Settings that say what the configuration of a golden run says."""
+    folder = GOLDEN / case / "configuration"
+    values = {"field": str(folder / "field.yaml"), "site": str(folder / "site.yaml"), "cell_m": 4.0, **changes}
+    return ReplaySettings(**values)
+
+
+@pytest.fixture
+def edited_site(tmp_path):
+    """A site file of the golden runs with a change."""
+
+    def edit(more="", **replaced):
+        text = (GOLDEN / "raw_lines" / "configuration" / "site.yaml").read_text()
+        lines = [line for line in text.splitlines() if line.partition(":")[0] not in replaced]
+        lines += [f"{key}: {value}" for key, value in replaced.items()] + [more]
+        path = tmp_path / "other_site.yaml"
+        path.write_text("\n".join(lines) + "\n")
+        return str(path)
+
+    return edit
+
+
+def test_golden_bags_are_small_and_all_are_tested():
+    assert {path.name for path in GOLDEN.iterdir() if (path / "bag").is_dir()} == set(CASES)
+    for case in CASES:
+        assert sum(path.stat().st_size for path in (GOLDEN / case).rglob("*") if path.is_file()) < 200_000
+
+
+@pytest.mark.parametrize(("case", "name"), REPLAYS)
+def test_golden_bags(case, name):
+    """Numbers, not bits: another processor rounds differently."""
+    expected = json.loads((GOLDEN / case / "expected.json").read_text())[name]
+    replay = replay_bag(GOLDEN / case, ReplaySettings(**CASES[case][name]))
+    run = replay.run
+    assert len(run.track) == expected["records"]
+    assert len(run.soil_map.samples) == expected["samples"]
+    assert run.soil_map.samples.counts.sum() == expected["raw_counts"]
+    assert {row.kind: row.count for row in run.losses} == expected["lost"]
+    for band, values in bands(run.soil_map).items():
+        found = [np.nanmin(values), np.nanmean(values), np.nanmax(values)]
+        assert found == pytest.approx(expected["bands"][band], rel=1e-5)
+    if expected["as_on_line"]:
+        assert replay.as_on_line or "rounding" in replay.comparison
+    else:
+        assert replay.as_on_line is None
+    assert run.simulated
+    told = expected.get("mission")
+    assert (run.mission is None) == (told is None)
+    if told:
+        assert run.mission.ended == told["ended"]
+        assert run.mission.series[-1].distance_m == pytest.approx(told["distance_m"])
+        found = [(visit.name, visit.arrived_s, visit.dwell_s, visit.raw_counts) for visit in run.mission.visits]
+        assert found == [(name, pytest.approx(a), pytest.approx(d), n) for name, a, d, n in told["visits"]]
+
+
+@pytest.mark.parametrize("case", ["one_stop", "no_position_gap", "drive_and_stop", "raw_lines"])
+def test_the_map_is_the_one_made_on_line_bit_for_bit(makers, tmp_path, case):
+    makers.CASES[case](tmp_path / case)
+    replay = replay_bag(tmp_path / case)
+    assert (replay.as_on_line, replay.comparison) == (True, "equals the robot's last one, bit for bit")
+
+
+def test_the_mission_is_told_as_it_was(makers, tmp_path):
+    events, mission = makers.mission()
+    makers.write_bag(tmp_path / "run", events)
+    run = replay_bag(tmp_path / "run", ReplaySettings(truth="half-wet")).run
+    assert len(run.mission.visits) == len(mission.visits) > 4
+    for found, wanted in zip(run.mission.visits, mission.visits, strict=True):
+        assert (found.name, found.raw_counts) == (wanted.name, wanted.raw_counts)
+        assert found.reason == wanted.reason
+        assert (found.arrived_s, found.dwell_s) == pytest.approx((wanted.arrived_s, wanted.dwell_s), abs=1e-3)
+        assert (found.x_m, found.y_m) == pytest.approx((wanted.x_m, wanted.y_m), abs=0.5)
+    first, *_, last = run.mission.series
+    assert (first.time_s, first.samples) == (0.0, 0)
+    assert np.isnan(first.mse)
+    assert [row.samples for row in run.mission.series[1:]] == list(range(1, len(mission.visits) + 1))
+    # Places go through the message as 32-bit numbers.
+    assert (last.mse, last.vwc_rmse, last.coverage95) == pytest.approx(
+        (mission.series[-1].mse, mission.series[-1].vwc_rmse, mission.series[-1].coverage95), rel=1e-3
+    )
+    assert run.truth_rate is not None
+    assert run.mission.settings.strategy == "greedy"
+    assert run.mission.soil_map is run.soil_map
+
+
+def test_without_a_truth_there_are_outputs_as_well(tmp_path):
+    replay = replay_bag(GOLDEN / "drive_and_stop")
+    assert all(np.isnan(row.mse) for row in replay.run.mission.series)
+    write_outputs(tmp_path, replay.run)
+    html = (tmp_path / "report.html").read_text()
+    assert "SIMULATED DATA" in html
+    assert "no map, so no error" not in html
+    assert json.loads((tmp_path / "summary.json").read_text())["simulated"] is True
+
+
+@pytest.mark.parametrize(
+    ("options", "in_file"),
+    [
+        ({"storage_plugin": StoragePlugin.SQLITE3}, False),
+        ({"storage_plugin": StoragePlugin.MCAP}, True),
+        ({"storage_plugin": StoragePlugin.SQLITE3, "compression": CompressionMode.FILE}, False),
+        ({"storage_plugin": StoragePlugin.MCAP, "compression": CompressionMode.MESSAGE}, False),
+        ({"storage_plugin": StoragePlugin.SQLITE3}, True),
+    ],
+)
+def test_bags_of_other_recorders(tmp_path, options, in_file):
+    bag = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "their.2026", **options)
+    if in_file:
+        (bag,) = (path for path in bag.iterdir() if path.suffix in (".mcap", ".db3"))
+    replay = replay_bag(bag, with_files("one_stop"))
+    own = replay_bag(GOLDEN / "one_stop")
+    for band, values in bands(own.run.soil_map).items():
+        assert values.tobytes() == bands(replay.run.soil_map)[band].tobytes()
+    assert replay.as_on_line == own.as_on_line
+    files = [item for item in replay.run.inputs if item.role == "bag"]
+    assert len(files) == 1
+
+
+def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):
+    cases = {
+        "began": (lambda topic, number: topic != "/counts" or number > 2, "other records than those in the bag"),
+        "unheard": (lambda topic, number: topic != "/counts" or number < 9, "a record that is not in the bag"),
+        "no_map": (lambda topic, number: topic != "/soil_map", "the bag has no map"),
+    }
+    for name, (keep, why) in cases.items():
+        replay = replay_bag(copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / name, keep), with_files("one_stop"))
+        assert replay.as_on_line is None
+        assert why in replay.comparison
+
+
+def test_a_reset_is_told_even_without_the_samples(makers, tmp_path):
+    """Its empty map is in the recording."""
+    many = makers.records(makers.drive((5, 5), (55, 5), 12))
+    makers.configure(tmp_path)
+    with makers.BagWriter(tmp_path / "bag") as writer:
+        robot = makers.Robot(writer, tmp_path)
+        for number, event in enumerate([*many[:6], None, None, *many[6:], None]):
+            if number == 7:
+                robot.online.reset()
+            robot.publish(event)
+    keep = lambda topic, number: topic != "/samples"  # noqa: E731
+    bag = copy_bag(tmp_path / "bag", tmp_path / "no_samples", keep)
+    for path in (tmp_path / "bag", bag):
+        replay = replay_bag(path)
+        assert replay.as_on_line is None
+        assert "it was reset" in replay.comparison
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [({"cell_m": 5.0}, "cells, not"), ({"model": "spherical"}, "of its largest values"),
+     ({"site": ""}, "other cells have a vwc"), ({"merge_radius_m": 20.0}, "of its largest values"),
+     ({"keep_nugget": False}, "of its largest values"), ({"fit": "soft_l1"}, "of its largest values")],
+)  # fmt: skip
+def test_other_settings_give_another_map(changes, why):
+    replay = replay_bag(GOLDEN / "drive_and_stop", ReplaySettings(**changes))
+    assert replay.as_on_line is False
+    assert why in replay.comparison
+    assert "rounding" not in replay.comparison
+
+
+def test_another_calibration_changes_the_moisture_only(edited_site):
+    own = replay_bag(GOLDEN / "raw_lines").run
+    other = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=edited_site(calibration="{n0_cps: 7.5}"))).run
+    np.testing.assert_array_equal(own.soil_map.rate, other.soil_map.rate)
+    assert np.nanmin(other.soil_map.vwc - own.soil_map.vwc) > 0
+    assert other.warnings == [w for w in other.warnings if "corrected as they were" not in w]
+
+
+def test_other_corrections_need_the_raw_lines(edited_site):
+    site = edited_site(corrections="{pressure: {reference_hpa: 950.0}}")
+    own = replay_bag(GOLDEN / "raw_lines").run
+    counts = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=site)).run
+    np.testing.assert_array_equal(own.soil_map.rate, counts.soil_map.rate)
+    assert any("corrected as they were on the robot" in warning for warning in counts.warnings)
+    assert next(row for row in counts.corrections if "pressure" in row.name).parameters["P0 [hPa]"] == 1013.25
+    raw = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=site, source="raw"))
+    factor = np.exp(0.0077 * (1013.25 - 950.0))
+    np.testing.assert_allclose(
+        [record.f_pressure for record in raw.run.track], [record.f_pressure * factor for record in own.track]
+    )
+    assert np.nanmin(raw.run.soil_map.rate) > np.nanmax(own.soil_map.rate)
+    assert raw.as_on_line is None
+    assert not any("on the robot" in warning for warning in raw.run.warnings)
+    assert raw.run.logger_format
+
+
+def test_raw_lines_give_the_records_of_the_driver():
+    counts, raw = (replay_bag(GOLDEN / "raw_lines", ReplaySettings(source=name)) for name in ("counts", "raw"))
+    for one, other in zip(counts.run.track, raw.run.track, strict=True):
+        assert one.raw_counts == other.raw_counts
+        assert (one.stamp_s, one.x_m, one.y_m) == pytest.approx((other.stamp_s, other.x_m, other.y_m), abs=1e-4)
+        assert one.effective_exposure_s == pytest.approx(other.effective_exposure_s)
+
+
+def test_raw_lines_alone_and_of_a_robot(tmp_path):
+    keep = lambda topic, number: topic.startswith("/raw")  # noqa: E731
+    bag = copy_bag(GOLDEN / "raw_lines" / "bag", tmp_path / "raw", keep, lambda topic: f"/robot1{topic}")
+    replay = replay_bag(bag, with_files("raw_lines", source="raw"))
+    assert len(replay.run.track) == 26
+    assert replay.run.simulated, "the logger says so"
+    with pytest.raises(InputError, match="has no raw lines of a logger"):
+        replay_bag(bag, with_files("raw_lines", source="raw", counts_topic="/robot2/counts"))
+    with pytest.raises(InputError, match=r"has no raw lines.*map its counts instead"):
+        replay_bag(GOLDEN / "one_stop", ReplaySettings(source="raw"))
+
+
+def test_a_robot_without_a_mission_does_not_get_that_of_another():
+    assert replay_bag(GOLDEN / "two_robots", ReplaySettings(counts_topic="/robot1/counts")).run.mission is None
+    with pytest.raises(InputError, match=r"several topics 'counts'.*/robot1/counts, /robot2/counts"):
+        replay_bag(GOLDEN / "two_robots")
+
+
+def test_topics_beside_are_found_where_there_is_one_robot(tmp_path):
+    """Records that were remapped into a namespace of their own."""
+    bag = copy_bag(
+        GOLDEN / "one_stop" / "bag", tmp_path / "bag",
+        rename=lambda topic: "/sensor/counts" if topic == "/counts" else topic,
+    )  # fmt: skip
+    assert replay_bag(bag, with_files("one_stop")).comparison == replay_bag(GOLDEN / "one_stop").comparison
+
+
+def test_bad_input_is_told_with_a_remedy(tmp_path):
+    def refused(match, bag=GOLDEN / "one_stop", **changes):
+        with pytest.raises(InputError, match=match):
+            replay_bag(bag, ReplaySettings(**changes))
+
+    nothing = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "a" / "nothing", lambda topic, number: False)
+    refused(r"does not say which field it is of -> give the field file with --field", nothing)
+    refused("/counts has no messages", nothing, field="example")
+    refused("has no topic 'records'", counts_topic="records")
+    refused("there is no such bag", tmp_path / "none")
+    refused(r"not one of 14 records is in the field .*14 outside the field", field=other_field(tmp_path))
+    refused("there is no model 'linear' -> choose one of: .*matern32", model="linear")
+    refused("there is no fit 'ols'", fit="ols")
+    refused("radius_m must be >= 0", merge_radius_m=-1.0)
+    refused("cannot be laid out", cell_m=900.0)
+    refused("half-wat", truth="half-wat")
+
+
+def other_field(folder):
+    path = folder / "elsewhere.yaml"
+    path.write_text(
+        "name: Elsewhere\ndatum: {latitude_deg: 53.0, longitude_deg: -0.5}\n"
+        "polygon: [[5000, 0], [5060, 0], [5060, 50], [5000, 50]]\n"
+    )
+    return str(path)
+
+
+def test_missions_one_after_the_other():
+    def status(used, samples=0):
+        return {"time_used_s": str(used), "samples": str(samples)}
+
+    first, second = [status(0), status(0), status(40), status(90, 2)], [status(0), status(10)]
+    assert last_mission([]) == []
+    assert last_mission(first[:2]) == []
+    assert last_mission(first) == first
+    assert last_mission([*first, *second]) == second
+    assert last_mission([*first, second[0]]) == first, "the second was not started"
+
+
+def test_messages_of_others_named_mission_are_passed_over(tmp_path):
+    bag = tmp_path / "bag"
+    copy_bag(GOLDEN / "one_stop" / "bag", bag)
+    types = STORE.types
+    kind = "diagnostic_msgs/msg/DiagnosticStatus"
+    pair = types["diagnostic_msgs/msg/KeyValue"]
+    whole = tmp_path / "whole"
+    with AnyReader([bag]) as reader, Writer(whole, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topics = {c.id: writer.add_connection(c.topic, c.msgtype, typestore=STORE) for c in reader.connections}
+        mission = writer.add_connection("/mission", kind, typestore=STORE)
+        for values in ([], [pair("time_used_s", "soon")], [pair("state", "counting")]):
+            message = types[kind](0, "mission", "", "", values)
+            writer.write(mission, reader.start_time, STORE.serialize_cdr(message, kind))
+        for connection, stamp_ns, data in reader.messages():
+            writer.write(topics[connection.id], stamp_ns, data)
+    assert replay_bag(whole, with_files("one_stop")).run.mission is None
+
+
+def test_one_thread_computes_unless_somebody_has_said_otherwise():
+    program = (
+        "import sys; assert 'numpy' not in sys.modules; import soilmoist_ros.replay, os;"
+        "print(os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    for given, wanted in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")):
+        command = [sys.executable, "-c", program]
+        assert subprocess.check_output(command, env={**environment, **given}, text=True).strip() == wanted
