@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
@@ -32,6 +33,9 @@ MAP_FRAME = "map"
 TICK_S = 0.02
 LONGEST_STEP_S = 0.06
 """What a tick makes up for at most: three of them."""
+SETTLE_S = 1.0
+"""Time begins so long after both devices are connected: who wants the driver's records must have found it before
+the first one, which in fast time comes at once."""
 
 
 class FieldSimulator(Node):
@@ -45,6 +49,7 @@ class FieldSimulator(Node):
         self._system = VirtualSystem(mission_settings(given), start_s, given.number("gnss_period_s"), scenario)
         self._time = SimulatedTime(given.number("speed"), LONGEST_STEP_S)
         self._under_way = not given.flag("start_when_connected")
+        self._connected_s = math.inf
         self._write_files(given)
 
         self._simulated_clock = self.create_publisher(Clock, "/clock", CLOCK)
@@ -96,11 +101,13 @@ class FieldSimulator(Node):
     def _tick(self) -> None:
         for server in self._servers.values():
             server.poll()
-        if not self._under_way and all(server.clients for server in self._servers.values()):
+        wall_s = time.monotonic()
+        connected = all(server.clients for server in self._servers.values())
+        self._connected_s = min(self._connected_s, wall_s) if connected else math.inf
+        if not self._under_way and wall_s - self._connected_s >= SETTLE_S:
             self._under_way = True
             self._tell("logger and receiver are connected: time begins")
         # Before time begins nothing is said either: all runs begin with the same first words.
-        wall_s = time.monotonic()
         outputs = self._system.advance(self._time.advance(wall_s)) if self._under_way else []
         # The time first: nobody shall hear of something that, for him, has not happened yet.
         self._simulated_clock.publish(Clock(clock=to_time(self._system.stamp_s)))

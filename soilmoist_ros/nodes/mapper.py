@@ -9,6 +9,7 @@ from typing import Any, get_args
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -45,8 +46,9 @@ PARAMETERS = (
     ),
     Parameter(
         name="merge_radius_m",
-        default=2.5,
-        description="records closer together than this become one sample",
+        default=0.0,
+        description="records closer together than this become one sample; 0 for a radius chosen from "
+        "footprint and extent of the field",
         unit="m",
         low=0,
         high=1000,
@@ -90,7 +92,8 @@ class Mapper(Node):
         self.create_service(Trigger, "~/reset", self._on_reset)
         alone = MutuallyExclusiveCallbackGroup()  # saving takes seconds; records come in meanwhile
         self.create_service(Trigger, "~/save", self._on_save, callback_group=alone)
-        self.create_timer(1.0, self._report)
+        # Of steady time: once a second also where simulated time runs fast or stands still.
+        self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_counts(self, message: PointCloud2) -> None:
         with self._guard:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 A0, A1, A2 = 0.0808, 0.372, 0.115
+_NEAR_POLE = 1.1
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,14 @@ class CalibrationCurve:
     def slope(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
         """d(vwc)/d(rate) [m^3/m^3 per count/s], negative; NaN where :meth:`valid` is false."""
         return -self.bulk_density_gcm3 * A0 / (self.n0_cps * self._excess(rate_cps) ** 2)
+
+    def weight(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
+        """Squared slope: what the variance of a rate weighs in that of the VWC [(m^3/m^3 per count/s)^2].
+
+        Near its pole, and below, the curve is too steep for one place to decide a plan: there it is taken as a
+        tenth above the pole.
+        """
+        return self.slope(np.maximum(np.asarray(rate_cps, float), _NEAR_POLE * self.lowest_rate_cps)) ** 2
 
     def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
         """Standard deviation of the VWC that follows from that of the rate [m^3/m^3].

@@ -1,0 +1,100 @@
+"""Fixes and weather <-> NavSatFix, FluidPressure, Temperature and RelativeHumidity of sensor_msgs."""
+
+from __future__ import annotations
+
+import math
+
+from sensor_msgs.msg import FluidPressure, NavSatFix, NavSatStatus, RelativeHumidity, Temperature
+from std_msgs.msg import Header
+
+from msg_adapters.stamps import to_seconds, to_time
+from soilmoist_ros.sensing.gnss import UNKNOWN_COVARIANCE, Covariance, CovarianceKind, Fix, FixStatus
+from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
+
+_PA_PER_HPA = 100.0
+
+
+def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
+    """Message of a fix. Without one, the place is NaN and the covariance unknown.
+
+    The message has the altitude above the ellipsoid, NaN where the receiver does not tell the geoid.
+
+    :param fix: the fix
+    :param frame_id: frame of the antenna
+    """
+    message = NavSatFix(
+        header=Header(stamp=to_time(fix.stamp_s), frame_id=frame_id),
+        status=NavSatStatus(status=int(fix.status), service=NavSatStatus.SERVICE_GPS),
+        latitude=float(fix.position.latitude_deg),
+        longitude=float(fix.position.longitude_deg),
+        altitude=float(fix.position.altitude_m + fix.geoid_separation_m),
+    )
+    if fix.covariance_kind is not CovarianceKind.UNKNOWN:
+        message.position_covariance = [float(value) for row in fix.covariance_m2 for value in row]
+        message.position_covariance_type = int(fix.covariance_kind)
+    return message
+
+
+def fix_from_message(message: NavSatFix) -> Fix:
+    """Fix of a message. What has no possible place is none, and a stamp of zero is no time.
+
+    Altitudes are above the ellipsoid: the message knows no geoid.
+    """
+    stamp_s = to_seconds(message.header.stamp) or NAN
+    latitude_deg, longitude_deg = float(message.latitude), float(message.longitude)
+    known = {int(status) for status in FixStatus if status is not FixStatus.NO_FIX}
+    if message.status.status not in known or not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
+        return Fix(stamp_s, Position(NAN, NAN), FixStatus.NO_FIX)
+    covariance, kind = _covariance(message)
+    return Fix(
+        stamp_s=stamp_s,
+        position=Position(latitude_deg, longitude_deg, float(message.altitude), _horizontal_sd(covariance)),
+        status=FixStatus(message.status.status),
+        geoid_separation_m=0.0,
+        covariance_m2=covariance,
+        covariance_kind=kind,
+    )
+
+
+def weather_to_messages(
+    record: LoggerRecord, frame_id: str
+) -> dict[str, FluidPressure | Temperature | RelativeHumidity]:
+    """Messages of what the record knows of the weather, by the names of their topics.
+
+    Their variances are zero, which means unknown.
+
+    :param record: record with the weather
+    :param frame_id: frame of the sensors
+    """
+    header = Header(stamp=to_time(record.stamp_s), frame_id=frame_id)
+    pressure_pa = float(record.pressure_hpa * _PA_PER_HPA)
+    temperature_degc, humidity = float(record.temperature_degc), float(record.relative_humidity)
+    messages: dict[str, FluidPressure | Temperature | RelativeHumidity] = {}
+    if math.isfinite(pressure_pa):
+        messages["pressure"] = FluidPressure(header=header, fluid_pressure=pressure_pa)
+    if math.isfinite(temperature_degc):
+        messages["temperature"] = Temperature(header=header, temperature=temperature_degc)
+    if math.isfinite(humidity):
+        messages["relative_humidity"] = RelativeHumidity(header=header, relative_humidity=humidity)
+    return messages
+
+
+def weather_from_message(message: FluidPressure | Temperature | RelativeHumidity) -> float:
+    """Value of a weather message in the units of this package: hPa, degC or 0..1."""
+    if isinstance(message, FluidPressure):
+        return float(message.fluid_pressure) / _PA_PER_HPA
+    return float(message.temperature if isinstance(message, Temperature) else message.relative_humidity)
+
+
+def _covariance(message: NavSatFix) -> tuple[Covariance, CovarianceKind]:
+    numbers = [float(value) for value in message.position_covariance]
+    known = message.position_covariance_type in {int(kind) for kind in CovarianceKind}
+    if not known or message.position_covariance_type == NavSatFix.COVARIANCE_TYPE_UNKNOWN:
+        return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
+    east, north, up = ((numbers[row], numbers[row + 1], numbers[row + 2]) for row in (0, 3, 6))
+    return (east, north, up), CovarianceKind(message.position_covariance_type)
+
+
+def _horizontal_sd(covariance: Covariance) -> float:
+    mean = (covariance[0][0] + covariance[1][1]) / 2
+    return math.sqrt(mean) if mean >= 0 else NAN

@@ -1,0 +1,21 @@
+"""Lines as devices sent them <-> std_msgs/String, so that a recording can be evaluated anew from the bytes."""
+
+from __future__ import annotations
+
+from std_msgs.msg import String
+
+# A ROS text ends at its first zero. Latin-1 never gives this sign, so that every line comes back as it was.
+_ZERO = "\N{SYMBOL FOR NULL}"
+
+
+def line_to_message(line: bytes) -> String:
+    """Message of a line: each byte is one character."""
+    return String(data=line.decode("latin-1").replace("\0", _ZERO))
+
+
+def line_from_message(message: String) -> bytes:
+    """Line of a message.
+
+    :raises ValueError: if it is not of :func:`line_to_message`
+    """
+    return str(message.data).replace(_ZERO, "\0").encode("latin-1")

@@ -1,0 +1,170 @@
+"""``sensor_driver``: lines of the neutron logger and the GNSS receiver -> corrected, geo-tagged records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
+from std_msgs.msg import Float64, String
+
+from msg_adapters.counts import counts_to_message
+from msg_adapters.diagnostics import diagnostics_to_message
+from msg_adapters.environment import fix_from_message, fix_to_message, weather_to_messages
+from msg_adapters.raw_line import line_to_message
+from soilmoist_ros.configuration import resource
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.nodes import qos
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.nodes.sensor_driver_parameters import PARAMETERS, SETTINGS
+from soilmoist_ros.sensing.live_driver import Batch, DriverSettings, LiveDriver
+from soilmoist_ros.sensing.site import Site, load_site
+
+_RELEASE_S = 0.1
+_DIAGNOSTICS_S = 1.0
+
+
+class SensorDriver(LifecycleNode):
+    """Publishes what the devices send, from when it is activated until it is deactivated."""
+
+    def __init__(self) -> None:
+        super().__init__("sensor_driver")
+        self._given = Parameters(self, PARAMETERS)
+        self._driver: LiveDriver | None = None
+        self._fault: InputError | None = None
+        text = self._given.text
+        outlets: dict[str, tuple[type, Any]] = {
+            "counts": (PointCloud2, qos.RECORDS),
+            "pressure": (FluidPressure, qos.SENSOR),
+            "temperature": (Temperature, qos.SENSOR),
+            "relative_humidity": (RelativeHumidity, qos.SENSOR),
+            "raw/logger": (String, qos.RECORDS),
+        }
+        if text("gnss_uri"):
+            outlets |= {"fix": (NavSatFix, qos.SENSOR), "raw/gnss": (String, qos.RECORDS)}
+        else:
+            self.create_subscription(NavSatFix, "fix", self._on_fix, qos.SENSOR)
+        self._outlets = {
+            name: self.create_publisher(kind, name, profile) for name, (kind, profile) in outlets.items()
+        }
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        if text("intensity_topic"):
+            self.create_subscription(Float64, text("intensity_topic"), self._on_intensity, qos.DEFAULT)
+        self._arrived = self.create_guard_condition(self._step)
+        # Of steady time: it goes on while simulated time stands still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_RELEASE_S, self._step, clock=steady)
+        self.create_timer(_DIAGNOSTICS_S, self._report, clock=steady)
+        if self._given.flag("autostart"):
+            for trigger in (self.trigger_configure, self.trigger_activate):
+                trigger()
+                if self._fault is not None:
+                    raise self._fault
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the files and check the addresses."""
+        return self._attempt(self._configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Connect and read."""
+        return self._attempt(self._activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Disconnect."""
+        return self._attempt(self.close)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything."""
+        self._driver = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Disconnect."""
+        return self._attempt(self.close)
+
+    def close(self) -> None:
+        """Disconnect."""
+        if self._driver is not None:
+            self._driver.stop()
+
+    def _attempt(self, transition: Callable[[], None]) -> TransitionCallbackReturn:
+        self._fault = None
+        try:
+            transition()
+        except InputError as error:
+            self._fault = error
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure(self) -> None:
+        options = self._given.as_dict()
+        field = load_field(resource("fields", self._given.text("field")))
+        site = self._given.text("site")
+        sensor = load_site(resource("sites", site)) if site else Site()
+        if self._given.text("intensity_topic") and sensor.corrections.intensity is None:
+            raise InputError(
+                "intensity_topic is given, but the site file has no reference for the intensity",
+                "write 'intensity: {reference: 150.0, constant: 150.0}' under 'corrections' in the site file",
+            )
+        settings: dict[str, Any] = {name: options[name] for name in SETTINGS}
+        self._driver = LiveDriver(DriverSettings(**settings), sensor, field.frame, self._now_s())
+
+    def _activate(self) -> None:
+        assert self._driver is not None  # it is configured
+        self._driver.start(self._arrived.trigger)
+
+    def _now_s(self) -> float:
+        return float(self.get_clock().now().nanoseconds * 1e-9)
+
+    def _step(self) -> None:
+        if self._driver is not None:
+            batch = self._driver.step(self._now_s())
+            self._publish(batch)
+            if batch.more:
+                self._arrived.trigger()
+
+    def _publish(self, batch: Batch) -> None:
+        frame, sensor, gnss = (self._given.text(name) for name in ("frame_id", "sensor_frame", "gnss_frame"))
+        for name, lines in (("raw/logger", batch.logger_lines), ("raw/gnss", batch.gnss_lines)):
+            for line in lines:
+                self._outlets[name].publish(line_to_message(line))
+        for fix in batch.fixes:
+            self._outlets["fix"].publish(fix_to_message(fix, gnss))
+        for reading in batch.readings:
+            for name, message in weather_to_messages(reading, sensor).items():
+                self._outlets[name].publish(message)
+        for record in batch.records:
+            self._outlets["counts"].publish(counts_to_message([record], frame))
+
+    def _on_fix(self, message: NavSatFix) -> None:
+        if self._driver is not None:
+            self._driver.survey.take_fix(fix_from_message(message))
+            self._step()
+
+    def _on_intensity(self, message: Float64) -> None:
+        if self._driver is not None and not self._driver.survey.take_intensity(float(message.data)):
+            self.get_logger().warning(f"an intensity of {message.data:g} is not used")
+
+    def _report(self) -> None:
+        now_s = self._now_s()
+        if self._driver is not None:
+            serial = self._driver.survey.parser.serial
+            parts = self._driver.health(now_s)
+            name = self.get_fully_qualified_name()
+            self._diagnostics.publish(diagnostics_to_message(parts, now_s, name, serial))
+
+
+def main() -> None:
+    """Run the node."""
+    run(SensorDriver, threads=1)
+
+
+if __name__ == "__main__":
+    main()

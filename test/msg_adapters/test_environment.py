@@ -1,0 +1,114 @@
+"""Fixes and weather over the wire."""
+
+import math
+import platform
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+if platform.machine() != "x86_64":
+    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
+
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import NavSatFix, NavSatStatus
+
+from msg_adapters.environment import fix_from_message, fix_to_message, weather_from_message, weather_to_messages
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance
+from soilmoist_ros.sensing.records import LoggerRecord, Position
+
+NAN = math.nan
+T0 = 1.78e9
+
+
+def numbers(low, high):
+    return st.floats(low, high, allow_nan=False)
+
+
+sds = numbers(1e-3, 1e3)
+
+
+@st.composite
+def fixes(draw):
+    """Fixes as receivers have them, with a geoid of height 0."""
+    covariance = diagonal_covariance(draw(sds), draw(sds), draw(sds))
+    sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
+    place = Position(draw(numbers(-90, 90)), draw(numbers(-180, 180)), draw(numbers(-400, 9000)), sd)
+    status = draw(st.sampled_from([status for status in FixStatus if status is not FixStatus.NO_FIX]))
+    kind = draw(st.sampled_from([kind for kind in CovarianceKind if kind is not CovarianceKind.UNKNOWN]))
+    stamp_s = T0 + draw(st.integers(0, 10**9)) / 16
+    return Fix(stamp_s, place, status, geoid_separation_m=0.0, covariance_m2=covariance, covariance_kind=kind)
+
+
+def over_the_wire(message):
+    return deserialize_message(serialize_message(message), type(message))
+
+
+@given(fixes())
+def test_fixes_come_back_over_the_wire(fix):
+    found = fix_from_message(over_the_wire(fix_to_message(fix, "gnss")))
+    for name in ("position", "status", "geoid_separation_m", "covariance_m2", "covariance_kind"):
+        assert getattr(found, name) == getattr(fix, name)
+    assert found.stamp_s == pytest.approx(fix.stamp_s, abs=1e-6)
+
+
+def test_altitudes_are_above_the_ellipsoid():
+    place = Position(53.0, -0.5, 30.0)
+    known = fix_to_message(Fix(T0, place, FixStatus.FIX, geoid_separation_m=48.0), "gnss")
+    assert (known.altitude, known.header.frame_id) == (78.0, "gnss")
+    assert math.isnan(fix_to_message(Fix(T0, place, FixStatus.FIX), "gnss").altitude)
+
+
+def test_no_fix_is_published_as_such():
+    message = over_the_wire(fix_to_message(Fix(T0, Position(NAN, NAN), FixStatus.NO_FIX), "gnss"))
+    assert message.status.status == NavSatStatus.STATUS_NO_FIX
+    assert math.isnan(message.latitude)
+    assert message.position_covariance_type == NavSatFix.COVARIANCE_TYPE_UNKNOWN
+    assert set(message.position_covariance) == {0.0}
+    found = fix_from_message(message)
+    assert (found.status, found.covariance_kind) == (FixStatus.NO_FIX, CovarianceKind.UNKNOWN)
+    assert math.isnan(found.position.latitude_deg)
+
+
+def test_without_a_date_there_is_no_stamp():
+    message = fix_to_message(Fix(NAN, Position(53.0, -0.5), FixStatus.FIX), "gnss")
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (0, 0)
+    assert math.isnan(fix_from_message(message).stamp_s)
+
+
+@given(
+    st.integers(-128, 127),
+    st.floats(),
+    st.floats(),
+    st.lists(st.floats(), min_size=9, max_size=9),
+    st.integers(0, 255),
+)
+def test_any_message_is_a_fix_with_a_place_or_none(status, latitude, longitude, covariance, kind):
+    message = NavSatFix(
+        status=NavSatStatus(status=status),
+        latitude=latitude,
+        longitude=longitude,
+        position_covariance=covariance,
+        position_covariance_type=kind,
+    )
+    found = fix_from_message(message)
+    placed = abs(found.position.latitude_deg) <= 90 and abs(found.position.longitude_deg) <= 180
+    assert placed == (found.status is not FixStatus.NO_FIX)
+    assert (found.status is FixStatus.NO_FIX) or int(found.status) == status
+
+
+@given(numbers(300, 1085), numbers(-60, 65), numbers(0, 1))
+def test_weather_comes_back_in_the_units_of_the_messages(pressure_hpa, temperature_degc, humidity):
+    record = LoggerRecord(T0 + 0.5, (), (), pressure_hpa, temperature_degc, humidity)
+    messages = {name: over_the_wire(message) for name, message in weather_to_messages(record, "crs").items()}
+    assert messages["pressure"].fluid_pressure == pytest.approx(100 * pressure_hpa)
+    assert weather_from_message(messages["pressure"]) == pytest.approx(pressure_hpa)
+    assert weather_from_message(messages["temperature"]) == temperature_degc
+    assert weather_from_message(messages["relative_humidity"]) == humidity
+    for message in messages.values():
+        assert (message.header.stamp.nanosec, message.header.frame_id) == (500_000_000, "crs")
+
+
+def test_unknown_weather_is_not_said():
+    assert weather_to_messages(LoggerRecord(T0, (), ()), "crs") == {}
+    assert list(weather_to_messages(LoggerRecord(T0, (), (), temperature_degc=4.0), "crs")) == ["temperature"]

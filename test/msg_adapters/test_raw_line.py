@@ -1,0 +1,26 @@
+"""Bytes of devices over the wire."""
+
+import platform
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+if platform.machine() != "x86_64":
+    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
+
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import String
+
+from msg_adapters.raw_line import line_from_message, line_to_message
+
+
+@given(st.binary())
+def test_every_byte_comes_back(line):
+    message = deserialize_message(serialize_message(line_to_message(line)), String)
+    assert line_from_message(message) == line
+
+
+def test_another_text_is_refused():
+    with pytest.raises(ValueError, match="latin-1"):
+        line_from_message(String(data="\N{SNOWMAN}"))

@@ -1,0 +1,408 @@
+"""The sensor driver as a real process, with devices that do what devices in the field do."""
+
+import contextlib
+import itertools
+import math
+import socket
+import threading
+import time
+from datetime import UTC, datetime
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from hypothesis import given
+from hypothesis import strategies as st
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
+from std_msgs.msg import Float64, String
+
+from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.diagnostics import diagnostics_from_message
+from msg_adapters.environment import fix_from_message, fix_to_message, weather_from_message
+from msg_adapters.raw_line import line_from_message
+from msg_adapters.stamps import to_seconds, to_time
+from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.health import Level
+from soilmoist_ros.nodes import qos
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.robot_logger import format_header, format_record
+from soilmoist_ros.simulation.virtual_gnss import nmea_sentences, sentences_without_fix
+from soilmoist_ros.simulation.virtual_survey import write_survey
+
+T0 = datetime(2026, 6, 1, 8, tzinfo=UTC).timestamp()
+FRAME = LocalFrame(53.268, -0.5245)
+FIELD = """
+name: Test field
+datum: {latitude_deg: 53.268, longitude_deg: -0.5245}
+polygon: [[0, 0], [60, 0], [60, 50], [0, 50]]
+"""
+HEADER = [text.encode() for text in format_header("CRS-0007").splitlines()]
+
+
+class Device:
+    """A TCP server that a test plays by hand: what is sent goes to the client that is connected now."""
+
+    def __init__(self, greeting=()):
+        self.greeting = greeting
+        self.connections = 0
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self._server.settimeout(0.1)
+        self.uri = "tcp://{}:{}".format(*self._server.getsockname())
+        self._client = None
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._accept)
+        self._thread.start()
+
+    def _accept(self):
+        while not self._done.is_set():
+            with contextlib.suppress(TimeoutError):
+                client, _ = self._server.accept()
+                for line in self.greeting:
+                    client.sendall(line + b"\r\n")
+                self._client, old = client, self._client
+                if old is not None:
+                    old.close()
+                self.connections += 1
+
+    def send(self, *lines, end=b"\r\n"):
+        for line in lines:
+            self._client.sendall(line + end)
+
+    def hang_up(self):
+        self._client.close()
+
+    def close(self):
+        self._done.set()
+        self._thread.join()
+        self._server.close()
+        if self._client is not None:
+            self._client.close()
+
+
+@pytest.fixture
+def logger():
+    device = Device(HEADER)
+    yield device
+    device.close()
+
+
+@pytest.fixture
+def receiver():
+    device = Device()
+    yield device
+    device.close()
+
+
+@pytest.fixture
+def field(tmp_path):
+    path = tmp_path / "field.yaml"
+    path.write_text(FIELD)
+    return str(path)
+
+
+class Outputs:
+    """What the driver publishes."""
+
+    def __init__(self, ros):
+        self.counts = ros.collect(PointCloud2, "counts", qos.RECORDS)
+        self.fix = ros.collect(NavSatFix, "fix", qos.SENSOR)
+        self.pressure = ros.collect(FluidPressure, "pressure", qos.SENSOR)
+        self.temperature = ros.collect(Temperature, "temperature", qos.SENSOR)
+        self.humidity = ros.collect(RelativeHumidity, "relative_humidity", qos.SENSOR)
+        self.raw_logger = ros.collect(String, "raw/logger", qos.RECORDS)
+        self.raw_gnss = ros.collect(String, "raw/gnss", qos.RECORDS)
+        self.diagnostics = ros.collect(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+
+    @property
+    def records(self):
+        return [record for message in self.counts for record in counts_from_message(message)]
+
+    @property
+    def numbers(self):
+        """Running numbers of the records, by their times."""
+        return [round((record.stamp_s - T0) / 10) for record in self.records]
+
+    def health(self, name):
+        found = [part for message in self.diagnostics for part in diagnostics_from_message(message)]
+        return next((part for part in reversed(found) if part.name.endswith(f": {name}")), None)
+
+    def told(self, name, key):
+        """What the last diagnostics of a part say of something, empty without any."""
+        part = self.health(name)
+        return part.values.get(key, "") if part else ""
+
+
+@pytest.fixture
+def outputs(ros):
+    return Outputs(ros)
+
+
+@pytest.fixture
+def start(ros, field, logger, outputs):
+    """Starts a driver of the devices, and waits until it listens to them."""
+
+    def make(receiver=None, **params):
+        params = {"field": field, "logger_uri": logger.uri, **params}
+        if receiver is not None:
+            params["gnss_uri"] = receiver.uri
+        process = ros.start("sensor_driver", params=params)
+        if params["logger_uri"] == logger.uri:
+            ros.wait_for(lambda: logger.connections, message="a connection to the logger")
+            repeat_until(ros, lambda: logger.send(b"# hello"), lambda: outputs.raw_logger)
+        if receiver is not None:
+            ros.wait_for(lambda: receiver.connections, message="a connection to the receiver")
+            seconds = itertools.count(-1000)
+            repeat_until(
+                ros, lambda: receiver.send(*no_fix(next(seconds))), lambda: outputs.fix and outputs.raw_gnss
+            )
+            receiver.send(*no_fix(-1))
+            ros.wait_for(lambda: outputs.raw_gnss and line_from_message(outputs.raw_gnss[-1]) == no_fix(-1)[-1])
+        for heard in (outputs.raw_logger, outputs.raw_gnss, outputs.fix):
+            heard.clear()
+        return process
+
+    return make
+
+
+def repeat_until(ros, send, heard):
+    """Send until it is heard: what is sent before two parties know of each other is lost."""
+
+    def tried():
+        send()
+        time.sleep(0.05)
+        return heard()
+
+    ros.wait_for(tried, message="an answer")
+
+
+def no_fix(elapsed_s):
+    return [text.encode() for text in sentences_without_fix(T0 + elapsed_s)]
+
+
+def record(number, **values):
+    weather = {"pressure_hpa": 1000.0, "temperature_degc": 20.0, "relative_humidity": 0.5}
+    counts = {"tube_counts": (5.0,) * 12, "tube_live_s": (10.0,) * 12}
+    return LoggerRecord(T0 + 10.0 * number, **{**counts, **weather, "record_number": number, **values})
+
+
+def line(number, **values):
+    return format_record(record(number, **values)).encode()
+
+
+def place(x_m, y_m=20.0):
+    latitude, longitude = FRAME.to_geographic((x_m, y_m))[0].tolist()
+    return Position(latitude, longitude, 30.0, 0.02)
+
+
+def epoch(elapsed_s, x_m):
+    return [text.encode() for text in nmea_sentences(T0 + elapsed_s, place(x_m))]
+
+
+def test_records_go_out_at_their_places_with_all_that_belongs_to_them(ros, start, outputs, logger, receiver):
+    process = start(receiver)
+    logger.send(*HEADER)
+    for second in range(23):
+        receiver.send(*epoch(second, 10.0 + second))
+        if second in (10, 20):
+            logger.send(line(second // 10))
+    ros.wait_for(lambda: len(outputs.counts) == 2, message="two records")
+    first, second = outputs.records
+    assert outputs.numbers == [1, 2]
+    assert (first.x_m, first.y_m) == (pytest.approx(15.0, abs=1e-3), pytest.approx(20.0, abs=1e-3))
+    assert second.x_m == pytest.approx(25.0, abs=1e-3)
+    assert (first.raw_counts, first.exposure_s) == (60, 10.0)
+    assert first.f_pressure == pytest.approx(math.exp(0.0077 * (1000 - 1013.25)))
+    assert outputs.counts[0].header.frame_id == "map"
+    ros.wait_for(lambda: outputs.fix and outputs.humidity and len(outputs.raw_logger) >= 2 + len(HEADER))
+    heard = [line_from_message(message) for message in outputs.raw_logger]
+    assert [text for text in heard if text != b"# hello"] == [*HEADER, line(1), line(2)]
+    ros.wait_for(lambda: sum(b"GST" in line_from_message(message) for message in outputs.raw_gnss) == 23)
+    assert weather_from_message(outputs.pressure[-1]) == pytest.approx(1000.0)
+    assert weather_from_message(outputs.temperature[-1]) == pytest.approx(20.0)
+    assert weather_from_message(outputs.humidity[-1]) == pytest.approx(0.5)
+    fix = fix_from_message(outputs.fix[-1])
+    assert (fix.status, fix.covariance_m2[0][0]) == (FixStatus.RTK, pytest.approx(0.02**2))
+    ros.wait_for(lambda: outputs.told("records", "records") == "2")
+    assert outputs.told("records", "serial number") == "CRS-0007"
+    assert "the logger's clock differs" in outputs.health("records").message
+    assert {status.hardware_id for status in outputs.diagnostics[-1].status} == {"CRS-0007"}
+    for link in ("logger link", "GNSS link"):
+        assert outputs.health(link).level is Level.OK
+    assert process.stop() == 0
+    assert "Traceback" not in process.output()
+
+
+def test_a_receiver_without_a_fix_says_so_and_records_have_no_place(ros, start, outputs, logger, receiver):
+    start(receiver)
+    for second in range(14):
+        receiver.send(*no_fix(second))
+    ros.wait_for(lambda: outputs.fix, message="a fix that is none")
+    assert fix_from_message(outputs.fix[-1]).status is FixStatus.NO_FIX
+    logger.send(line(1))
+    ros.wait_for(lambda: outputs.counts)
+    [one] = outputs.records
+    assert math.isnan(one.x_m)
+    assert math.isnan(one.y_m)
+    assert one.raw_counts == 60
+    ros.wait_for(lambda: outputs.told("records", "records without a position") == "1")
+    assert outputs.health("GNSS").level is Level.ERROR
+
+
+def test_it_survives_what_connections_do(ros, start, outputs, logger):
+    process = start(fix_wait_s=0.0, silence_limit_s=3.0)
+    logger.send(line(1))
+    logger.send(line(2)[:30], end=b"")
+    ros.wait_for(lambda: outputs.numbers == [1])
+    logger.hang_up()
+    ros.wait_for(lambda: logger.connections == 2, message="a new connection")
+    for byte in line(3):  # a slow drip
+        logger.send(bytes([byte]), end=b"")
+    logger.send(b"\r\n" + line(4) + b"\n" + line(5)[:20], end=b"")
+    logger.send(line(6))  # without the end of the line before: both are lost
+    logger.send(b"\x00\xff garbage \x80", b"x" * 1_000_000, line(7).replace(b"5,5", b"5,6", 1), line(8))
+    ros.wait_for(lambda: outputs.numbers == [1, 3, 4, 8])
+    # Now it is half open: nothing comes any more.
+    ros.wait_for(lambda: logger.connections >= 3, message="a new connection after silence")
+    logger.send(line(9))
+    ros.wait_for(lambda: outputs.numbers == [1, 3, 4, 8, 9])
+    ros.wait_for(lambda: outputs.told("logger link", "lines too long") == "1")
+    assert outputs.told("records", "dropped: wrong checksum") == "3"
+    assert process.stop() == 0
+    assert "Traceback" not in process.output()
+
+
+def test_fixes_come_by_topic_if_no_receiver_is_given(ros, start, outputs, logger):
+    publisher = ros.node.create_publisher(NavSatFix, "fix", qos.SENSOR)
+    start(fix_wait_s=30.0)
+    ros.wait_for(publisher.get_subscription_count)
+    logger.send(line(1))
+
+    def placed():
+        for second in (4.0, 6.0):
+            fix = Fix(T0 + second, place(10 * second), FixStatus.FIX, geoid_separation_m=0.0)
+            publisher.publish(fix_to_message(fix, "gnss"))
+        return outputs.counts
+
+    ros.wait_for(placed, message="a record with the place of the topic")
+    assert outputs.records[0].x_m == pytest.approx(50.0, abs=10.0)  # a fix may be lost on its way
+    assert outputs.records[0].y_m == pytest.approx(20.0, abs=1e-2)
+    assert not outputs.raw_gnss
+
+
+def test_intensity_comes_by_topic(ros, start, outputs, logger, tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_text("corrections: {pressure: null, humidity: null, intensity: {reference: 150, constant: 150}}\n")
+    publisher = ros.node.create_publisher(Float64, "monitor", qos.DEFAULT)
+    process = start(fix_wait_s=0.0, site=str(site), intensity_topic="monitor")
+    logger.send(line(1))
+    ros.wait_for(lambda: outputs.counts)
+    ros.wait_for(publisher.get_subscription_count)
+    for rate in (math.nan, 100.0):
+        publisher.publish(Float64(data=rate))
+    ros.wait_for(lambda: "an intensity of nan is not used" in process.output())
+    numbers = itertools.count(2)
+    repeat_until(ros, lambda: logger.send(line(next(numbers))), lambda: outputs.records[-1].f_intensity == 1.5)
+    assert outputs.records[0].f_intensity == 1.0
+
+
+def test_recordings_are_played_like_devices(ros, start, outputs, tmp_path):
+    write_survey(tmp_path / "survey", 3, spacing_m=40.0, dwell_s=60.0)
+    log, nmea = (tmp_path / "survey" / name for name in ("survey.log", "survey.nmea"))
+    number = sum(not text.startswith(b"#") for text in log.read_bytes().splitlines())
+    start(logger_uri=f"{log.as_uri()}?speed=30", gnss_uri=f"{nmea.as_uri()}?speed=30", fix_wait_s=60.0)
+    ros.wait_for(lambda: outputs.counts and outputs.numbers[-1] == number, timeout=60, message="the last record")
+    assert outputs.numbers == list(range(outputs.numbers[0], number + 1))  # the first ones came before we listened
+    assert not [one for one in outputs.records if math.isnan(one.x_m)]
+
+
+def test_it_uses_simulated_time(ros, start, outputs, logger):
+    clock = ros.node.create_publisher(Clock, "/clock", qos.CLOCK)
+    start(use_sim_time=True, fix_wait_s=0.0)
+    ros.wait_for(clock.get_subscription_count)
+
+    def told():
+        clock.publish(Clock(clock=to_time(T0 + 17.0)))
+        return outputs.diagnostics and to_seconds(outputs.diagnostics[-1].header.stamp) == T0 + 17.0
+
+    ros.wait_for(told, message="diagnostics in simulated time")
+    logger.send(line(1))
+    ros.wait_for(lambda: outputs.told("records", "logger clock minus ours [s]") == "-7.0")
+    assert outputs.health("records").level is Level.WARN
+
+
+def change(ros, transition):
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return ros.call(ChangeState, "sensor_driver/change_state", request).success
+
+
+def state(ros):
+    return ros.call(GetState, "sensor_driver/get_state").current_state.id
+
+
+def test_its_life_cycle(ros, field, logger, outputs):
+    params = {"field": field, "logger_uri": logger.uri, "fix_wait_s": 0.0, "autostart": False}
+    process = ros.start("sensor_driver", params=params)
+    assert state(ros) == State.PRIMARY_STATE_UNCONFIGURED
+    assert change(ros, Transition.TRANSITION_CONFIGURE)
+    assert state(ros) == State.PRIMARY_STATE_INACTIVE
+    assert logger.connections == 0
+    for connection in (1, 2):
+        assert change(ros, Transition.TRANSITION_ACTIVATE)
+        ros.wait_for(lambda: logger.connections == connection)  # noqa: B023
+        logger.send(line(connection))
+        ros.wait_for(lambda: len(outputs.counts) == connection)  # noqa: B023
+        assert change(ros, Transition.TRANSITION_DEACTIVATE)
+        assert state(ros) == State.PRIMARY_STATE_INACTIVE
+    ros.wait_for(lambda: outputs.health("driver"), message="that it is not active")
+    assert change(ros, Transition.TRANSITION_CLEANUP)
+    assert state(ros) == State.PRIMARY_STATE_UNCONFIGURED
+    assert change(ros, Transition.TRANSITION_CONFIGURE)
+    assert change(ros, Transition.TRANSITION_ACTIVATE)
+    ros.wait_for(lambda: logger.connections == 3)
+    assert change(ros, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    assert state(ros) == State.PRIMARY_STATE_FINALIZED
+    assert process.stop() == 0
+    assert "Traceback" not in process.output()
+
+
+def test_a_transition_fails_if_something_cannot_be_used(ros, field):
+    params = {"field": field, "logger_uri": "file:///no/such.log", "autostart": False}
+    process = ros.start("sensor_driver", params=params)
+    assert not change(ros, Transition.TRANSITION_CONFIGURE)
+    assert state(ros) == State.PRIMARY_STATE_UNCONFIGURED
+    ros.wait_for(lambda: "no such file" in process.output())
+    assert process.stop() == 0
+
+
+@pytest.mark.parametrize(
+    ("params", "said"),
+    [
+        ({"loger_uri": "x"}, "did you mean 'logger_uri'?"),
+        ({"field": "exampel"}, "did you mean 'example'?"),
+        ({"field": "example", "site": "exampl"}, "did you mean 'example'?"),
+        ({"field": "example", "logger_format": "thorvald"}, "thorvald_crs"),
+        ({"field": "example", "logger_uri": "tpc://host:1"}, "write it like tcp://"),
+        ({"field": "example", "logger_uri": "file:///no/such.log"}, "no such file"),
+        ({"field": "example", "gnss_uri": "tcp://host"}, "lacks the port"),
+        ({"field": "example", "fix_wait_s": -1.0}, "fix_wait_s must be 0 .. 60 s, got -1"),
+        ({"field": "example", "intensity_topic": "monitor"}, "no reference for the intensity"),
+    ],
+)
+def test_mistakes_in_parameters_end_it_with_a_suggestion(ros, params, said):
+    process = ros.start("sensor_driver", params=params)
+    assert process.wait() == 2
+    assert said in process.output()
+    assert "Traceback" not in process.output()
+
+
+@given(st.floats(-1e4, 1e4), st.integers(0, 2**31), st.floats(1e-3, 1e5), st.floats(0.1, 10))
+def test_a_record_comes_back_from_its_message(x_m, counts, exposure_s, factor):
+    sent = CountRecord(T0, x_m, math.nan, math.nan, counts, exposure_s, exposure_s / factor, f_pressure=factor)
+    [found] = counts_from_message(counts_to_message([sent]))
+    assert (found.stamp_s, found.raw_counts, found.exposure_s) == (T0, counts, exposure_s)
+    assert (found.effective_exposure_s, found.f_pressure) == (exposure_s / factor, factor)
+    assert found.x_m == pytest.approx(x_m, rel=1e-6)
+    assert math.isnan(found.y_m)
