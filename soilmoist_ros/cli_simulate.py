@@ -16,9 +16,9 @@ from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
     "--field", default="synthetic-high", show_default=True, help="Built-in field, or a field file with a truth."
 )
 @click.option("--strategy", default="greedy", show_default=True,
-              help="greedy, monte_carlo, adaptive_sampling, random or lattice.")  # fmt: skip
+              help="greedy, monte_carlo, adaptive_sampling, random, lattice, ivr or gcb.")  # fmt: skip
 @click.option("--dwell", default="ami:0.03", show_default=True,
-              help="fmi:SECONDS (fixed) or ami:THRESHOLD (until 1/sqrt(counts) falls to it).")  # fmt: skip
+              help="fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) is that) or optimal.")  # fmt: skip
 @click.option(
     "--hours", type=click.FloatRange(min=0, min_open=True), help="Mission time [h]. Default: the field's."
 )
@@ -30,6 +30,10 @@ from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
               help="Variogram fit: the published one, or restricted maximum likelihood.")  # fmt: skip
 @click.option("--preset", type=click.Choice(["paper", "authors"]), default="paper", show_default=True,
               help="Constants of the strategies: the paper's text, or the authors' experiments.")  # fmt: skip
+@click.option("--map-from", type=click.Choice(["stops", "records"]), default="stops", show_default=True,
+              help="Map what is counted at the stops, as published, or on the way too.")  # fmt: skip
+@click.option("--target", type=click.Choice(["rate", "vwc"]), default="rate", show_default=True,
+              help="What is to be known well: the rate, or the moisture (ivr, gcb, optimal).")  # fmt: skip
 @click.option(
     "--graph", type=FILE, help='Topological map to travel on; "lattice" lays one. Default: straight lines.'
 )
@@ -48,6 +52,7 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
     """
     from soilmoist_ros.reporting.mission_report import write_mission
+    from soilmoist_ros.simulation.mission_efficiency import mission_efficiency
     from soilmoist_ros.simulation.mission_run import MissionSettings
     from soilmoist_ros.simulation.mission_simulator import simulate_mission
     from soilmoist_ros.simulation.surrogate_field import surrogate_field
@@ -74,6 +79,8 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
         click.echo(f"rate       MSE {last.mse:.4f} (counts/s)2, {covered}")
         rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
         click.echo(f"moisture   {rmse if result.soil_map.curve else 'not mapped: the field has no calibration'}")
+        if (plan := mission_efficiency(result)) is not None:
+            click.echo(f"efficiency {100 * plan.reached:.0f} % of what any plan could have done in the time")
     for path in written:
         click.echo(f"wrote {path}")
 

@@ -58,7 +58,7 @@ class OnlineSurvey:
                 "variogram_model": settings.model,
                 "variogram_fit": settings.fit,
                 "nugget": "kept" if settings.keep_nugget else "filtered",
-                "merge_radius_m": settings.merge_radius_m,
+                "merge_radius_m": self.online.merge_radius_m,
                 "cell_m": self.online.grid.cell_m,
             },
             inputs=[input_file(path, role) for role, path in self.files],
@@ -92,7 +92,7 @@ def open_survey(
     model: ModelName = "matern32",
     fit: FitMethod = "reml",
     keep_nugget: bool = True,
-    merge_radius_m: float = 2.5,
+    merge_radius_m: float = 0.0,
     simulated: bool = False,
 ) -> OnlineSurvey:
     """An on-line map without records.
@@ -100,6 +100,8 @@ def open_survey(
     :param field: field file, or the name of a shipped one
     :param site: site file, or the name of a shipped one; empty for none, then there is a rate map only
     :param cell_m: cell size of the map [m]; 0 for the field's own, or one chosen from its extent
+    :param merge_radius_m: records closer together than this become one sample [m]; 0 for a radius chosen from
+        the footprint and the extent of the field
     :param simulated: the counts come from a simulation
 
     The others are those of :class:`~soilmoist_ros.mapping.online_map.OnlineSettings`.
@@ -118,7 +120,9 @@ def open_survey(
         grid = the_field.grid(cell_m or None, the_site.footprint_radius_m)
     except ValueError as error:
         raise InputError(f"the map cannot be laid out: {error}", "change the cell size", field_path) from None
-    settings = OnlineSettings(model, fit, keep_nugget, merge_radius_m, the_site.footprint_radius_m, the_site.curve)
+    settings = OnlineSettings(
+        model, fit, keep_nugget, merge_radius_m or None, the_site.footprint_radius_m, the_site.curve
+    )
     return OnlineSurvey(the_field, the_site, OnlineMap(grid, settings), tuple(files), simulated)
 
 

@@ -202,12 +202,14 @@ class MarginalValue:
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
         """Dwell that pays at this rate [s]."""
-        return self._best_s(factor * rate_cps) if rate_cps > 0 else self.longest_s
+        # n is the square of the stop's own factor times the raw rate.
+        return self._best_s(self.factor**2 * rate_cps / factor) if rate_cps > 0 else self.longest_s
 
     def progress(self, raw_counts: int, live_s: float) -> float:
         """Share of the dwell that pays at the rate counted so far, 0..1."""
-        best_s = self._best_s(self._noise(raw_counts, live_s))
-        return min(live_s / best_s, 1.0) if best_s > 0 else 1.0
+        if self.enough(raw_counts, live_s):
+            return 1.0
+        return live_s / self._best_s(self._noise(raw_counts, live_s))
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
         """What was reached, in words."""
@@ -291,6 +293,8 @@ def _of_stop(numbers: str, longest_s: float) -> DwellRule:
         gain, variance, price, factor = (float(number) for number in numbers.split(","))
     except ValueError:
         raise InputError(f"'value:{numbers}' is not A,B,PRICE,FACTOR", _EXAMPLES) from None
+    if not (0 <= gain < math.inf and 0 < variance < math.inf and 0 <= price < math.inf and 0 < factor < math.inf):
+        raise InputError(f"'value:{numbers}' is out of range", _EXAMPLES)
     return MarginalValue(gain, variance, price, factor, longest_s)
 
 

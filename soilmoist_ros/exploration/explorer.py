@@ -20,7 +20,6 @@ from soilmoist_ros.sensing.moisture import CalibrationCurve
 
 Array = NDArray[np.float64]
 _ON_THE_WAY_TOO = Counting()
-_NEAR_POLE = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +140,7 @@ class Explorer:
         model = PlanningModel(kriging, cells, self._weights(cells), self._xy[numbers], self.factor)
         travel_s = self.travel.travel_s(position_xy, stops)
         budget_s = request.budget_left_s - self._home_s[numbers]
+        travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)
 
     def _dwell_at(self, stop: Stop, situation: Situation, request: RequestPlan) -> str:
@@ -159,9 +159,7 @@ class Explorer:
         weights = np.full(len(cells), 1 / len(cells))
         if self.curve is not None:
             assert self.live_map.kriging is not None
-            # Near its pole the curve is too steep for one cell to decide the plan.
-            rate = np.maximum(self.live_map.kriging.predict(cells)[0], _NEAR_POLE * self.curve.lowest_rate_cps)
-            weights = weights * self.curve.slope(rate) ** 2
+            weights = weights * self.curve.weight(self.live_map.kriging.predict(cells)[0])
         return weights
 
     def _few_stops(self) -> NDArray[np.bool_]:

@@ -99,7 +99,8 @@ def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -
         make_strategy(settings.strategy, settings.preset),
         make_strategy("random", settings.preset),
         settings.dwell,
-        np.random.default_rng(settings.seed),
+        # The same stream as in a simulation without ROS: the same seed draws the same stops.
+        np.random.default_rng(np.random.SeedSequence(settings.seed).spawn(2)[1]),
         rules.min_dwell_s,
         home=rules.home,
     )

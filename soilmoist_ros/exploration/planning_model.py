@@ -26,7 +26,7 @@ Indices = NDArray[np.intp]
 LOWEST_RATE_CPS = 1e-3
 """Rates predicted lower than this are taken for this [counts/s]: kriging may undershoot."""
 _SAME_M = 1e-9
-_NO_TIME_S = 1e-9
+_NO_TIME_S = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class PlanningModel:
         self.stop_nodes: Indices = np.where(own, self._cells + np.cumsum(own) - 1, nearest)
         self._nodes = np.vstack([cells_xy, stops_xy[own]])
         self._tree = KDTree(self._nodes)
-        self._weight = weight
+        self.weight = weight
         self.covariance = kriging.covariance(self._nodes)
         self.nugget = kriging.variogram.nugget
         self.factor = factor
@@ -88,13 +88,13 @@ class PlanningModel:
     @property
     def integrated_variance(self) -> float:
         """Weighted sum of the variances of the cells."""
-        return float(self._weight @ np.diag(self.covariance)[: self._cells])
+        return float(self.weight @ np.diag(self.covariance)[: self._cells])
 
     @cached_property
     def gram(self) -> Array:
         """``sum_g omega_g C(g, a) C(g, b)`` of every two nodes; its diagonal is A of each."""
         to_cells = self.covariance[: self._cells]
-        return np.asarray((to_cells.T * self._weight) @ to_cells)
+        return np.asarray((to_cells.T * self.weight) @ to_cells)
 
     def nearest_nodes(self, xy: ArrayLike) -> Indices:
         """Numbers of the nodes nearest to places of shape (..., 2)."""
@@ -115,7 +115,13 @@ class PlanningModel:
         return float(np.trace(np.linalg.solve(noisy, self.gram[np.ix_(nodes, nodes)])))
 
     def worth(
-        self, stops: Indices, travel_s: Array, ways: Indices, exposure_s: Array, overhead_s: float, longest_s: Array
+        self,
+        stops: Indices,
+        travel_s: Array,
+        ways: Indices,
+        exposure_s: Array,
+        overhead_s: float,
+        longest_s: Array,
     ) -> Worth:
         """What going to each of some candidates and counting there is worth.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -63,7 +64,7 @@ class Prospect:
         self.model = model
         self.stops = stops
         self._travel = travel
-        self._position = position_xy
+        self.position = position_xy
         self._travel_s = travel_s
         self._budget_s = budget_s
         self._counting = counting
@@ -77,10 +78,9 @@ class Prospect:
     def worth(self) -> Worth:
         """Worth of each :attr:`reachable` candidate, in that order."""
         stops = self.reachable
-        ways, exposure_s = self._ways(stops)
-        overhead_s = self._travel.motion.stop_overhead_s if self._counting.on_way else 0.0
+        ways, exposure_s = self.ways(stops)
         longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], LONGEST_DWELL_S)
-        return self.model.worth(stops, self._travel_s[stops], ways, exposure_s, overhead_s, longest_s)
+        return self.model.worth(stops, self._travel_s[stops], ways, exposure_s, self.overhead_s, longest_s)
 
     @property
     def price(self) -> float:
@@ -95,18 +95,49 @@ class Prospect:
                 return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor)
         return None
 
-    def _ways(self, stops: Indices) -> tuple[Indices, Array]:
+    @property
+    def counts_on_way(self) -> bool:
+        """Whether records taken while driving are mapped too."""
+        return self._counting.on_way
+
+    @property
+    def overhead_s(self) -> float:
+        """Time of each trip in which the robot already counts at the stop [s]."""
+        return self._travel.motion.stop_overhead_s if self._counting.on_way else 0.0
+
+    def place(self, row: int) -> tuple[float, float]:
+        """Place of a :attr:`reachable` candidate [m]."""
+        stop = self.stops[int(self.reachable[row])]
+        return stop.x_m, stop.y_m
+
+    def travel_from(self, row: int) -> Array:
+        """Travel times from a reachable candidate to all of them [s]."""
+        return self._travel.travel_s(self.place(row), [self.stops[number] for number in self.reachable.tolist()])
+
+    def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
+        """Nodes on the way from a place to a reachable candidate, and the exposure at each [s].
+
+        :param travel_s: time of the trip, stop overhead included [s]
+        """
+        drive_s = travel_s - self._travel.motion.stop_overhead_s
+        count = min(math.ceil(drive_s / self._counting.cadence_s - _ROUNDING), MOST_PLACES)
+        if count <= 0:
+            return np.empty(0, np.intp), np.empty(0)
+        places = along(self._travel.route(place, self.stops[int(self.reachable[row])]), count)
+        return self.model.nearest_nodes(places), np.full(count, drive_s / count)
+
+    def ways(self, stops: Indices) -> tuple[Indices, Array]:
         """Nodes of the model along the way to each candidate, shape (k, m), and the exposure at each [s]."""
         if not self._counting.on_way:
             return np.empty((len(stops), 0), np.intp), np.empty((len(stops), 0))
         drive_s = self._travel_s[stops] - self._travel.motion.stop_overhead_s
         counts = np.clip(np.ceil(drive_s / self._counting.cadence_s - _ROUNDING), 0, MOST_PLACES).astype(int)
         most = int(counts.max(initial=0))
-        places = np.tile(np.asarray(self._position, float), (len(stops), most, 1))
+        places = np.tile(np.asarray(self.position, float), (len(stops), most, 1))
         for row, number in enumerate(stops.tolist()):
             if counts[row]:
                 places[row, : counts[row]] = along(
-                    self._travel.route(self._position, self.stops[number]), int(counts[row])
+                    self._travel.route(self.position, self.stops[number]), int(counts[row])
                 )
         used = np.arange(most) < counts[:, None]
         exposure_s = np.where(used, (drive_s / np.maximum(counts, 1))[:, None], 0.0)
@@ -119,7 +150,10 @@ def along(polyline: Array, count: int) -> Array:
     :param polyline: corners, shape (p, 2) [m]
     :param count: >= 1
     """
+    shares = (np.arange(count) + 0.5) / count
+    if len(polyline) == 2:  # most ways are straight, and this is done for every candidate
+        return np.asarray(polyline[0] + shares[:, None] * (polyline[1] - polyline[0]))
     length_m = polyline_length_m(polyline)
     reached = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
-    middles = (np.arange(count) + 0.5) / count * length_m
+    middles = shares * length_m
     return np.column_stack([np.interp(middles, reached, axis) for axis in polyline.T])

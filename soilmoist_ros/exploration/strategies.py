@@ -27,11 +27,11 @@ __all__ = ["NEEDS_NO_MAP", "PRESETS", "STRATEGIES", "Greedy", "MonteCarlo", "Pre
 
 Array = NDArray[np.float64]
 
-STRATEGIES = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr")
+STRATEGIES = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr", "gcb")
 """Names that :func:`make_strategy` knows."""
 
 
-NEEDS_NO_MAP = frozenset({"random", "lattice", "ivr"})
+NEEDS_NO_MAP = frozenset({"random", "lattice", "ivr", "gcb"})
 """Strategies that need no samples at random places first."""
 
 
@@ -53,6 +53,10 @@ def make_strategy(name: str, preset: str | Preset = "paper") -> Strategy:
         return AdaptiveSampling(preset) if name == "adaptive_sampling" else Lattice()
     if name == "ivr":
         return VarianceReduction()
+    if name == "gcb":
+        from soilmoist_ros.exploration.cost_benefit_tour import CostBenefitTour
+
+        return CostBenefitTour()
     if name == "greedy":
         return Greedy(preset)
     return MonteCarlo(preset) if name == "monte_carlo" else Random(preset)

@@ -59,7 +59,8 @@ class OnlineSettings:
     :param model: variogram model
     :param fit: ``reml`` or ``soft_l1``
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
-    :param merge_radius_m: records closer together than this become one sample [m], >= 0
+    :param merge_radius_m: records closer together than this become one sample [m], >= 0; ``None`` for one chosen
+        by :func:`default_merge_radius_m`
     :param margin_m: records so far outside the field still count [m], >= 0; they tell about its edge
     :param curve: calibration that turns the rate into soil moisture
     """
@@ -67,7 +68,7 @@ class OnlineSettings:
     model: ModelName = "matern32"
     fit: FitMethod = "reml"
     keep_nugget: bool = True
-    merge_radius_m: float = 2.5
+    merge_radius_m: float | None = None
     margin_m: float = 10.0
     curve: CalibrationCurve | None = None
 
@@ -126,6 +127,8 @@ class OnlineMap:
 
     Attributes
     ----------
+    merge_radius_m : float
+        records closer together than this become one sample [m]
     state : MapState
         what the records so far come to
     track : list[CountRecord]
@@ -143,12 +146,14 @@ class OnlineMap:
         self.settings = settings
         self._area = shapely.union_all([shapely.Polygon(ring) for ring in grid.polygons]).buffer(settings.margin_m)
         shapely.prepare(self._area)
+        chosen_m = settings.merge_radius_m
+        self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None
         self.reset()
 
     def reset(self) -> None:
         """Forget all records."""
-        self._merger = SampleMerger(self.settings.merge_radius_m)
+        self._merger = SampleMerger(self.merge_radius_m)
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
         self.track: list[CountRecord] = []
@@ -244,6 +249,14 @@ class OnlineMap:
         if not shapely.contains_xy(self._area, record.x_m, record.y_m):
             return Skip.OUTSIDE, f"at x = {record.x_m:.1f} m, y = {record.y_m:.1f} m"
         return None, ""
+
+
+def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
+    """Radius within which records become one sample [m]: a quarter of the footprint, on large fields more.
+
+    There a fortieth of the extent keeps the samples of a day's drive to some hundreds.
+    """
+    return max(footprint_radius_m / 4, grid.extent_m / 40)
 
 
 def _has_grown(fitted: Samples, samples: Samples) -> bool:

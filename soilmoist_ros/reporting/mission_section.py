@@ -15,6 +15,7 @@ from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.section import Section
 from soilmoist_ros.reporting.style import BLUE, INK, SMALL, label, new_figure, picture, plain
 from soilmoist_ros.reporting.wording import duration, length, number, percent
+from soilmoist_ros.simulation.mission_efficiency import mission_efficiency
 from soilmoist_ros.simulation.mission_run import MissionResult, SeriesRow, Visit
 
 if TYPE_CHECKING:
@@ -55,13 +56,19 @@ def mission_part(run: MapRun) -> MissionPart | None:
         )
     ]  # fmt: skip
     if mission.series:
+        has_truth = bool(np.isfinite(mission.truth_rate).any())
+        told = "Error, coverage and distance" if has_truth else "Distance"
+        about = (
+            "From above: the mean squared error of the rate map (logarithmic; multiply by 100 for "
+            "(counts/10 s)²), the share of the field whose true rate lies in the 95 % interval of the map, "
+            "and the distance."
+        )
         sections.append(
             Section(
                 "course", "The course of the mission",
-                picture(course_chart(mission.series), "Error, coverage and distance against mission time", True),
-                "From above: the mean squared error of the rate map (logarithmic; multiply by 100 for "
-                "(counts/10 s)²), the share of the field whose true rate lies in the 95 % interval of the map, "
-                "and the distance. Ticks at the foot: times at which a measurement was finished.",
+                picture(course_chart(mission.series, has_truth), f"{told} against mission time", True),
+                f"{about if has_truth else 'The distance driven.'} Ticks at the foot: times at which a "
+                "measurement was finished.",
             )
         )  # fmt: skip
     shown = tuple(mission.visits[:MOST_VISITS])
@@ -88,13 +95,18 @@ def _text(mission: MissionResult) -> str:
             if np.isfinite(end.vwc_rmse):
                 sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
             sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
+    if (plan := mission_efficiency(mission)) is not None:
+        sentences.append(
+            f"It reached {percent(plan.reached)} of what any plan could have done in this time: no division of it "
+            "among all places, even without driving, would leave less than this share of the map's mean variance"
+        )
     if mission.ended:
         sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
     return ". ".join(sentences) + "."
 
 
-def course_chart(series: Sequence[SeriesRow]) -> Figure:
-    """Error, coverage and distance against time, one above the other."""
+def course_chart(series: Sequence[SeriesRow], has_truth: bool = True) -> Figure:
+    """Error, coverage and distance against time, one above the other; without a truth the distance only."""
     state = np.array(series, float)
     hours, distance, samples, error, coverage = (
         state[:, 0] / 3600,
@@ -103,6 +115,10 @@ def course_chart(series: Sequence[SeriesRow]) -> Figure:
         state[:, 3],
         state[:, 6],
     )
+    if not has_truth:
+        figure = new_figure(maps.NARROW_IN, 2.2)
+        _distance_panel(figure.add_axes((0.155, 0.22, 0.81, 0.7)), hours, distance, samples)
+        return figure
     figure = new_figure(maps.NARROW_IN, 5.6)
     axes = [
         figure.add_axes((0.155, bottom, 0.81, high))
@@ -111,7 +127,6 @@ def course_chart(series: Sequence[SeriesRow]) -> Figure:
     for panel, values, y in (
         (axes[0], error, "Mean squared error\n[(counts/s)²]"),
         (axes[1], 100 * coverage, "Coverage [%]"),
-        (axes[2], distance, "Distance [m]"),
     ):
         plain(panel, "y").plot(hours, values, color=BLUE, linewidth=1.8)
         panel.set_xlim(0, max(float(hours[-1]), 1e-9))
@@ -121,13 +136,19 @@ def course_chart(series: Sequence[SeriesRow]) -> Figure:
     axes[1].axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
     axes[1].annotate("95 %, as stated", (0.01, 95), xycoords=("axes fraction", "data"), xytext=(0, -3),
                      textcoords="offset points", ha="left", va="top", fontsize=SMALL, color=INK)  # fmt: skip
-    axes[2].set_ylim(bottom=0)
     for panel in axes[:2]:
         panel.tick_params(labelbottom=False)
-    finished = hours[1:][np.diff(samples) > 0]
-    axes[2].plot(finished, np.zeros(len(finished)), "|", color=INK, markersize=7, clip_on=False)
-    label(axes[2], "Mission time [h]", "Distance [m]")
+    _distance_panel(axes[2], hours, distance, samples)
     return figure
+
+
+def _distance_panel(panel: Axes, hours: Array, distance: Array, samples: Array) -> None:
+    plain(panel, "y").plot(hours, distance, color=BLUE, linewidth=1.8)
+    panel.set_xlim(0, max(float(hours[-1]), 1e-9))
+    panel.set_ylim(bottom=0)
+    finished = hours[1:][np.diff(samples) > 0]
+    panel.plot(finished, np.zeros(len(finished)), "|", color=INK, markersize=7, clip_on=False)
+    label(panel, "Mission time [h]", "Distance [m]")
 
 
 def _error_axis(axes: Axes, error: Array) -> None:

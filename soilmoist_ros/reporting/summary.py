@@ -23,6 +23,7 @@ from soilmoist_ros.reporting.statistics import (
 )
 from soilmoist_ros.reporting.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.wording import doubts
+from soilmoist_ros.simulation.mission_efficiency import mission_efficiency
 
 if TYPE_CHECKING:
     from soilmoist_ros.simulation.mission_run import MissionResult
@@ -146,8 +147,17 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
         "field": mission.field_title,
         "ended": mission.ended,
         "stops": len(mission.visits),
+        "efficiency": _efficiency(mission),
         "final": mission.series[-1]._asdict() if mission.series else None,
     }
+
+
+def _efficiency(mission: MissionResult) -> dict[str, float] | None:
+    """What the mission reached of what any plan could; variances of the smooth rate [(counts/s)^2]."""
+    plan = mission_efficiency(mission)
+    if plan is None:
+        return None
+    return {"reached": plan.reached, "least_variance": plan.least, "left_variance": plan.left}
 
 
 def _correction(row: Any) -> dict[str, Any]:

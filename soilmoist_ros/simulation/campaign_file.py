@@ -109,6 +109,8 @@ class Choices(Section):
     """Constants of the exploration."""
     map_from: Many[Literal["stops", "records"]] | None = None
     """What is mapped: the stops only, as published, or all records, those on the way too."""
+    target: Many[Literal["rate", "vwc"]] | None = None
+    """What is to be known well: the rate, or the moisture."""
     travel: Many[Literal["free", "graph"]] | None = None
     """Straight lines, or the field's travel graph."""
     graph: Many[Name] | None = None

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Finished = Sequence[tuple[Mission, StoredMission]]
 
-SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "travel",
-            "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m", "footprint_m",
-            "position_sd_m", "weather")  # fmt: skip
+SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "target",
+            "travel", "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m",
+            "footprint_m", "position_sd_m", "weather")  # fmt: skip
 """Columns that say which mission a row belongs to."""
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 

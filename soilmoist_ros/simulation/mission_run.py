@@ -26,14 +26,16 @@ class MissionSettings:
     """Everything that determines a simulated mission, bit for bit.
 
     :param field: name of a built-in surrogate field, or the path of a field file with a truth
-    :param strategy: ``greedy``, ``monte_carlo``, ``adaptive_sampling``, ``random`` or ``lattice``
-    :param dwell: ``fmi:SECONDS`` or ``ami:THRESHOLD``
+    :param strategy: ``greedy``, ``monte_carlo``, ``adaptive_sampling``, ``random``, ``lattice``, ``ivr``
+        or ``gcb``
+    :param dwell: ``fmi:SECONDS``, ``ami:THRESHOLD`` or ``optimal``
     :param hours: mission time [h]
     :param seed: seed of all randomness
     :param variogram: variogram model
     :param fit: how the variogram is fitted
     :param preset: constants of the exploration: the paper's text, or the authors' experiments
     :param map_from: what is mapped: the ``stops`` only, as published, or all ``records``, those on the way too
+    :param target: what is to be known well: the ``rate``, or the moisture ``vwc``, whose error grows in wet soil
     :param travel: ``free`` (straight lines) or ``graph`` (over a travel graph)
     :param graph: topological map with the travel graph, a file; an open lattice of about 300 nodes if ``None``
     :param speed_mps: speed of the robot [m/s]
@@ -56,6 +58,7 @@ class MissionSettings:
     fit: FitMethod = "soft_l1"
     preset: Preset = "paper"
     map_from: Literal["stops", "records"] = "stops"
+    target: Literal["rate", "vwc"] = "rate"
     travel: Literal["free", "graph"] = "free"
     graph: str | None = None
     speed_mps: float = 0.6

@@ -76,6 +76,11 @@ class _Simulation:
         _check(settings)
         self.settings = settings
         field = surrogate_field(settings.field)
+        if settings.target == "vwc" and field.curve is None:
+            raise InputError(
+                f"the field {field.name!r} has no calibration, so there is no moisture to map",
+                "choose the target rate, or give the field a calibration",
+            )
         sensor_rng, strategy_rng, self.gnss_rng = (
             np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(3)
         )
@@ -109,6 +114,7 @@ class _Simulation:
             self.mission.rules.min_dwell_s,
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
+            curve=field.curve if settings.target == "vwc" else None,
         )
         self.online_map = OnlineMap(self.grid, OnlineSettings(settings.variogram, settings.fit, curve=field.curve))
         start = start_stop(field.field, stops)

@@ -5,7 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.dwell import LONGEST_DWELL_S, AdaptiveInterval, FixedInterval, parse_dwell
+from soilmoist_ros.exploration.dwell import (
+    LONGEST_DWELL_S,
+    AdaptiveInterval,
+    FixedInterval,
+    MarginalValue,
+    Optimal,
+    parse_dwell,
+)
 
 
 @pytest.mark.parametrize(
@@ -17,6 +24,8 @@ from soilmoist_ros.exploration.dwell import LONGEST_DWELL_S, AdaptiveInterval, F
         ("ami:2.5%", AdaptiveInterval(0.025), "ami:0.025"),
         (" AMI : 2.9 % ", AdaptiveInterval(0.029), "ami:0.029"),
         ("fmi:7200", FixedInterval(7200.0, 14400.0), "fmi:7200"),
+        (" Optimal ", Optimal(), "optimal"),
+        ("value:1e-3,0.25,2e-06,1.1", MarginalValue(1e-3, 0.25, 2e-6, 1.1), "value:0.001,0.25,2e-06,1.1"),
     ],
 )
 def test_a_rule_reads_back_from_its_text(text, rule, plain):
@@ -34,6 +43,10 @@ def test_a_rule_reads_back_from_its_text(text, rule, plain):
         ("optimal:3", "must be 'optimal' alone"),
         ("optimum", "did you mean 'optimal'?"),
         ("value:1,2", "is not A,B,PRICE,FACTOR"),
+        ("value:nan,1,1,1", "out of range"),
+        ("value:1,0,1,1", "out of range"),
+        ("value:1,1,-1,1", "out of range"),
+        ("value:1,1,inf,1", "out of range"),
         ("600", "unknown dwell rule '600'.*'fmi:600'"),
         ("fmi", "has no number after 'fmi:'"),
         ("ami: ", "has no number after 'ami:'"),
@@ -105,7 +118,7 @@ def test_expected_dwell_counts_raw_neutrons():
 
 
 @given(
-    st.sampled_from(["fmi:600", "fmi:0.3e1", "ami:3%", "ami:0.5"]),
+    st.sampled_from(["fmi:600", "fmi:0.3e1", "ami:3%", "optimal", "value:1e-3,0.2,1e-6,1.1", "value:0,1,1,1"]),
     st.integers(0, 3000),
     st.floats(0, 5000, allow_nan=False),
 )
@@ -115,3 +128,44 @@ def test_progress_is_one_exactly_when_it_is_enough(text, raw_counts, live_s):
     assert 0 <= progress <= 1
     assert (progress == 1) == rule.enough(raw_counts, live_s)
     assert rule.outcome(raw_counts, live_s)
+
+
+@given(
+    gain=st.floats(1e-6, 1e3),
+    variance=st.floats(1e-6, 1e3),
+    price=st.floats(1e-9, 1e3),
+    factor=st.floats(0.5, 2),
+    rate=st.floats(0.01, 100),
+)
+def test_counting_pays_until_its_marginal_value_is_the_price(gain, variance, price, factor, rate):
+    """The fall of the variance less the price of the time is nowhere larger than where the rule stops."""
+    rule = MarginalValue(gain, variance, price, factor, longest_s=1000.0)
+    noise = factor * rate
+    best_s = rule.expected_s(rate, factor)
+    assert 0 <= best_s <= 1000
+    tried = [0.0, 1000.0, *(best_s * step for step in (0.5, 0.9, 1.1, 2) if best_s * step <= 1000)]
+
+    def profit(t):
+        return gain * t / (variance * t + noise) - price * t
+
+    highest = profit(best_s)
+    assert all(profit(t) <= highest + 1e-9 * (abs(highest) + price * t) for t in tried)
+
+
+def test_what_is_counted_at_the_stop_decides_when_it_has_paid():
+    rule = MarginalValue(gain=0.01, variance=0.1, price=1e-5)
+    ends = {rate: next(t for t in range(10, 4000, 10) if rule.enough(rate * t, t)) for rate in (2, 4, 40)}
+    assert ends[2] == pytest.approx(math.ceil(rule.expected_s(2.0) / 10) * 10)
+    assert ends[2] < ends[4], "dry soil is counted longer while the noise is less than its worth"
+    assert "counting elsewhere is worth more" in rule.outcome(80, 40)
+    free = MarginalValue(0.01, 0.1, 0.0, longest_s=900)
+    assert not free.enough(3000, 890)
+    assert free.enough(3000, 900)
+    assert "longest dwell of 900 s" in free.outcome(3000, 900)
+    assert MarginalValue(0.0, 0.1, 0.0).enough(40, 10)
+    assert not rule.enough(0, 0), "the first record decides"
+
+
+def test_the_rule_of_a_stop_is_written_without_loss():
+    rule = MarginalValue(1 / 3, math.pi, 2e-7 / 3, 1.0123456789, 1234.0)
+    assert parse_dwell(str(rule), 1234.0) == rule

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.dwell import Optimal, parse_dwell
 from soilmoist_ros.exploration.mission import Mission, step
 from soilmoist_ros.exploration.mission_state import MissionState, event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission_types import (
@@ -75,8 +75,8 @@ class Driver:
     def start(self):
         return self.send(Moved, 0.0, 0.0).command("start")
 
-    def plan(self, stop=EAST, **named):
-        choice = Choice(stop, "it is the least known place") if stop is not None else None
+    def plan(self, stop=EAST, dwell="", **named):
+        choice = Choice(stop, "it is the least known place", dwell=dwell) if stop is not None else None
         return self.send(Planned, self.last(RequestPlan).plan_id, choice, **named)
 
     def travelling(self, stop=EAST):
@@ -171,6 +171,29 @@ def test_planned_dwell_follows_the_rate_at_the_stop():
     driver = Driver(dwell=parse_dwell("ami:10%")).counting()
     assert driver.mission.status.planned_dwell_s == 3600.0, "nothing has been counted yet"
     assert driver.record(raw_counts=20).mission.status.planned_dwell_s == 50.0
+
+
+def test_a_stop_has_its_own_dwell_rule_and_the_next_the_missions():
+    driver = Driver(dwell=parse_dwell("optimal"), warm_up_stops=0).start().plan(dwell="fmi:20").reach()
+    assert driver.mission.status.planned_dwell_s == 20.0
+    driver.record().record()
+    assert driver.mission.status.samples == 1
+    assert driver.last(SampleDone).sample.ended.endswith("in 20 of 20 s")
+    driver.plan(NORTH).reach(after=60.0)
+    assert driver.mission.status.planned_dwell_s == Optimal.UNKNOWN_S
+
+
+def test_the_dwell_of_a_stop_survives_a_restart():
+    driver = Driver(dwell=parse_dwell("optimal"), warm_up_stops=0)
+    driver.start().plan(dwell="value:0.01,0.1,1e-05,1.25").reach().record()
+    restored = Mission.restore(driver.mission.rules, driver.mission.snapshot())
+    assert restored.state.target.dwell == "value:0.01,0.1,1e-05,1.25"
+    for mission in (driver.mission, restored):
+        assert mission.status.planned_dwell_s == pytest.approx(
+            (math.sqrt(0.01 / 1e-5 * 1.25**2 * 3) - 1.25**2 * 3) / 0.1
+        )
+    event = Planned(1.0, 3, Choice(EAST, "why", (NORTH,), "value:0.01,0.1,1e-05,1.25"))
+    assert event_from_dict(json.loads(json.dumps(event_to_dict(event)))) == event
 
 
 # Records

@@ -104,8 +104,8 @@ def test_the_same_seed_gives_the_same_mission(name, preset):
 
 @every
 def test_new_targets_of_the_authors_keep_four_cells_away(name):
-    if name == "lattice":
-        return  # static: it does not look at what has been measured
+    if name in ("lattice", "ivr", "gcb"):
+        return  # not among the authors': the lattice looks at no map, the others know what counting again is worth
     measured = [[10.0, 10.0], [40.0, 30.0]]
     for seed in range(10):
         choice = make_strategy(name, "authors").choose(situation(measured=measured), rng(seed))

@@ -156,3 +156,16 @@ def test_only_missions_have_the_section(make_run):
     assert 'id="mission"' not in html
     assert "series.csv" not in html
     assert report.mission_part is mission_part
+
+
+def test_without_a_truth_the_course_is_the_distance(mission):
+    nan = float("nan")
+    rows = [row._replace(mse=nan, mse_10s=nan, vwc_rmse=nan, coverage95=nan) for row in mission.series]
+    unknown = dataclasses.replace(mission, series=rows, truth_rate=np.full_like(mission.truth_rate, nan))
+    figure = course_chart(rows, has_truth=False)
+    (axes,) = figure.axes
+    assert axes.get_ylabel() == "Distance [m]"
+    assert not axes.texts
+    course = mission_part(mission_run(unknown, NOW)).sections[-1]
+    assert "95 %" not in str(course)
+    assert "The distance driven. Ticks" in str(course)
