@@ -1,0 +1,355 @@
+"""What the nodes cost on this machine: how soon a record is on the map, how soon they are up, CPU and memory.
+
+* time from a published record to the map with it, on 3,000 and on 70,000 cells
+* time from the start of each node's process to its first answer, beside a bare node of rclpy
+* CPU share and memory of the whole system on a simulated mission, in real time (a record every 10 s) and 60 times
+  as fast
+
+usage: .venv/bin/python scripts/bench_ros.py [--out bench] [--quick]
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import platform
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+# As the other scripts set it, for the nodes as well; and before numpy comes.
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import numpy as np
+import psutil
+
+from soilmoist_ros.nodes.loopback import free_domain, loopback_environment
+from soilmoist_ros.nodes.process_group import ProcessGroup
+from soilmoist_ros.run_folder import write_parameters
+from soilmoist_ros.sensing.records import CountRecord
+
+Row = dict[str, object]
+
+LIMIT_S = 60.0
+BEGIN_S = 1_780_000_000.0
+RECORDS_PER_STOP = 4
+FIELDS_M = {"3,000 cells": (60.0, 50.0), "70,000 cells": (280.0, 250.0)}
+"""Width and height; cells are 1 m wide."""
+BARE_NODE = "import rclpy; rclpy.init(); rclpy.spin(rclpy.create_node('bare'))"
+NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
+
+
+class Observer:
+    """A node of this process, spun in a thread. Use as a context manager.
+
+    :param domain: its ROS domain
+    """
+
+    def __init__(self, domain: int) -> None:
+        import rclpy
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("bench", context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+
+    def __enter__(self) -> Observer:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._ending.set()
+        self._thread.join(2.0)
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def _spin(self) -> None:
+        while not self._ending.is_set():
+            self._executor.spin_once(timeout_sec=0.1)
+
+
+@contextlib.contextmanager
+def ros_domain() -> Iterator[tuple[int, dict[str, str]]]:
+    """A free domain, and the environment of processes in it; this process's own is set as well."""
+    with free_domain() as domain:
+        environment = loopback_environment(domain)
+        os.environ.update(environment)
+        yield domain, environment
+
+
+def wait_for(condition: Callable[[], object], what: str, limit_s: float = LIMIT_S) -> None:
+    deadline = time.monotonic() + limit_s
+    while not condition():
+        if time.monotonic() > deadline:
+            raise SystemExit(f"waited {limit_s:g} s for {what}")
+        time.sleep(0.002)
+
+
+# Record to map ---------------------------------------------------------------------------------------------------
+
+
+def stops(width_m: float, height_m: float, count: int) -> Iterator[CountRecord]:
+    """Records of a survey that stops at random places."""
+    rng = np.random.default_rng(5)
+    place = (0.0, 0.0)
+    for number in range(count):
+        if number % RECORDS_PER_STOP == 0:
+            place = (float(rng.uniform(1, width_m - 1)), float(rng.uniform(1, height_m - 1)))
+        rate = 3.75 + 1.25 * math.tanh((place[0] - width_m / 2) / 15)
+        x_m, y_m = (float(value + rng.normal(0, 0.02)) for value in place)
+        yield CountRecord(BEGIN_S + 10 * number, x_m, y_m, math.nan, int(rng.poisson(10 * rate)), 10.0, 10.0)
+
+
+def record_to_map(name: str, folder: Path, count: int) -> Row:
+    """Time from the publication of a record until a subscriber has the map with it, one record after the other."""
+    width_m, height_m = FIELDS_M[name]
+    folder.mkdir()
+    field = folder / "field.yaml"
+    field.write_text(
+        "name: Bench\ndatum: {latitude_deg: 53.0, longitude_deg: 0.0}\ncell_m: 1\n"
+        f"polygon: [[0, 0], [{width_m}, 0], [{width_m}, {height_m}], [0, {height_m}]]\n"
+    )
+    with ros_domain() as (domain, environment):
+        from sensor_msgs.msg import PointCloud2
+
+        from msg_adapters.counts import counts_to_message
+        from msg_adapters.stamps import to_seconds
+        from soilmoist_ros.nodes.qos import LATCHED, RECORDS
+
+        arrivals: dict[float, float] = {}
+
+        def note(message: PointCloud2) -> None:
+            arrivals.setdefault(to_seconds(message.header.stamp), time.perf_counter())
+
+        with ProcessGroup(environment, folder / "log") as group, Observer(domain) as observer:
+            group.start("mapper", write_parameters(folder, "mapper", {"field": str(field), "site": "example"}))
+            publisher = observer.node.create_publisher(PointCloud2, "counts", RECORDS)
+            subscription = observer.node.create_subscription(PointCloud2, "soil_map", note, LATCHED)
+            wait_for(publisher.get_subscription_count, "the mapper")
+            wait_for(lambda: observer.node.count_publishers(subscription.topic_name), "the mapper's map")
+            delays_s = []
+            for record in stops(width_m, height_m, count):
+                message = counts_to_message([record])
+                sent = time.perf_counter()
+                publisher.publish(message)
+                wait_for(lambda stamp_s=record.stamp_s: stamp_s in arrivals, "a map")
+                delays_s.append(arrivals[record.stamp_s] - sent)
+    # The first records make no map: there are too few samples for a variogram.
+    delays_s = delays_s[3 * RECORDS_PER_STOP :]
+    return {
+        "field": name,
+        "records": len(delays_s),
+        "samples": count // RECORDS_PER_STOP,
+        "p50_ms": 1e3 * float(np.percentile(delays_s, 50)),
+        "p99_ms": 1e3 * float(np.percentile(delays_s, 99)),
+        "longest_ms": 1e3 * max(delays_s),
+    }
+
+
+# Start-up --------------------------------------------------------------------------------------------------------
+
+
+def start_up_s(command: list[str], name: str, log: Path) -> float:
+    """Time from the start of a process until its node answers: it is complete and spins."""
+    with ros_domain() as (domain, environment), Observer(domain) as observer, log.open("ab") as output:
+        from rcl_interfaces.srv import GetParameters
+
+        client = observer.node.create_client(GetParameters, f"{name}/get_parameters")
+        started = time.perf_counter()
+        process = subprocess.Popen(
+            command, env={**os.environ, **environment}, stdout=output, stderr=output, start_new_session=True
+        )
+        try:
+            wait_for(lambda: client.service_is_ready() or process.poll() is not None, name)
+            future = client.call_async(GetParameters.Request(names=["use_sim_time"]))
+            wait_for(lambda: future.done() or process.poll() is not None, f"an answer of {name}")
+            elapsed_s = time.perf_counter() - started
+            if process.poll() is not None:
+                raise SystemExit(f"{name} has ended:\n{log.read_text()}")
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        return elapsed_s
+
+
+def start_up_rows(folder: Path, repeats: int) -> list[Row]:
+    """Median start-up time of every node, and of one that does nothing; in turns, as the machine may change."""
+    parameters: Mapping[str, dict[str, object]] = {
+        "sensor_driver": {"field": "example", "logger_uri": "tcp://127.0.0.1:9", "gnss_uri": "tcp://127.0.0.1:9"},
+        "mapper": {"field": "example"},
+        "planner": {"field": "example", "navigator": "goal_pose", "graph": "free"},
+        "recorder": {"out": str(folder / "recordings")},
+        "field_simulator": {"logger_port": 0, "gnss_port": 0},
+    }
+    commands = {"bare": [sys.executable, "-c", BARE_NODE]}
+    for name, values in parameters.items():
+        file = str(write_parameters(folder, name, values))
+        commands[name] = [sys.executable, "-m", f"soilmoist_ros.nodes.{name}", "--ros-args", "--params-file", file]
+    times: dict[str, list[float]] = {name: [] for name in commands}
+    for _ in range(repeats):
+        for name, command in commands.items():
+            times[name].append(start_up_s(command, name, folder / f"{name}.log"))
+    medians = {name: statistics.median(values) for name, values in times.items()}
+    return [
+        {"node": name, "seconds": seconds, "of_a_bare_node": seconds / medians["bare"]}
+        for name, seconds in medians.items()
+    ]
+
+
+# The whole system ------------------------------------------------------------------------------------------------
+
+
+def node_of(process: psutil.Process) -> str:
+    """Which node a process is; empty for another one."""
+    with contextlib.suppress(psutil.Error):
+        for word in process.cmdline():
+            if word.startswith("soilmoist_ros.nodes."):
+                return word.rpartition(".")[2]
+    return ""
+
+
+def whole_system(folder: Path, speed: float, settle_s: float, seconds: float) -> list[Row]:
+    """CPU share and memory of each node while a mission is under way.
+
+    :param settle_s: time after the start of the last node before CPU time counts [s]
+    :param seconds: time during which it counts [s]
+    """
+    command = [sys.executable, "-m", "soilmoist_ros.cli", "demo", "--out", str(folder / "run"), "--hours", "4"]
+    command += ["--speed", f"{speed:g}", "--strategy", "greedy", "--dwell", "ami:0.03"]
+    folder.mkdir()
+    with (folder / "demo.log").open("wb") as log:
+        demo = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
+        try:
+            shell = psutil.Process(demo.pid)
+
+            def nodes() -> dict[str, psutil.Process]:
+                if demo.poll() is not None:
+                    raise SystemExit(f"the demo has ended:\n{(folder / 'demo.log').read_text()}")
+                return {name: child for child in shell.children() if (name := node_of(child))}
+
+            wait_for(lambda: set(nodes()) == set(NODES), "all nodes")
+            time.sleep(settle_s)
+            processes = nodes()
+            began, before = time.perf_counter(), {name: cpu_s(process) for name, process in processes.items()}
+            private_mb: dict[str, float] = dict.fromkeys(processes, 0.0)
+            while time.perf_counter() < began + seconds:
+                for name, process in processes.items():
+                    private_mb[name] = max(private_mb[name], process.memory_full_info().pss / 1e6)
+                time.sleep(1.0)
+                nodes()
+            elapsed_s = time.perf_counter() - began
+            rows: list[Row] = [
+                {
+                    "speed": speed,
+                    "node": name,
+                    "cpu_percent": 100 * (cpu_s(processes[name]) - before[name]) / elapsed_s,
+                    "memory_mb": private_mb[name],
+                    "peak_resident_mb": peak_resident_mb(processes[name]),
+                }
+                for name in NODES
+            ]
+        finally:
+            if demo.poll() is None:
+                demo.send_signal(signal.SIGINT)  # its nodes end in good order
+            try:
+                demo.wait(LIMIT_S)
+            except subprocess.TimeoutExpired:
+                os.killpg(demo.pid, signal.SIGKILL)
+                demo.wait()
+    total: Row = {"speed": speed, "node": "all"}
+    for column in ("cpu_percent", "memory_mb", "peak_resident_mb"):
+        total[column] = sum(float(str(row[column])) for row in rows)
+    return [*rows, total]
+
+
+def cpu_s(process: psutil.Process) -> float:
+    times = process.cpu_times()
+    return float(times.user + times.system)
+
+
+def peak_resident_mb(process: psutil.Process) -> float:
+    """Highest resident memory since the start, libraries shared with others included; Linux only."""
+    for line in Path(f"/proc/{process.pid}/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) * 1024 / 1e6
+    return math.nan
+
+
+# -----------------------------------------------------------------------------------------------------------------
+
+
+def readable(value: object) -> str:
+    """A cell of a table."""
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
+
+
+def show(title: str, rows: list[Row]) -> None:
+    """Print a table."""
+    print(f"\n{title}")
+    cells = [[readable(value) for value in row.values()] for row in rows]
+    table = [list(rows[0]), *cells]
+    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
+    for row in table:
+        print("  " + "  ".join(f"{text:>{width}}" for text, width in zip(row, widths, strict=True)))
+    sys.stdout.flush()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("bench"), help="folder for ros.json")
+    parser.add_argument("--quick", action="store_true", help="fewer records and repeats, shorter missions")
+    parser.add_argument("--only", choices=("latency", "start-up", "system"), help="one part")
+    given = parser.parse_args()
+    records, repeats, seconds = (60, 2, 15.0) if given.quick else (240, 7, 120.0)
+    results: dict[str, object] = {
+        "machine": {
+            "cpus": os.cpu_count(),
+            "processor": platform.processor() or platform.machine(),
+            "python": platform.python_version(),
+            "load_before": os.getloadavg()[0],
+        }
+    }
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        if given.only in (None, "latency"):
+            rows = [record_to_map(name, folder / name.split(",")[0], records) for name in FIELDS_M]
+            results["record to map"] = rows
+            show("from a record to the map with it", rows)
+        if given.only in (None, "start-up"):
+            results["start-up"] = rows = start_up_rows(folder, repeats)
+            show("from the start of a process to its node's first answer", rows)
+        if given.only in (None, "system"):
+            rows = [
+                row
+                for speed, settle_s in ((1.0, 20.0), (60.0, 10.0))
+                for row in whole_system(folder / f"speed{speed:g}", speed, settle_s, seconds)
+            ]
+            results["whole system"] = rows
+            show("CPU and memory of a mission (100 % is one CPU)", rows)
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / "ros.json"
+    path.write_text(json.dumps(results, indent=2) + "\n")
+    print(f"\nwrote {path}")
+
+
+if __name__ == "__main__":
+    main()

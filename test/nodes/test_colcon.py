@@ -1,0 +1,104 @@
+"""What ``ros2 run`` does after a build with colcon: finds the package by its index, and starts a file of it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+NODES = {"sensor_driver", "mapper", "planner", "recorder", "field_simulator"}
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A colcon workspace in which the package has been built; its sources are those that git would take."""
+    workspace = tmp_path_factory.mktemp("colcon")
+    listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
+    for name in names:
+        if name and not name.startswith("test/") and (ROOT / name).is_file():
+            copy = workspace / "src" / "soilmoist_ros" / name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, copy)
+    build = subprocess.run(
+        [sys.executable, "-m", "colcon", "--log-base", "log", "build"],
+        cwd=workspace, capture_output=True, text=True,
+    )  # fmt: skip
+    assert build.returncode == 0, build.stdout + build.stderr
+    return workspace
+
+
+@pytest.fixture(scope="module")
+def sourced(workspace):
+    """Environment variables that sourcing the workspace sets, on top of the wheels of ROS."""
+    base = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    base |= {"AMENT_PREFIX_PATH": sys.prefix}
+    shown = subprocess.run(
+        ["bash", "-c", ". install/local_setup.bash && env -0"],
+        cwd=workspace, env=base, capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    variables = dict(line.split("=", 1) for line in shown.split("\0") if line)
+    return {name: value for name, value in variables.items() if os.environ.get(name) != value}
+
+
+def answer(code, sourced, folder):
+    command = [sys.executable, "-c", code]
+    environment = {**os.environ, **sourced}
+    run = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=True)
+    return run.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def executables(workspace, sourced, tmp_path_factory):
+    """The folder in which ``ros2 run soilmoist_ros`` looks for executables."""
+    pytest.importorskip("ament_index_python")
+    code = "from ament_index_python.packages import get_package_prefix as p; print(p('soilmoist_ros'))"
+    prefix = Path(answer(code, sourced, tmp_path_factory.mktemp("elsewhere")))
+    assert prefix == workspace / "install" / "soilmoist_ros"
+    return prefix / "lib" / "soilmoist_ros"
+
+
+def test_the_installation_is_complete_without_ros(workspace, sourced, tmp_path):
+    prefix = workspace / "install" / "soilmoist_ros"
+    assert (prefix / "share" / "ament_index" / "resource_index" / "packages" / "soilmoist_ros").is_file()
+    assert (prefix / "share" / "soilmoist_ros" / "package.xml").is_file()
+    assert (prefix / "share" / "soilmoist_ros" / "launch" / "simulation.launch.py").is_file()
+    for module in ("soilmoist_ros", "msg_adapters"):
+        assert answer(f"import {module}; print({module}.__file__)", sourced, tmp_path).startswith(str(prefix))
+    checked = subprocess.run(
+        [prefix / "lib" / "soilmoist_ros" / "soilmoist", "check", "--logger", "finapp", "--site", "example"],
+        env={**os.environ, **sourced}, cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert checked.stdout.splitlines() == ["ok: finapp", "ok: example"], checked.stderr
+
+
+def test_ros2_run_finds_the_nodes(executables):
+    found = {path.name for path in executables.iterdir() if path.is_file() and os.access(path, os.X_OK)}
+    assert found == NODES | {"soilmoist"}
+
+
+def test_every_node_starts_from_there_and_refuses_bad_input(ros, executables, sourced):
+    ros.environment |= sourced
+    bad = {name: ["-p", "field:=nonsense"] for name in NODES} | {"recorder": ["-p", "name:=a/b"]}
+    processes = {name: ros.start(str(executables / name), extra=words) for name, words in bad.items()}
+    for name, process in processes.items():
+        assert process.wait(60) == 2, process.output()
+        assert ("a/b" if name == "recorder" else "'nonsense'") in process.output()
+        assert "Traceback" not in process.output()
+
+
+def test_a_node_from_there_works(ros, executables, sourced):
+    from std_srvs.srv import Trigger
+
+    ros.environment |= sourced
+    mapper = ros.start(
+        str(executables / "mapper"), extra=["-p", "field:=example", "-p", "site:=example"], namespace="/robot"
+    )
+    answer = ros.call(Trigger, "/robot/mapper/save", timeout=60)
+    assert "not samples enough" in answer.message
+    assert mapper.stop() == 0

@@ -1,0 +1,25 @@
+"""Where the wheels of ROS exist, continuous integration has them: a set-up without them must not look fine."""
+
+import importlib
+import os
+import platform
+
+import pytest
+
+
+@pytest.mark.skipif(
+    os.environ.get("CI", "").lower() not in ("true", "1") or platform.machine() != "x86_64",
+    reason="only continuous integration on x86_64 must have ROS",
+)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rclpy",
+        "rclpy._rclpy_pybind11",
+        "sensor_msgs.msg",
+        "topological_navigation_msgs.action",
+        "mcap_ros2.decoder",
+    ],
+)
+def test_what_tests_with_ros_need_is_there(name):
+    importlib.import_module(name)  # the tests that need it would be skipped without a word

@@ -1,0 +1,168 @@
+"""The whole system: a simulated robot and its devices, driver, mapper, planner and recorder as processes."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.counts import counts_from_message
+from msg_adapters.mission import mission_from_message
+from msg_adapters.samples import samples_from_message
+from soilmoist_ros.exploration.mission_types import Phase
+from soilmoist_ros.nodes.qos import LATCHED, RECORDS
+from soilmoist_ros.replay import ReplaySettings, replay_bag
+from soilmoist_ros.run_folder import CONFIGURATION, write_parameters
+from soilmoist_ros.simulation.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission_simulator import simulate_mission
+from soilmoist_ros.simulation.surrogate_field import surrogate_field
+
+# What rclpy says when nodes of the system go away in the middle of an answer.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+LIMIT_S = 150.0
+"""Longest wait for the end of a mission that takes some 20 s on an idle machine."""
+
+
+class Robot:
+    """A simulated robot with all its nodes, and what is heard of it."""
+
+    def __init__(self, ros, folder, namespace="", *, field="synthetic-high", simulator=(), record=True, **mission):
+        self.ros, self.folder, self.namespace = ros, folder, namespace
+        self.field = surrogate_field(field)
+        files = {name: str(folder / CONFIGURATION / f"{name}.yaml") for name in ("field", "site")}
+        write_field_file(self.field, folder / CONFIGURATION / "field.yaml")
+        write_site_file(self.field, folder / CONFIGURATION / "site.yaml")
+        self.missions = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
+        self.counts = ros.collect(PointCloud2, f"{namespace}/counts", RECORDS)
+        self.samples = ros.collect(PointCloud2, f"{namespace}/samples", LATCHED)
+        self.processes = {}
+        time = {"use_sim_time": True}
+        if record:
+            self.start("recorder", out=str(folder), name="bag")
+        self.start("mapper", **files, save_dir=str(folder / "map"), simulated=True, **time)
+        self.start("planner", field=files["field"], autostart=True, exit_when_finished=True, **time, **mission)
+        ports = folder / "ports.json"
+        simulator = {"field": field, "logger_port": 0, "gnss_port": 0, "ports_file": str(ports), **dict(simulator)}
+        self.start("field_simulator", **simulator)
+        ros.wait_for(lambda: self.alive() and ports.exists(), 60, "the simulator's ports")
+        uris = {
+            f"{name}_uri": "tcp://{host}:{port}".format(**address)
+            for name, address in json.loads(ports.read_text()).items()
+        }
+        self.start("sensor_driver", **files, **uris, **time)
+
+    def start(self, name, /, **params):
+        """Start a node; what is absolute in a system of one robot is its own here."""
+        write_parameters(self.folder, name, params)
+        topics = ("clock", "topological_map_2") if self.namespace else ()
+        remaps = [f"/{topic}:={self.namespace}/{topic}" for topic in topics]
+        self.processes[name] = self.ros.start(name, params=params, namespace=self.namespace, remaps=remaps)
+
+    def alive(self):
+        """Whether all nodes run, but for a planner that has finished."""
+        for name, process in self.processes.items():
+            code = process.process.poll()
+            assert code is None or (name, code) == ("planner", 0), f"{name}: {code}\n{process.output()}"
+        return True
+
+    def wait_finished(self):
+        """Wait for the end of the mission, and give how it stands."""
+        planner = self.processes["planner"]
+        self.ros.wait_for(lambda: self.alive() and not planner.running, LIMIT_S, "the end of the mission")
+        status = mission_from_message(self.missions[-1])
+        assert status.phase is Phase.FINISHED, status.reason
+        return status
+
+    def records(self):
+        """All records published so far."""
+        return [record for message in list(self.counts) for record in counts_from_message(message)]
+
+    def mapped(self):
+        """Records of the map as it was published last: those up to its stamp that have a place."""
+        stamp = self.samples[-1].header.stamp
+        stamp_s = stamp.sec + 1e-9 * stamp.nanosec
+        return [one for one in self.records() if one.stamp_s <= stamp_s + 1e-6 and np.isfinite(one.x_m)]
+
+    def stop(self):
+        """End all nodes, the last started first, and see that nothing of them is left."""
+        for name, process in reversed(self.processes.items()):
+            assert process.stop() == 0, f"{name}\n{process.output()}"
+        for process in self.processes.values():
+            with pytest.raises(ProcessLookupError):
+                os.killpg(process.process.pid, 0)
+
+
+def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
+    choices = {"strategy": "ivr", "dwell": "optimal", "hours": 0.4, "seed": 1}
+    robot = Robot(ros, tmp_path, simulator={"speed": 75.0, "seed": 1}, **choices)
+    status = robot.wait_finished()
+    robot.stop()
+    assert status.samples >= 3
+    names = {path.name for path in (tmp_path / "map").iterdir()}
+    assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv"}
+
+    replay = replay_bag(tmp_path / "bag", ReplaySettings(truth="synthetic-high"))
+    assert replay.as_on_line is True
+    mission = replay.run.mission
+    assert mission is not None
+    assert mission.settings.strategy == "ivr"
+    simulated = simulate_mission(
+        MissionSettings(map_from="records", travel="graph", variogram="matern32", fit="reml", **choices)
+    )
+    # While the nodes think, the robot waits: on a busy machine it visits fewer places. A map of the mean rate,
+    # the least that one would know of the field, is twenty times as bad as the simulated one.
+    known = np.var(simulated.truth_rate[np.isfinite(simulated.truth_rate)])
+    assert 4 * simulated.series[-1].mse < known / 4
+    assert mission.series[-1].mse < 4 * simulated.series[-1].mse
+    assert mission.series[-1].coverage95 > 0.7
+
+
+@pytest.mark.parametrize("scenario", ["thorvald", "bad_link"])
+def test_a_mission_survives_what_goes_wrong(ros, tmp_path, scenario):
+    robot = Robot(
+        ros, tmp_path, simulator={"speed": 90.0, "scenario": scenario}, record=False,
+        strategy="random", dwell="fmi:30", hours=0.28, min_dwell_s=20.0, return_margin_s=0.0,
+    )  # fmt: skip
+    status = robot.wait_finished()
+    robot.stop()
+    assert status.samples >= 3
+    stamps = [record.stamp_s for record in robot.records()]
+    assert len(stamps) > 20
+    assert np.diff(stamps).min() > 5.0, "an interval was counted twice"
+    samples = samples_from_message(robot.samples[-1])
+    assert samples.counts.sum() == sum(record.raw_counts for record in robot.mapped())
+
+
+def test_two_robots_do_not_hear_each_other(ros, tmp_path):
+    mission = {"strategy": "random", "dwell": "fmi:30", "hours": 0.15, "record": False}
+    robots = [
+        Robot(ros, tmp_path / "1", "/robot_1", field="half-wet", simulator={"speed": 60.0}, **mission),
+        Robot(ros, tmp_path / "2", "/robot_2", simulator={"speed": 50.0, "seed": 2, "start_time": "2027-01-01"},
+              navigator="goal_pose", **mission),
+    ]  # fmt: skip
+    ros.wait_for(lambda: all(robot.counts for robot in robots), 60, "records of both")
+    topics = {name for name, _ in ros.node.get_topic_names_and_types()}
+    assert {name for name in topics if not name.startswith("/robot_")} <= {
+        "/diagnostics", "/parameter_events", "/rosout",
+    }  # fmt: skip
+    for robot in robots:
+        assert robot.wait_finished().samples >= 2
+    for robot in robots:
+        robot.stop()
+        # Their clocks differ by half a year: no record of one has come to the other.
+        stamps = {round(record.stamp_s, 3) for record in robot.records()}
+        assert max(stamps) - min(stamps) < 7200
+        samples = samples_from_message(robot.samples[-1])
+        assert samples.counts.sum() == sum(record.raw_counts for record in robot.mapped())
+    assert min(record.stamp_s for record in robots[1].records()) > max(
+        record.stamp_s for record in robots[0].records()
+    )
