@@ -32,8 +32,8 @@ SIMULATOR = {
     "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated"),
 }
 MISSION = {
-    "strategy": ("greedy", "how the next stop is chosen"),
-    "dwell": ("ami:0.03", "how long to count at a stop: fmi:SECONDS or ami:THRESHOLD"),
+    "strategy": ("ivr", "how the next stop is chosen"),
+    "dwell": ("optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
     "hours": ("1", "simulated time of the mission [h]"),
     "navigator": ("goto_node", "how goals are sent: goto_node (needs topological_navigation_msgs) or goal_pose"),
     "autostart": ("true", "false to wait for the service planner/start"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -46,6 +47,8 @@ class Explorer:
     :param min_dwell_s: a stop must leave at least this for counting [s]
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param home: where the robot must be at the end, if anywhere
+    :param kept_for_home_s: time that the mission keeps for the way home from a place [s]; stops that it would find
+        too late for are not offered
     :param rng: source of all randomness
     :param counting: when the robot counts
     :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
@@ -65,6 +68,7 @@ class Explorer:
         home: Stop | None = None,
         counting: Counting = _ON_THE_WAY_TOO,
         curve: CalibrationCurve | None = None,
+        kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
     ) -> None:
         self.live_map = live_map
         self.stops = stops
@@ -84,7 +88,7 @@ class Explorer:
         self._stops_are_cells = np.array_equal(self._xy, grid.cells)
         self._cells = spread_cells(grid.mask, MOST_CELLS)[grid.mask]
         self._weighed = self._few_stops()
-        self._home_s = self._way_home_s()
+        self._home_s = self._way_home_s(kept_for_home_s)
 
     def plan(self, request: RequestPlan, position_xy: tuple[float, float]) -> Plan:
         """Choose the next stop.
@@ -180,11 +184,14 @@ class Explorer:
             return live_map.variance[kept]
         return live_map.kriging.predict(self._xy[kept])[1]
 
-    def _way_home_s(self) -> Array:
+    def _way_home_s(self, kept_s: Callable[[tuple[float, float]], float] | None) -> Array:
         if self.home is None:
             return np.zeros(len(self.stops))
         # Ways are taken to be as long back as forth.
-        return self.travel.travel_s((self.home.x_m, self.home.y_m), self.stops)
+        times = self.travel.travel_s((self.home.x_m, self.home.y_m), self.stops)
+        if kept_s is not None:
+            times = np.maximum(times, [kept_s((stop.x_m, stop.y_m)) for stop in self.stops])
+        return times
 
 
 def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:

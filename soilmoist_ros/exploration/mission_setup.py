@@ -18,6 +18,7 @@ from soilmoist_ros.exploration.wording import did_you_mean
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_grid import FieldGrid, default_cell_m
 from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.sensing.moisture import CalibrationCurve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +30,7 @@ class ExplorerSettings:
     :param seed: seed of the strategy's randomness
     :param dwell: dwell rule
     :param motion: how the robot moves
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
     """
 
     strategy: str
@@ -36,6 +38,7 @@ class ExplorerSettings:
     seed: int
     dwell: DwellRule
     motion: RobotMotion
+    curve: CalibrationCurve | None = None
 
     @property
     def needs_map(self) -> bool:
@@ -103,6 +106,8 @@ def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -
         np.random.default_rng(np.random.SeedSequence(settings.seed).spawn(2)[1]),
         rules.min_dwell_s,
         home=rules.home,
+        curve=settings.curve,
+        kept_for_home_s=rules.way_home_s,
     )
 
 

@@ -52,8 +52,8 @@ class DemoSettings:
 
     out: Path
     field: str = "synthetic-high"
-    strategy: str = "greedy"
-    dwell: str = "ami:0.03"
+    strategy: str = "ivr"
+    dwell: str = "optimal"
     hours: float = 1.0
     speed: float = 60.0
     seed: int = 1

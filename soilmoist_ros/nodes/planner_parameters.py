@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from soilmoist_ros.configuration import resource
+from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.dwell import parse_dwell
 from soilmoist_ros.exploration.mission_setup import ExplorerSettings
 from soilmoist_ros.exploration.mission_types import MissionRules, OnSilence
@@ -11,6 +13,8 @@ from soilmoist_ros.exploration.strategies import PRESETS, STRATEGIES, make_strat
 from soilmoist_ros.exploration.strategy import Stop
 from soilmoist_ros.exploration.travel import RobotMotion
 from soilmoist_ros.nodes.parameters import Parameter, Parameters, Value
+from soilmoist_ros.sensing.moisture import CalibrationCurve
+from soilmoist_ros.sensing.site import load_site
 
 
 def _row(
@@ -21,10 +25,12 @@ def _row(
 
 PARAMETERS: Final = (
     _row("field", "", "field file, or name of a shipped one"),
-    _row("strategy", "greedy", "how the next stop is chosen", choices=STRATEGIES),
+    _row("strategy", "ivr", "how the next stop is chosen", choices=STRATEGIES),
     _row("preset", "paper", "constants of the strategies", choices=tuple(PRESETS)),
     _row("seed", 0, "seed of the strategies' randomness", low=0),
-    _row("dwell", "ami:0.03", "how long to count at a stop: fmi:SECONDS or ami:THRESHOLD"),
+    _row("dwell", "optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
+    _row("target", "rate", "what the map is to be good for", choices=("rate", "vwc")),
+    _row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     _row("longest_dwell_s", 3600.0, "longest time at a stop", "s", 1.0),
     _row("hours", 2.0, "time of the mission, the way home and pauses included", "h", 0.01),
     _row("home", "", "stop to return to at the end; the robot stays where it is if empty"),
@@ -47,8 +53,8 @@ PARAMETERS: Final = (
         0.1,
     ),
     _row("navigation_wait_s", 30.0, "longest wait for the navigation to appear, or to end a goal", "s", 1.0),
-    _row("goal_time_factor", 3.0, "a trip may take this many times the expected time ...", "", 1.0),
-    _row("goal_time_margin_s", 60.0, "... plus this", "s", 0.0),
+    _row("goal_time_factor", 3.0, "a trip may take so many times the expected time", "", 1.0),
+    _row("goal_time_margin_s", 60.0, "a trip may take so much longer on top", "s", 0.0),
     _row("cancel_limit_s", 30.0, "a cancelled goal is taken for ended after this time", "s", 1.0),
     _row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
     _row("min_dwell_s", 60.0, "a stop is not gone to if less is left for counting there", "s", 0.0),
@@ -74,7 +80,8 @@ PARAMETERS: Final = (
 def explorer_settings(parameters: Parameters) -> ExplorerSettings:
     """How stops are chosen.
 
-    :raises InputError: if the dwell rule is not one, or the strategy's solver is not installed
+    :raises InputError: if the dwell rule is not one, the strategy's solver is not installed, or the target is the
+        moisture and there is no calibration
     """
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
@@ -84,7 +91,15 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
         seed=parameters.whole("seed"),
         dwell=parse_dwell(text("dwell"), number("longest_dwell_s")),
         motion=RobotMotion(number("speed_mps"), number("stop_overhead_s")),
+        curve=_curve(text("site")) if text("target") == "vwc" else None,
     )
+
+
+def _curve(site: str) -> CalibrationCurve:
+    curve = load_site(resource("sites", site)).curve if site else None
+    if curve is None:
+        raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
+    return curve
 
 
 def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:

@@ -4,9 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.mission_setup import Ways
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.mission_types import MissionRules, PlanKind, RequestPlan
 from soilmoist_ros.exploration.strategy import Stop
 from soilmoist_ros.exploration.travel import RobotMotion
 from soilmoist_ros.exploration.travel_graph import TravelGraph
@@ -48,3 +52,18 @@ def test_free_ways_have_a_stop_for_each_cell():
 def test_a_field_too_fine():
     with pytest.raises(InputError, match="change its cell_m"):
         Ways(field(1e-4), RobotMotion(), None)
+
+
+@given(st.floats(60, 400), st.sampled_from(["random", "ivr"]))
+def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy):
+    ways = Ways(field(), RobotMotion(), None)
+    rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("ami:0.03"), home=ways.stop("r0c0"))
+    settings = ExplorerSettings(strategy=strategy, preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
+    request = RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s)
+    plan = make_explorer(ways, settings, rules).plan(request, (10.0, 10.0))
+    if plan.choice is not None:
+        stop = plan.choice.stop
+        needed_s = plan.travel_s + rules.min_dwell_s + rules.way_home_s((stop.x_m, stop.y_m))
+        assert needed_s <= left_s
+    else:
+        assert left_s < 60 + 12 + 60 + rules.way_home_s((10.0, 10.0))
