@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from soilmoist_ros.exploration.strategy import Choice, Situation
+from soilmoist_ros.exploration.strategy_rules import away_from, reachable
+
+_APART_CELLS = 4
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,10 @@ class VarianceReduction:
 
 
 def to_the_middle(situation: Situation) -> Choice | None:
-    """The candidate in the middle of the field, for want of a map."""
-    possible = np.flatnonzero(np.isfinite(situation.travel_s) & (situation.travel_s < situation.time_left_s))
+    """The candidate nearest to the middle of the field, for want of a map; a new place, if there is one."""
+    reached = reachable(situation)
+    new = reached & away_from(situation, _APART_CELLS * situation.cell_m)
+    possible = np.flatnonzero(new if new.any() else reached)
     if not len(possible):
         return None
     places = np.array([(situation.candidates[i].x_m, situation.candidates[i].y_m) for i in possible])

@@ -10,7 +10,7 @@ from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.dwell import DwellRule
 from soilmoist_ros.exploration.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission_types import MissionRules
-from soilmoist_ros.exploration.strategies import NEEDS_NO_MAP, PRESETS, make_strategy
+from soilmoist_ros.exploration.strategies import NEEDS_NO_MAP, make_strategy, warm_up
 from soilmoist_ros.exploration.strategy import Stop
 from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel_graph import TravelGraph
@@ -48,7 +48,7 @@ class ExplorerSettings:
     @property
     def warm_up_stops(self) -> int:
         """Samples to take before the map guides."""
-        return PRESETS[self.preset].warm_up_samples if self.needs_map else 0
+        return warm_up(self.strategy, self.preset)[0]
 
 
 class Ways:
@@ -100,7 +100,7 @@ def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -
         ways.stops,
         ways.travel,
         make_strategy(settings.strategy, settings.preset),
-        make_strategy("random", settings.preset),
+        warm_up(settings.strategy, settings.preset)[1],
         settings.dwell,
         # The same stream as in a simulation without ROS: the same seed draws the same stops.
         np.random.default_rng(np.random.SeedSequence(settings.seed).spawn(2)[1]),

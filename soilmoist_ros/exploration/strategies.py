@@ -23,7 +23,18 @@ from soilmoist_ros.exploration.strategy_rules import (
 from soilmoist_ros.exploration.tour_strategies import AdaptiveSampling, Lattice
 from soilmoist_ros.exploration.wording import did_you_mean
 
-__all__ = ["NEEDS_NO_MAP", "PRESETS", "STRATEGIES", "Greedy", "MonteCarlo", "Preset", "Random", "make_strategy"]
+__all__ = [
+    "LOOKS_AHEAD",
+    "NEEDS_NO_MAP",
+    "PRESETS",
+    "STRATEGIES",
+    "Greedy",
+    "MonteCarlo",
+    "Preset",
+    "Random",
+    "make_strategy",
+    "warm_up",
+]
 
 Array = NDArray[np.float64]
 
@@ -31,8 +42,10 @@ STRATEGIES = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice",
 """Names that :func:`make_strategy` knows."""
 
 
-NEEDS_NO_MAP = frozenset({"random", "lattice", "ivr", "gcb"})
-"""Strategies that need no samples at random places first."""
+NEEDS_NO_MAP = frozenset({"random", "lattice"})
+"""Strategies that never look at the map."""
+LOOKS_AHEAD = frozenset({"ivr", "gcb"})
+"""Strategies that make do with the map of one stop, so that they begin with one in the middle of the field."""
 
 
 def make_strategy(name: str, preset: str | Preset = "paper") -> Strategy:
@@ -60,6 +73,19 @@ def make_strategy(name: str, preset: str | Preset = "paper") -> Strategy:
     if name == "greedy":
         return Greedy(preset)
     return MonteCarlo(preset) if name == "monte_carlo" else Random(preset)
+
+
+def warm_up(name: str, preset: str) -> tuple[int, Strategy]:
+    """How a mission of a strategy begins, before a map can guide it: number of stops, and who chooses them.
+
+    :param name: one of :data:`STRATEGIES`
+    :param preset: one of :data:`PRESETS`
+    """
+    if name in NEEDS_NO_MAP:
+        return 0, make_strategy("random", preset)
+    if name in LOOKS_AHEAD:
+        return 1, make_strategy("ivr", preset)
+    return PRESETS[preset].warm_up_samples, make_strategy("random", preset)
 
 
 def _unknown(kind: str, word: str, known: tuple[str, ...]) -> InputError:

@@ -35,7 +35,7 @@ from soilmoist_ros.exploration.mission_types import (
     Verb,
 )
 from soilmoist_ros.exploration.prospect import Counting
-from soilmoist_ros.exploration.strategies import NEEDS_NO_MAP, PRESETS, make_strategy
+from soilmoist_ros.exploration.strategies import make_strategy, warm_up
 from soilmoist_ros.exploration.strategy import Stop
 from soilmoist_ros.exploration.topological_map import TopologicalMap, make_topological_map, read_topological_map
 from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
@@ -89,7 +89,8 @@ class _Simulation:
         motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         self.travel, stops = travel_and_stops(field.field, self.grid, motion, settings)
         dwell = parse_dwell(settings.dwell)
-        warm_up_stops = 0 if settings.strategy in NEEDS_NO_MAP else PRESETS[settings.preset].warm_up_samples
+        strategy = make_strategy(settings.strategy, settings.preset)
+        warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
         self.mission = Mission(
             MissionRules(
                 budget_s=settings.hours * 3600,
@@ -107,8 +108,8 @@ class _Simulation:
             self.live_map,
             stops,
             self.travel,
-            make_strategy(settings.strategy, settings.preset),
-            make_strategy("random", settings.preset),
+            strategy,
+            first_strategy,
             dwell,
             strategy_rng,
             self.mission.rules.min_dwell_s,

@@ -17,7 +17,7 @@ coordinates = st.floats(-5e4, 5e4, width=32)
 positive = st.floats(1e-3, 1e5)
 records = st.builds(
     CountRecord,
-    stamp_s=st.integers(0, 2**31 - 1).map(float),
+    stamp_s=st.integers(0, 2**31 - 2).map(float),
     x_m=coordinates,
     y_m=coordinates,
     z_m=coordinates,

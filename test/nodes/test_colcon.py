@@ -39,7 +39,7 @@ def sourced(workspace):
     base = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     base |= {"AMENT_PREFIX_PATH": sys.prefix}
     shown = subprocess.run(
-        ["bash", "-c", ". install/local_setup.bash && env -0"],
+        ["sh", "-c", ". install/local_setup.sh && env -0"],
         cwd=workspace, env=base, capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
     variables = dict(line.split("=", 1) for line in shown.split("\0") if line)
