@@ -139,8 +139,8 @@ class NodeProcess:
         self._output = output
         with output.open("wb") as file:
             self.process = subprocess.Popen(
-                command, env=environment, stdout=file, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
-                start_new_session=True,
+                command, env=environment, cwd=output.parent, stdout=file, stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL, start_new_session=True,
             )  # fmt: skip
 
     def output(self) -> str:
