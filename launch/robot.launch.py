@@ -6,6 +6,8 @@ Arguments come before params_file. One that is empty leaves its parameter as it 
 docs/parameters.md).
 """
 
+from pathlib import Path
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
@@ -19,17 +21,21 @@ PARAMETERS = {
     "site": "site file (corrections, soil, calibration), or name of a shipped one",
     "logger_uri": "where the neutron logger is: tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=115200 or file:///PATH",
     "gnss_uri": "where the GNSS receiver is (NMEA), like logger_uri",
-    "strategy": "how the next stop is chosen, such as greedy",
-    "dwell": "how long to count at a stop: fmi:SECONDS or ami:THRESHOLD",
+    "strategy": "how the next stop is chosen, such as ivr",
+    "dwell": "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal",
     "hours": "time of the mission [h], the way home included",
     "home": "stop to return to at the end",
     "navigator": "how goals are sent: goto_node or goal_pose",
     "save_dir": "folder that the mapper's service save writes",
     "out": "folder for recordings",
     "name": "name of the recording; the time if empty",
+    "resume": "what to do with a mission that was interrupted: ask, auto (go on) or fresh (forget it)",
     "simulated": "true if the counts come from a simulation; every output says so",
 }
 """Arguments that are parameters of one or more of the nodes."""
+RECORDINGS = "recordings"
+"""Where the recorder writes if nothing else is said."""
+JOURNAL = "folder in which the mission survives a power cut (empty: journal in out, unless params_file says where)"
 AUTOSTART = "true: the mission starts as soon as position, map and navigation are there"
 
 
@@ -47,6 +53,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "exit_when_finished", default_value="false", description="true: all nodes end with the mission"
             ),
+            DeclareLaunchArgument("journal_dir", default_value="", description=JOURNAL),
             *(
                 DeclareLaunchArgument(name, default_value="", description=f"{text} (empty: as in params_file)")
                 for name, text in PARAMETERS.items()
@@ -71,6 +78,7 @@ def nodes(context: LaunchContext) -> list[Node]:
         name: parameters_from(name, arguments) for name in ("recorder", "mapper", "planner", "sensor_driver")
     }
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
+    values["planner"] |= journal(given("journal_dir"), arguments["out"], given("params_file"), given("namespace"))
     if not flag("record"):
         del values["recorder"]
     ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
@@ -89,3 +97,11 @@ def nodes(context: LaunchContext) -> list[Node]:
         )
         for node, parameters in values.items()
     ]
+
+
+def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str, str]:
+    """Where the planner writes the mission down: always the same place, or a restart would not find it."""
+    if not folder and params_file and "journal_dir" in Path(params_file).read_text(encoding="utf-8"):
+        return {}
+    own = Path(out or RECORDINGS, "journal", namespace.strip("/"))  # of each robot, where several share a computer
+    return {"journal_dir": folder or str(own.expanduser().absolute())}

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from soilmoist_ros.recording.metadata import Qos, Request
+
+_KEEP: Final = 100
+"""Messages that a publisher keeps if it is not known how many the recorded one kept."""
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
@@ -28,4 +34,21 @@ def requested_qos(request: Request) -> QoSProfile:
         depth=request.depth,
         reliability=ReliabilityPolicy.RELIABLE if request.reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if request.latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
+    """Profile of a publisher that serves everybody whom the recorded ones served.
+
+    :param recorded: what each of them offered; if nothing is known, nothing is lost on the way
+    """
+    latched = any(qos.durability == "transient_local" for qos in recorded)
+    reliable = latched or not recorded or any(qos.reliability != "best_effort" for qos in recorded)
+    # Fast DDS does not tell the depth of others; who comes late wants the last message of a latched topic.
+    depth = max((qos.depth for qos in recorded), default=0) or (1 if latched else _KEEP)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )

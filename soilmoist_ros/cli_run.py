@@ -26,8 +26,8 @@ _SHOW_S = 0.5
 @click.command("demo")
 @click.option("--field", default="synthetic-high", show_default=True,
               help="Built-in field, or a field file with a truth.")  # fmt: skip
-@click.option("--strategy", default="greedy", show_default=True, help="As of soilmoist simulate.")
-@click.option("--dwell", default="ami:0.03", show_default=True, help="As of soilmoist simulate.")
+@click.option("--strategy", default="ivr", show_default=True, help="As of soilmoist simulate.")
+@click.option("--dwell", default="optimal", show_default=True, help="As of soilmoist simulate.")
 @click.option("--hours", type=click.FloatRange(min=0.05), default=1.0, show_default=True,
               help="Simulated time of the mission [h].")  # fmt: skip
 @click.option("--speed", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
@@ -81,13 +81,42 @@ def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
 @click.option("--logger", help="Logger format of the raw lines. Default: told from their header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
-@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@click.option("--out", type=FILE, help="Folder for the results; made if missing. Required without --live.")
+@click.option("--live", is_flag=True,
+              help="Publish the bag to running nodes, with /clock; the options below are for this.")  # fmt: skip
+@click.option("--topics", help="Pattern of the full names to publish. Default: what mapper and planner take in.")
+@click.option("--speed", type=click.FloatRange(min=0.01, max=200), help="Recorded time per time. Default: 1.")
+@click.option("--start", "start_s", type=click.FloatRange(min=0), help="Start after this time of the bag [s].")
+@click.pass_context
 @told_plainly
-def replay_command(bag: Path, out: Path, crs: str | None, nugget: str | None, **choices: Any) -> None:
+def replay_command(
+    context: click.Context,
+    bag: Path,
+    out: Path | None,
+    crs: str | None,
+    nugget: str | None,
+    live: bool,
+    topics: str | None,
+    speed: float | None,
+    start_s: float | None,
+    **choices: Any,
+) -> None:
     """Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.
 
     With the settings of the run the map is the one that the robot had, bit for bit.
+
+    With --live nothing is mapped here: nodes with use_sim_time hear the robot again. The space bar pauses.
     """
+    for name in set(context.params) - {"bag", "live"}:
+        given = context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+        if given and live != (name in ("topics", "speed", "start_s")):
+            option = next(one.opts[0] for one in context.command.params if one.name == name)
+            raise InputError(f"{option} means nothing {'with' if live else 'without'} --live", "leave it out")
+    if live:
+        _play(bag, topics, speed or 1.0, start_s or 0.0)
+        return
+    if out is None:
+        raise InputError("there is no folder for the results", "give it with --out, or play the bag with --live")
     from soilmoist_ros.replay import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import write_outputs
 
@@ -99,6 +128,29 @@ def replay_command(bag: Path, out: Path, crs: str | None, nugget: str | None, **
     print_replay(replay)
     for path in written:
         click.echo(f"wrote {path}")
+
+
+def _play(bag: Path, topics: str | None, speed: float, start_s: float) -> None:
+    """Play a bag to the nodes of this ROS system."""
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
+    from soilmoist_ros.key_press import on_space
+    from soilmoist_ros.nodes.bag_player import player_of
+    from soilmoist_ros.recording.playback import INPUTS
+    from soilmoist_ros.run_folder import bag_of
+
+    def say(text: str) -> None:
+        click.echo(f"note: {text}", err=True)
+
+    with (
+        player_of(bag_of(bag), topics or INPUTS, speed, start_s, say) as player,
+        on_space(player.toggle),
+        progress_bar() as progress,
+    ):
+        progress("waiting for nodes that listen", 0.0)
+        player.wait_for_listeners()
+        count = player.play(progress)
+    click.echo(f"played {count} messages")
 
 
 @click.group("bag")
@@ -133,9 +185,10 @@ def bag_recover_command(bag: Path, out: Path) -> None:
 
     from soilmoist_ros.recording.bag_tables import print_plain, recovery_table
     from soilmoist_ros.recording.recovery import recover_bag
-    from soilmoist_ros.run_folder import bag_of
+    from soilmoist_ros.run_folder import bag_of, copy_configuration
 
     recovered = recover_bag(bag_of(bag), out)
+    copy_configuration(bag_of(bag), out)
     print_plain(Console(), recovery_table(recovered))
 
 

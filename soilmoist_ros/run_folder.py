@@ -5,18 +5,22 @@
     RUN/bag/                          the recording, in the rosbag2 layout
     RUN/configuration/NODE.yaml       parameters of each node
     RUN/configuration/field.yaml ...  the files that they name
+
+A bag by itself, as the recorder makes it on a robot, is a run as well: it has its configuration in it.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.configuration import read_yaml
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.recording.bag_writer import write_whole
 
 BAG = "bag"
 CONFIGURATION = "configuration"
@@ -37,7 +41,7 @@ def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path
     lines += [f"    {name}: {_yaml(value)}" for name, value in values.items()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_whole(path, ("\n".join(lines) + "\n").encode())
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", path) from None
     return path
@@ -58,6 +62,22 @@ def configuration_of(bag: Path) -> Path | None:
         if (folder / CONFIGURATION).is_dir():
             return folder / CONFIGURATION
     return None
+
+
+def copy_configuration(bag: Path, target: Path) -> None:
+    """Copy the configuration of a bag into another one, if there is one.
+
+    :param bag: folder of the bag, or a file in it
+    :param target: folder of the other
+    :raises InputError: if it cannot be written
+    """
+    configuration = configuration_of(bag)
+    if configuration is None:
+        return
+    try:
+        shutil.copytree(configuration, target / CONFIGURATION, dirs_exist_ok=True)
+    except OSError as error:
+        raise InputError(f"the configuration cannot be copied: {error}", "copy it by hand", target) from None
 
 
 def read_parameters(configuration: Path | None, node: str) -> dict[str, Any]:

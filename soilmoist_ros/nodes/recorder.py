@@ -1,4 +1,7 @@
-"""The recorder: every topic into a bag that survives a crash."""
+"""The recorder: every topic into a bag that survives a crash.
+
+With it goes what the nodes were set up with: their parameters, and the files that these name.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
@@ -16,43 +21,25 @@ from std_srvs.srv import Trigger
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.offered_qos import offered_qos, requested_qos
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.nodes.parameters import Parameter, Parameters
+from soilmoist_ros.nodes.parameter_collector import ParameterCollector
+from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.qos import DEFAULT
+from soilmoist_ros.nodes.recorder_parameters import PARAMETERS
 from soilmoist_ros.nodes.run import run
 from soilmoist_ros.recording.bag_recorder import BagRecorder, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.definitions import find_definition
 from soilmoist_ros.recording.metadata import Qos, Request, Topic, request_for
 from soilmoist_ros.recording.recorder_health import recorder_health
 from soilmoist_ros.recording.topic_choice import TopicChoice
+from soilmoist_ros.run_configuration import RunConfiguration
 
-PARAMETERS: Final = (
-    Parameter(name="out", default="recordings", description="folder for bags; made if it does not exist"),
-    Parameter(name="name", default="", description="name of the bag; the time of its beginning if empty"),
-    Parameter(name="include", default=".*", description="pattern of the full names of topics to record"),
-    Parameter(name="exclude", default="", description="pattern of the full names of topics to leave out"),
-    Parameter(name="autostart", default=True, description="whether to record from the start"),
-    Parameter(
-        name="flush_period_s",
-        default=0.5,
-        description="time between flushes to the disk, which is what a crash can cost",
-        unit="s",
-        low=0.05,
-        high=60.0,
-    ),
-    Parameter(
-        name="queue_mb",
-        default=64.0,
-        description="size of messages that may wait while the disk is slow or full",
-        unit="MB",
-        low=1.0,
-        high=4096.0,
-    ),
-    Parameter(
-        name="low_disk_mb", default=500.0, description="space on the disk below which to warn", unit="MB", low=0.0
-    ),
-)
+__all__ = ["PARAMETERS", "Recorder", "main"]
+
+_RECORDED: Final = ("sensor_driver", "mapper", "planner")
+"""Nodes whose parameters are kept with the bag."""
 _DISCOVERY_S: Final = 0.2
 _DIAGNOSTICS_S: Final = 1.0
+_CONFIGURATION_S: Final = 1.0
 _OPEN_S: Final = 5.0
 
 
@@ -74,17 +61,30 @@ class Recorder(Node):
         )
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
         self._skipped: set[str] = set()
+        self._mixed: set[str] = set()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         self.create_service(Trigger, "recorder/start", self._start)
         self.create_service(Trigger, "recorder/stop", self._stop)
         if self._settings.flag("autostart"):
             self._recorder.start()
         self._discover()
-        self.create_timer(_DISCOVERY_S, self._discover)
-        self.create_timer(_DIAGNOSTICS_S, self._diagnose)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.create_timer(_DISCOVERY_S, self._discover, clock=steady)
+        self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
+        self._configuration = RunConfiguration()
+        self._complaint = ""
+        aside = MutuallyExclusiveCallbackGroup()  # the disk may be slow: messages come in meanwhile
+        self._collector = ParameterCollector(self, _RECORDED, self._configuration.take, aside)
+        self.create_timer(_CONFIGURATION_S, self._keep_configuration, callback_group=aside, clock=steady)
 
     def close(self) -> None:
-        """Close the bag."""
+        """Close the bag, with what has arrived but not been handed over yet."""
+        for topic, _, subscription in self._topics.values():
+            with subscription.handle:
+                while (
+                    taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)
+                ) is not None:
+                    self._record(topic, *taken)
         state = self._recorder.stop()
         if state.bag is not None:
             self.get_logger().info(f"recorded {state.messages} messages to {state.bag}")
@@ -108,6 +108,19 @@ class Recorder(Node):
         now_s = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
 
+    def _keep_configuration(self) -> None:
+        bag = self._recorder.state.bag
+        if bag is None:
+            return
+        try:
+            for name in self._configuration.write(bag):
+                self.get_logger().info(f"the parameters of {name} are with the recording")
+            self._complaint = ""
+        except InputError as error:
+            if str(error) != self._complaint:
+                self._complaint = str(error)
+                self.get_logger().error(f"the configuration of the nodes is not recorded: {error}")
+
     def _discover(self) -> None:
         """Subscribe to what is new, and again to what needs a weaker quality of service now."""
         for name, types in self.get_topic_names_and_types():
@@ -126,6 +139,12 @@ class Recorder(Node):
         wanted = request_for(offered)
         if name in self._topics:
             topic, request, subscription = self._topics[name]
+            if len(types) > 1 and name not in self._mixed:
+                self._mixed.add(name)
+                here = topic.definition.type_name
+                self.get_logger().warning(
+                    f"{name} has several types: of {', '.join(types)} only {here} is recorded"
+                )
             if not wanted.is_weaker(request):
                 return
             wanted = wanted.weakened(request)

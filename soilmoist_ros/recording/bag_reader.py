@@ -12,6 +12,7 @@ from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.recording.metadata import INFINITE_NS, Extent, Qos
 from soilmoist_ros.recording.point_cloud import count_records
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -52,6 +53,22 @@ class BagReader:
     def counts(self) -> Mapping[str, int]:
         """Number of messages of each topic."""
         return {name: info.msgcount for name, info in self._reader.topics.items()}
+
+    @property
+    def extent(self) -> Extent:
+        """All messages."""
+        if not self._reader.message_count:
+            return Extent()
+        return Extent(self._reader.message_count, self._reader.start_time, self._reader.end_time - 1)
+
+    @property
+    def offered(self) -> Mapping[str, tuple[Qos, ...]]:
+        """What the publishers of each topic offered, as far as the bag tells."""
+        found: dict[str, tuple[Qos, ...]] = {}
+        for connection in self._reader.connections:
+            profiles = getattr(connection.ext, "offered_qos_profiles", ())
+            found[connection.topic] = found.get(connection.topic, ()) + tuple(map(_qos, profiles))
+        return found
 
     def messages(self, topics: Sequence[str] | None = None) -> Iterator[BagMessage]:
         """Messages in the order in which they were received.
@@ -130,6 +147,22 @@ class BagReader:
 
 _FAULTS = (AnyReaderError, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError)
 """What reading a damaged bag may raise: the reader checks less than everything."""
+
+
+def _qos(profile: Any) -> Qos:
+    def nanoseconds(duration: Any) -> int:
+        return min(INFINITE_NS, int(duration.sec) * 1_000_000_000 + int(duration.nsec))
+
+    return Qos(
+        profile.history.name.lower(),
+        profile.depth,
+        profile.reliability.name.lower(),
+        profile.durability.name.lower(),
+        nanoseconds(profile.deadline),
+        nanoseconds(profile.lifespan),
+        profile.liveliness.name.lower(),
+        nanoseconds(profile.liveliness_lease_duration),
+    )
 
 
 def _open(path: Path) -> AnyReader:

@@ -76,6 +76,9 @@ def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(mon
     assert list(nodes) == ["recorder", "mapper", "planner", "sensor_driver"]
     for name, action in nodes.items():
         values = seen(action)
+        if name == "planner":
+            assert values.pop("journal_dir") == str(Path("recordings/journal").absolute())
+            values["journal_dir"] = ""
         assert (values.pop("node"), values.pop("use_sim_time")) == (f"/{name}", False)
         assert values == defaults(name)
         assert action.on_exit is None
@@ -90,6 +93,19 @@ def test_arguments_go_to_every_node_that_has_the_parameter(monkeypatch, seen):
     assert (values["planner"]["hours"], values["planner"]["dwell"]) == (3.0, "fmi:60")
     assert values["recorder"]["out"] == "runs"
     assert {value["node"] for value in values.values()} == {f"/r1/{name}" for name in nodes}
+
+
+def test_the_journal_is_where_a_restart_finds_it(monkeypatch, seen, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"journal_dir": "/data/journal"}}}))
+    for given, folder in [
+        ({"out": str(tmp_path)}, f"{tmp_path}/journal"),
+        ({"out": str(tmp_path), "namespace": "/r1/"}, f"{tmp_path}/journal/r1"),
+        ({"out": str(tmp_path), "params_file": str(path)}, "/data/journal"),
+        ({"journal_dir": "/other", "params_file": str(path)}, "/other"),
+    ]:
+        values = seen(by_name(stand_in.start(ROBOT, monkeypatch, {**given, "resume": "auto"}))["planner"])
+        assert (values["journal_dir"], values["resume"]) == (folder, "auto")
 
 
 def test_arguments_come_before_the_file_and_the_file_before_the_defaults(monkeypatch, seen, tmp_path):

@@ -1,19 +1,26 @@
 """The recorder as a process of its own: what is published is in the bag, whatever happens to it."""
 
 import signal
+import sys
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("rclpy")
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
 
 from soilmoist_ros.recording.bag_reader import BagReader
 from soilmoist_ros.recording.mcap_scan import McapScan
 from soilmoist_ros.recording.recovery import recover_bag
+from soilmoist_ros.run_folder import read_parameters
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -59,6 +66,20 @@ def test_everything_is_recorded_until_an_interrupt(ros, tmp_path, published):
     text = (tmp_path / "bags" / "run" / "metadata.yaml").read_text()
     assert "durability: transient_local" in text
     assert "reliability: best_effort" in text
+
+
+def test_what_has_arrived_before_the_interrupt_is_recorded(ros, tmp_path, published):
+    process = ros.start("recorder", params=params(tmp_path))
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    ros.wait_for(lambda: "/robot/model" in on_disk(path))
+    published(0)
+    process.process.send_signal(signal.SIGSTOP)  # as on a machine that is busy
+    published(20)
+    process.process.send_signal(signal.SIGINT)
+    process.process.send_signal(signal.SIGCONT)
+    assert process.wait() == 0
+    with BagReader(tmp_path / "bags" / "run") as bag:
+        assert bag.read_texts("notes") == [f"note {number}" for number in range(20)]
 
 
 def test_a_kill_costs_nothing_that_was_flushed(ros, tmp_path, published):
@@ -143,3 +164,71 @@ def test_bad_parameters_end_it_with_a_message(ros, tmp_path, bad, said):
     process = ros.start("recorder", params=params(tmp_path, **bad))
     assert process.wait() == 2
     assert said in process.output()
+
+
+SQUARE = "name: square\ndatum: {latitude_deg: 53.2, longitude_deg: -0.5}\npolygon: [[0, 0], [30, 0], [30, 30]]\n"
+
+
+def test_what_the_nodes_of_its_robot_were_set_up_with_is_with_the_bag(ros, tmp_path):
+    (tmp_path / "field.yaml").write_text(SQUARE)
+    ros.start("recorder", params=params(tmp_path), namespace="/robot1")
+    field = str(tmp_path / "field.yaml")
+    mapper = ros.start("mapper", params={"field": field, "fit": "soft_l1"}, namespace="/robot1")
+    ros.start("planner", params={"field": field, "hours": 3.5, "graph": "free", "navigator": "goal_pose"})
+    folder = tmp_path / "bags" / "run" / "configuration"
+    ros.wait_for((folder / "mapper.yaml").is_file, message="the mapper's parameters")
+    values = read_parameters(folder, "mapper")
+    assert (values["fit"], values["use_sim_time"], values["merge_radius_m"]) == ("soft_l1", False, 0.0)
+    assert values["field"] == str(folder / "field.yaml")
+    assert (folder / "field.yaml").read_text() == SQUARE
+    # Whoever dies is no obstacle, and the next bag gets all of it, too.
+    mapper.kill()
+    assert ros.call(Trigger, "/robot1/recorder/stop").success
+    assert ros.call(Trigger, "/robot1/recorder/start").success
+    ros.wait_for((tmp_path / "bags" / "run_2" / "configuration" / "mapper.yaml").is_file)
+    assert not (folder / "planner.yaml").exists(), "that planner is another robot's"
+
+
+def skipped(message):
+    return {item.key: item.value for item in message.status[0].values}["topics skipped"]
+
+
+WITHOUT_MARKERS = """
+import sys
+from pathlib import Path
+import soilmoist_ros.recording.definitions as definitions
+definitions.search_prefixes = lambda: [Path({prefix!r})]
+from soilmoist_ros.nodes.recorder import main
+main()
+"""
+
+
+def test_a_topic_whose_type_is_unknown_is_told_once_and_the_others_are_recorded(ros, tmp_path, published):
+    shared = tmp_path / "prefix" / "share"
+    shared.mkdir(parents=True)
+    for folder in (Path(sys.prefix) / "share").iterdir():
+        if folder.name.endswith(("_msgs", "_interfaces")) and folder.name != "visualization_msgs":
+            (shared / folder.name).symlink_to(folder)
+    script = tmp_path / "recorder"
+    script.write_text(f"#!{sys.executable}{WITHOUT_MARKERS.format(prefix=str(tmp_path / 'prefix'))}")
+    script.chmod(0o755)
+    ros.node.create_publisher(MarkerArray, "/plan_markers", 10)
+    ros.node.create_publisher(String, "/mixed", 10)
+    elsewhere = Context()  # as in another process: in one, ROS refuses it
+    rclpy.init(context=elsewhere, domain_id=ros.domain)
+    other = Node("other", context=elsewhere)
+    other.create_publisher(Float64, "/mixed", 10)
+    ros.wait_for(lambda: ros.node.count_publishers("/mixed") == 2)
+    health = ros.collect(DiagnosticArray, "/diagnostics")
+    process = ros.start(str(script), params=params(tmp_path))
+    published()
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    ros.wait_for(lambda: on_disk(path).count("/notes") == 20)
+    ros.wait_for(lambda: health and skipped(health[-1]) in ("1", "2"), message="the number of topics skipped")
+    # What comes first decides whether one of the types is recorded; it is told in both cases.
+    ros.wait_for(lambda: "several types: " in process.output(), message="a word on /mixed")
+    said = "/plan_markers is not recorded: the definition of visualization_msgs/msg/MarkerArray is not installed"
+    assert process.output().count(said) == 1
+    assert process.output().count("/mixed") == 1
+    other.destroy_node()
+    elsewhere.try_shutdown()

@@ -1,0 +1,46 @@
+"""A key pressed on the terminal while something runs."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def on_space(call: Callable[[], None]) -> Iterator[None]:
+    """Call back, in a thread, each time the space bar is pressed; never without a terminal.
+
+    :param call: what to call
+    """
+    if sys.stdin is None or not sys.stdin.isatty():
+        yield
+        return
+    import termios
+    import tty
+
+    descriptor = sys.stdin.fileno()
+    before = termios.tcgetattr(descriptor)
+    ending = threading.Event()
+
+    def listen() -> None:
+        while not ending.is_set():
+            if select.select([descriptor], [], [], 0.1)[0]:
+                pressed = os.read(descriptor, 1)
+                if pressed == b" ":
+                    call()
+                elif not pressed:  # the terminal has gone
+                    return
+
+    thread = threading.Thread(target=listen, daemon=True)
+    tty.setcbreak(descriptor)
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)

@@ -1,0 +1,240 @@
+"""Killed at any moment: what was measured is on the disk, and the mission goes on where it stopped."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from test_planner import Planning
+from virtual_navigation import VirtualNavigation, World
+
+from msg_adapters.counts import counts_from_message
+from msg_adapters.samples import samples_from_message
+from soilmoist_ros.cli import main
+from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.mission_types import Phase
+from soilmoist_ros.nodes.qos import LATCHED, RECORDS
+from soilmoist_ros.recording.bag_info import bag_info
+from soilmoist_ros.recording.bag_reader import BagReader
+from soilmoist_ros.recording.journal_lines import decode
+from soilmoist_ros.recording.recovery import recover_bag
+from soilmoist_ros.replay import replay_bag
+
+# What rclpy says when a server of the test goes away in the middle of an answer.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+LOST_S = 0.5 + 0.5
+"""What a kill may cost of a recording: half a second, and a period of flushing."""
+MISSION = {"hours": 0.15, "dwell": "fmi:40", "autostart": True}
+SLOW_RATE, RATE, LAST_RATE = 8.0, 40.0, 200.0
+"""How much faster than real time the world runs: slow enough for a busy machine while something is to happen."""
+END_S = 90.0
+"""Longest wait for the end of a mission of some 10 s."""
+
+
+class Business:
+    """Measures how long a short sleep and a short write take here: nobody is faster. A context manager."""
+
+    def __init__(self, folder):
+        self.longest_s, self._ending = 0.0, threading.Event()
+        self._probe = (folder / "probe").open("wb")
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception):
+        self._ending.set()
+        self._thread.join(10)
+        self._probe.close()
+
+    def _run(self):
+        while not self._ending.is_set():
+            began_s = time.monotonic()
+            self._probe.write(b"x" * 4096)
+            self._probe.flush()
+            os.fdatasync(self._probe.fileno())
+            time.sleep(0.02)
+            self.longest_s = max(self.longest_s, time.monotonic() - began_s - 0.02)
+
+    @property
+    def allowed_s(self):
+        """What a kill may cost on this machine now."""
+        return LOST_S + 5 * self.longest_s
+
+
+class Heard:
+    """Records as they were published, with the time of that."""
+
+    def __init__(self, ros):
+        self.stamps, self.times_s = [], []
+        ros.node.create_subscription(PointCloud2, "counts", self._take, RECORDS)
+
+    def _take(self, message):
+        self.stamps += [record.stamp_s for record in counts_from_message(message)]
+        self.times_s.append(time.monotonic())
+
+    def require(self, stamps):
+        """That these are the records from some on, without a gap and each once; the number of those after them."""
+        assert stamps
+        first = self.stamps.index(stamps[0])
+        assert stamps == self.stamps[first : first + len(stamps)]
+        return len(self.stamps) - first - len(stamps)
+
+
+def in_journal(folder):
+    """Stamps of the records of a journal, and that it is whole but for what was being written."""
+    lines = decode((folder / "journal.jsonl").read_bytes())
+    assert all("never confirmed" in problem for problem in lines.problems)
+    assert [entry.seq for entry in lines.entries] == list(range(1, len(lines.entries) + 1))
+    return [
+        entry.payload["record"]["stamp_s"]
+        for entry in lines.entries
+        if entry.payload.get("event") == "RecordArrived"
+    ]
+
+
+def recover(bag, target):
+    """Recover as a user does."""
+    main(["bag", "recover", str(bag), "--out", str(target)], standalone_mode=False)
+    return target
+
+
+def require_progress(before, after):
+    """That nothing a mission had used or gathered is forgotten."""
+    assert after.samples >= before.samples
+    assert after.distance_m >= before.distance_m - 1e-6
+    assert after.time_used_s >= before.time_used_s
+    assert after.counting_s >= before.counting_s
+    if after.samples == before.samples:
+        assert after.raw_counts >= before.raw_counts
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_recorder_loses_half_a_second_at_most(ros, tmp_path, seed):
+    notes = ros.node.create_publisher(String, "notes", RECORDS)
+    recorder = ros.start("recorder", params={"out": str(tmp_path / "bags"), "name": "run"})
+    ros.wait_for(notes.get_subscription_count, message="the recorder")
+    sent_s = []
+    end_s = time.monotonic() + np.random.default_rng(seed).uniform(1.0, 2.5)
+    with Business(tmp_path) as business:
+        while time.monotonic() < end_s:
+            sent_s.append(time.monotonic())
+            notes.publish(String(data=str(len(sent_s) - 1)))
+            time.sleep(0.02)
+        recorder.kill()
+        safe_s = time.monotonic() - business.allowed_s
+    try:
+        recover_bag(tmp_path / "bags" / "run", tmp_path / "recovered")
+        with BagReader(tmp_path / "recovered") as reader:
+            texts = reader.read_texts("/notes")
+    except InputError:  # nothing was there yet to be recovered, on a machine that is very busy
+        texts = []
+    assert texts == [str(number) for number in range(len(texts))]
+    assert len(texts) >= sum(time_s < safe_s for time_s in sent_s)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    heard, folder, stops = Heard(ros), tmp_path / "journal", rng.integers(0, 2)
+    with World(ros, rate=RATE) as world, VirtualNavigation(ros, world) as navigation:
+        first = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)
+        first.wait(lambda status: status.samples >= stops and status.phase is Phase.TRAVELLING)
+        time.sleep(rng.uniform(0, 1.5))
+        first.process.kill()
+        world.rate = SLOW_RATE  # it takes a moment to come back
+        heard.require(in_journal(folder))
+
+        asking = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)
+        asking.wait_phase(Phase.PAUSED)
+        assert "resumable" in asking.status.reason
+        require_progress(first.status, asking.status)
+        ros.wait_for(lambda: world.goal is None, message="the robot to be stopped")
+        goals, used_s = list(navigation.goals), asking.status.time_used_s
+        world.rate = RATE
+        asking.wait(lambda status: status.time_used_s > used_s + 20, "time to pass")
+        assert (navigation.goals, world.goal, asking.status.phase) == (goals, None, Phase.PAUSED)
+        asking.process.kill()
+        world.rate = SLOW_RATE
+
+        going_on = Planning(
+            ros, tmp_path, journal_dir=str(folder), resume="auto", exit_when_finished=True, **MISSION
+        )
+        going_on.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
+        require_progress(asking.status, going_on.status)
+        world.rate = RATE
+        ros.wait_for(lambda: len(navigation.goals) > len(goals), message="another goal")
+        world.rate = LAST_RATE
+        assert going_on.process.wait(END_S) == 0
+        assert going_on.status.phase is Phase.FINISHED
+        require_progress(asking.status, going_on.status)
+        assert navigation.most_at_once == 1
+    stamps = in_journal(folder)
+    assert stamps == sorted(set(stamps)), "no record twice"
+    assert set(stamps) <= set(heard.stamps)
+
+
+def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
+    rng = np.random.default_rng(5)
+    heard, folder = Heard(ros), tmp_path / "journal"
+    bags = {"out": str(tmp_path / "bags"), "name": "run"}
+    samples = ros.collect(PointCloud2, "samples", LATCHED)
+    with (
+        World(ros, rate=RATE, mapper=False) as world,
+        VirtualNavigation(ros, world) as navigation,
+        Business(tmp_path) as business,
+    ):
+        recorder = ros.start("recorder", params=bags)
+        first = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)
+        field = {"field": str(tmp_path / "field.yaml"), "save_dir": str(tmp_path / "map"), "use_sim_time": True}
+        mapper = ros.start("mapper", params=field)
+        configuration = tmp_path / "bags" / "run" / "configuration"
+        ros.wait_for(lambda: {"mapper.yaml", "planner.yaml"} <= names(configuration), message="the configuration")
+        first.wait(lambda status: status.samples >= 1)
+        time.sleep(rng.uniform(0, 1.5))
+        for process in (recorder, mapper, first.process):
+            process.kill()
+        safe_s = time.monotonic() - business.allowed_s
+        world.rate = SLOW_RATE
+        heard.require(in_journal(folder))
+
+        recovered = recover(tmp_path / "bags" / "run", tmp_path / "recovered")
+        with BagReader(recovered) as reader:
+            records = reader.read_counts()
+        missing = heard.require([record.stamp_s for record in records])
+        assert missing <= sum(time_s >= safe_s for time_s in heard.times_s)
+        replay = replay_bag(recovered)
+        assert replay.run.mission.series[-1].samples >= 1
+        in_bag = sum(record.raw_counts for record in replay.run.track)
+        assert in_bag == replay.run.soil_map.samples.counts.sum() > 0
+
+        samples.clear()
+        second = ros.start("recorder", params=bags)
+        ros.start("mapper", params={**field, "start_from": str(recovered)})
+        again = Planning(ros, tmp_path, journal_dir=str(folder), resume="auto", exit_when_finished=True, **MISSION)
+        again.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
+        require_progress(first.status, again.status)
+        goals = len(navigation.goals)
+        world.rate = RATE
+        ros.wait_for(lambda: len(navigation.goals) > goals, message="another goal")
+        world.rate = LAST_RATE
+        assert again.process.wait(END_S) == 0
+        assert again.status.phase is Phase.FINISHED
+        assert samples_from_message(samples[-1]).counts.sum() > in_bag
+        assert second.stop() == 0
+    assert bag_info(tmp_path / "bags" / "run_2").whole
+    assert "metadata.yaml" not in names(tmp_path / "bags" / "run"), "what was cut stays as it was"
+
+
+def names(folder):
+    return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
