@@ -93,7 +93,7 @@ class Robot:
         return [one for one in self.records() if one.stamp_s <= stamp_s + 1e-6 and np.isfinite(one.x_m)]
 
     def check_samples(self):
-        """See that the samples hold what was heard, and no more: we may have come too late for the first records."""
+        """See that the samples hold what was heard, and at most the few records before we listened."""
         heard = [record.raw_counts for record in self.mapped()]
         assert sum(heard) <= samples_from_message(self.samples[-1]).counts.sum() <= sum(heard) + 3 * max(heard)
 
