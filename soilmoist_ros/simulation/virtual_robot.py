@@ -62,7 +62,8 @@ class VirtualRobot:
         """Places at times of the current way, shape (n, 2) [m]."""
         if self._drive_s <= 0:
             return np.repeat(self._way[-1:], len(times_s), axis=0)
-        share = np.clip((times_s - self._start_s) / self._drive_s, 0.0, 1.0)
+        # Limited before it is divided: a way may be almost without length, and its quotient then no number.
+        share = np.clip(times_s - self._start_s, 0.0, self._drive_s) / self._drive_s
         length = share * self._along_m[-1]
         return np.column_stack([np.interp(length, self._along_m, axis) for axis in self._way.T])
 
@@ -73,5 +74,5 @@ class VirtualRobot:
     def _length_at(self, now_s: float) -> float:
         if self._drive_s <= 0:
             return 0.0
-        share = min(max((now_s - self._start_s) / self._drive_s, 0.0), 1.0)
+        share = min(max(now_s - self._start_s, 0.0), self._drive_s) / self._drive_s
         return share * float(self._along_m[-1])
