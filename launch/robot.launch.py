@@ -6,6 +6,7 @@ Arguments come before params_file. One that is empty leaves its parameter as it 
 docs/parameters.md).
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
@@ -15,6 +16,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.nodes.launching import parameters_from
+from soilmoist_ros.recording.journal import ENTRIES
 
 PARAMETERS = {
     "field": "field file, or name of a shipped one",
@@ -79,6 +81,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     }
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
     values["planner"] |= journal(given("journal_dir"), arguments["out"], given("params_file"), given("namespace"))
+    values["mapper"] |= earlier(values["planner"])
     if not flag("record"):
         del values["recorder"]
     ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
@@ -105,3 +108,11 @@ def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str
         return {}
     own = Path(out or RECORDINGS, "journal", namespace.strip("/"))  # of each robot, where several share a computer
     return {"journal_dir": folder or str(own.expanduser().absolute())}
+
+
+def earlier(planner: Mapping[str, object]) -> dict[str, str]:
+    """Where the mapper finds what an interrupted mission had counted: in the journal of the planner."""
+    folder = str(planner.get("journal_dir", ""))
+    if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).is_file():
+        return {}
+    return {"start_from": folder}

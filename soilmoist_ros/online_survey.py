@@ -12,6 +12,7 @@ from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.online_map import OnlineMap, OnlineSettings, Snapshot
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod
+from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.record_table import read_records, write_records
 from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.sensing.records import CountRecord
@@ -129,14 +130,22 @@ def open_survey(
 def read_earlier(path: Path) -> list[CountRecord]:
     """Records to start from.
 
-    :param path: a folder that :meth:`OnlineSurvey.save` has written, or a bag with ``counts``
-    :raises InputError: if it is neither
+    :param path: a folder that :meth:`OnlineSurvey.save` has written, a bag with ``counts``, or the journal of a
+        mission: then the records of the mission that was interrupted, none if it had ended
+    :raises InputError: if it is none of these
     """
+    if (path / ENTRIES).is_file():
+        from soilmoist_ros.exploration.mission_journal import interrupted_records
+
+        found = load_journal(path, whole=True)
+        return interrupted_records(found.snapshot, (entry.payload for entry in found.entries))
     if (path / RECORDS).is_file():
         return read_records(path / RECORDS)
     if path.is_dir() and not any(path.glob("*.mcap")) and not (path / "metadata.yaml").is_file():
         raise InputError(
-            f"holds neither {RECORDS} nor a bag", "give a folder that the mapper has saved, or a bag", path
+            f"holds neither {RECORDS} nor a bag nor a journal",
+            "give a folder that the mapper has saved, a bag, or the journal of a mission",
+            path,
         )
     from soilmoist_ros.recording.bag_reader import BagReader
 

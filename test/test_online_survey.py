@@ -6,8 +6,13 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.dwell import parse_dwell
+from soilmoist_ros.exploration.mission import Mission
+from soilmoist_ros.exploration.mission_journal import MissionJournal
+from soilmoist_ros.exploration.mission_types import Command, MissionRules, Moved, RecordArrived, Verb
 from soilmoist_ros.mapping.online_map import Skip
 from soilmoist_ros.online_survey import open_survey, read_earlier
+from soilmoist_ros.recording.journal import Journal
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -102,8 +107,21 @@ def test_a_map_can_start_from_what_was_saved_or_from_a_bag(saved, tmp_path):
             assert band.tobytes() == wanted.tobytes()
 
 
+def test_an_interrupted_mission_gives_its_records(tmp_path):
+    mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
+    events = [Moved(1.77e9, 0.0, 0.0), Command(1.78e9, Verb.START)]
+    events += [RecordArrived(r.stamp_s, r) for r in records()]
+    with Journal.open(tmp_path) as pages:
+        journal = MissionJournal(pages)
+        for event in events:
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+    assert read_earlier(tmp_path) == records()
+
+
 def test_other_folders_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"neither records.csv nor a bag.*saved, or a bag"):
+    with pytest.raises(InputError, match=r"neither records.csv nor a bag nor a journal.*saved, a bag"):
         read_earlier(tmp_path)
     with pytest.raises(InputError, match="there is no such bag"):
         read_earlier(tmp_path / "none")

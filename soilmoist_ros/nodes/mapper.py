@@ -55,7 +55,9 @@ PARAMETERS = (
     ),
     Parameter(name="frame", default="map", description="frame of all that is published"),
     Parameter(
-        name="start_from", default="", description="folder of an earlier save, or bag, whose records come first"
+        name="start_from",
+        default="",
+        description="folder of a save, bag, or journal of an interrupted mission, whose records come first",
     ),
     Parameter(name="save_dir", default="soilmoist_map", description="folder that the service save writes"),
     Parameter(

@@ -14,7 +14,8 @@ from soilmoist_ros.errors import InputError
 from soilmoist_ros.recording.bag_writer import sync_folder, write_whole
 from soilmoist_ros.recording.journal_lines import Entry, Lines, decode, encode
 
-_ENTRIES: Final = "journal.jsonl"
+ENTRIES: Final = "journal.jsonl"
+"""Name of the file with the entries, by which the folder of a journal is known."""
 _SNAPSHOT: Final = "snapshot.json"
 
 
@@ -22,7 +23,8 @@ class LoadedJournal(NamedTuple):
     """A journal as it was found.
 
     :param snapshot: text given to the last :meth:`Journal.snapshot`, ``None`` if there is none
-    :param entries: entries after it, in the order of their numbers; those of all time without a snapshot
+    :param entries: entries after it, in the order of their numbers; those of all time without a snapshot, or if
+        they were asked for
     :param problems: what is wrong with the files, in words; empty if nothing is
     """
 
@@ -51,7 +53,7 @@ class Journal:
         :param folder: made if it does not exist
         :raises InputError: if another process is writing it, or the folder cannot be written
         """
-        path = folder / _ENTRIES
+        path = folder / ENTRIES
         descriptor = -1
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -136,17 +138,18 @@ class Journal:
         self.close()
 
 
-def load_journal(folder: Path) -> LoadedJournal:
+def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
     """Read a journal; nothing is changed.
 
     A cut at any place costs the entry that was being written. A damaged snapshot costs nothing: all entries are
     given then.
 
     :param folder: folder of the journal; without one, the journal is empty
+    :param whole: give the entries before the snapshot as well
     :raises InputError: if it cannot be read
     """
     try:
-        path = folder / _ENTRIES
+        path = folder / ENTRIES
         lines, snapshot, snapshot_seq, problems = _read(folder, path.read_bytes() if path.exists() else b"")
     except OSError as error:
         message = f"the mission's journal cannot be read: {error.strerror}"
@@ -155,23 +158,21 @@ def load_journal(folder: Path) -> LoadedJournal:
     seq = 0
     for entry in lines.entries:
         if entry.seq <= seq:
-            problems.append(f"{_ENTRIES}: entry {entry.seq} stands in it twice; the first one holds")
+            problems.append(f"{ENTRIES}: entry {entry.seq} stands in it twice; the first one holds")
             continue
         if entry.seq > seq + 1:
-            problems.append(f"{_ENTRIES}: {_span(seq + 1, entry.seq - 1)} missing")
+            problems.append(f"{ENTRIES}: {_span(seq + 1, entry.seq - 1)} missing")
         seq = entry.seq
-        if seq > snapshot_seq:
+        if whole or seq > snapshot_seq:
             entries.append(entry)
     if seq < snapshot_seq:
-        problems.append(
-            f"{_ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot holds what they did"
-        )
+        problems.append(f"{ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot holds what they did")
     return LoadedJournal(snapshot, tuple(entries), tuple(problems))
 
 
 def _read(folder: Path, data: bytes) -> tuple[Lines, str | None, int, list[str]]:
     """Lines of the journal, the snapshot's text and last entry, and all problems of both files."""
-    lines = decode(data, _ENTRIES)
+    lines = decode(data, ENTRIES)
     problems = list(lines.problems)
     path = folder / _SNAPSHOT
     if not path.exists():

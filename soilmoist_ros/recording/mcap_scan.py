@@ -90,13 +90,15 @@ class McapScan:
 
     def _records(self, data: mmap.mmap) -> Iterator[Record]:
         """Records of the file and, in their place, those of its chunks."""
-        at, size, summary = len(_MAGIC), len(data), False
+        at, size = len(_MAGIC), len(data)
         if data[:at] != _MAGIC[: min(at, size)]:
             self.damaged += 1
         while at < size:
             opcode, length = _RECORD.unpack_from(data, at) if size - at >= _RECORD.size else (0, size)
             start = at + _RECORD.size
-            if opcode not in _KNOWN or start + length > size:
+            end = start + length
+            misread = opcode == Opcode.FOOTER and (end > size or data[end:] != _MAGIC[: size - end])
+            if opcode not in _KNOWN or end > size or misread:
                 found = _next_chunk(data, at + 1)
                 if found is None:
                     self.cut_bytes = size - at
@@ -106,15 +108,13 @@ class McapScan:
                 self.damaged += 1
                 at = found
                 continue
-            at = start + length
+            at = end
             if opcode == Opcode.FOOTER:
-                self.finished = data[at : at + len(_MAGIC)] == _MAGIC
+                self.finished = size - at == len(_MAGIC)
                 self.cut_bytes = 0 if self.finished else size - at
                 return
             if opcode != Opcode.CHUNK:
-                if not summary:
-                    yield opcode, data[start:at]
-                summary = summary or opcode == Opcode.DATA_END
+                yield opcode, data[start:at]
                 continue
             records = _whole_chunk(data[start:at])
             self.damaged += records is None

@@ -4,9 +4,19 @@ import json
 
 from soilmoist_ros.exploration.dwell import parse_dwell
 from soilmoist_ros.exploration.mission import Mission
-from soilmoist_ros.exploration.mission_journal import MissionJournal, interrupted_mission
-from soilmoist_ros.exploration.mission_types import Command, MissionRules, Moved, Phase, Planned, Tick, Verb
+from soilmoist_ros.exploration.mission_journal import MissionJournal, interrupted_mission, interrupted_records
+from soilmoist_ros.exploration.mission_types import (
+    Command,
+    MissionRules,
+    Moved,
+    Phase,
+    Planned,
+    RecordArrived,
+    Tick,
+    Verb,
+)
 from soilmoist_ros.exploration.strategy import Choice, Stop
+from soilmoist_ros.sensing.records import CountRecord
 
 
 class Pages:
@@ -49,6 +59,34 @@ def test_the_same_mission_from_events_and_from_a_snapshot():
                 journal.keep(copy)
         found = interrupted_mission(mission.rules, pages.state, pages.events)
         assert found.state == mission.state
+
+
+def test_the_records_of_the_interrupted_mission_and_no_others():
+    mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
+    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
+    every, pages = [], Pages()
+    journal = MissionJournal(pages)
+    for event in [
+        RecordArrived(1.0, record),
+        Moved(1.5, 0.0, 0.0),
+        Command(2.0, Verb.START),
+        RecordArrived(3.0, record),
+        Command(4.0, Verb.ABORT),
+        RecordArrived(5.0, record),
+        Command(6.0, Verb.START),
+        RecordArrived(7.0, record),
+        RecordArrived(8.0, record),
+    ]:
+        journal.note(mission, event)
+        every += pages.events
+        pages.events = []
+        mission.step(event)
+        journal.keep(mission)
+        pages.events = []
+        found = [r.stamp_s for r in interrupted_records(pages.state, every)]
+        assert found == [2.0] * {3.0: 1, 7.0: 1, 8.0: 2}.get(event.now_s, 0)
+    assert interrupted_records(pages.state, every)[1] == record
+    assert interrupted_records(None, every) == []
 
 
 def test_nothing_was_under_way():

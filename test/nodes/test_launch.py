@@ -108,6 +108,17 @@ def test_the_journal_is_where_a_restart_finds_it(monkeypatch, seen, tmp_path):
         assert (values["journal_dir"], values["resume"]) == (folder, "auto")
 
 
+def test_the_map_of_an_interrupted_mission_goes_on(monkeypatch, seen, tmp_path):
+    def start_from(**given):
+        nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"journal_dir": str(tmp_path), **given}))
+        return seen(nodes["mapper"])["start_from"]
+
+    assert start_from() == ""
+    (tmp_path / "journal.jsonl").touch()
+    assert start_from() == start_from(resume="ask") == str(tmp_path)
+    assert start_from(resume="fresh") == ""
+
+
 def test_arguments_come_before_the_file_and_the_file_before_the_defaults(monkeypatch, seen, tmp_path):
     path = tmp_path / "mine.yaml"
     about = {"/**": {"use_sim_time": False}, "planner": {"hours": 4.0, "speed_mps": 0.9}}

@@ -78,6 +78,15 @@ def test_a_bag_cut_at_every_chunk_and_around_is_recovered(bag, tmp_path):
                 assert not (tmp_path / f"recovered_{cut}").exists()
 
 
+@pytest.mark.parametrize("opcode", range(256))
+def test_a_first_record_that_looks_like_another_one_costs_nothing(bag, tmp_path, opcode):
+    whole = bytearray(bag.path.read_bytes())
+    whole[8] = opcode  # 2 would be the footer, behind which nothing comes
+    path = tmp_path / "damaged_0.mcap"
+    path.write_bytes(whole)
+    assert scanned(path)[0] == bag.messages
+
+
 @SAME_FOLDER
 @given(data=st.data())
 def test_a_damaged_byte_costs_at_most_its_chunk_and_gives_no_wrong_message(bag, tmp_path, data):
