@@ -61,6 +61,9 @@ def resource(kind: str, name: str) -> Path:
     if re.fullmatch(r"[\w.-]+", name) and shipped.is_file():
         return shipped
     known = resource_names(kind)
+    if not name:
+        message = f"no {kind.removesuffix('s')} is given"
+        raise InputError(message, f"give the path of a YAML file or one of: {', '.join(known)}")
     raise InputError(
         f"there is no file and no shipped {kind.removesuffix('s')} of the name {name!r}",
         f"give the path of a YAML file or one of: {', '.join(known)}{_suggestion(name, known)}",

@@ -14,6 +14,7 @@ generalised least-squares mean, this becomes ``rate = c + a.W`` and
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.errors import IllConditionedError
+from soilmoist_ros.mapping.chebyshev import raster_by_interpolation
 from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.targets import Points, RasterCells, Targets, coincident
 from soilmoist_ros.mapping.variogram import Variogram
@@ -177,8 +179,33 @@ class PoissonKriging:
             raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
         cells = RasterCells(self.variogram, self._fitted().xy, x, y, wanted)
         rasters = np.full((2, len(y), len(x)), np.nan)
-        rasters[:, wanted] = self._predict(cells, progress)
+        smooth = self._interpolated(cells, x, y) if self.variogram.model == "gaussian" else None
+        rasters[:, wanted] = self._predict(cells, progress) if smooth is None else smooth
+        if smooth is not None and progress is not None:
+            progress(1.0)
         return rasters[0], rasters[1]
+
+    def _interpolated(self, cells: RasterCells, x_m: Array, y_m: Array) -> tuple[Array, Array] | None:
+        """As :meth:`_predict`, by :mod:`~soilmoist_ros.mapping.chebyshev`; ``None`` if that is no gain."""
+        variogram, places = self.variogram, self._places.xy
+        rows, columns = cells.box
+
+        def surfaces(x: Array, y: Array) -> Array:
+            nodes = RasterCells(variogram, places, x, y, np.ones((len(y), len(x)), bool))
+            return np.array(self._surfaces(nodes, False, None)).reshape(2, len(y), len(x))
+
+        # A product of two Gaussians, as the variance has them, is narrower than one by the root of two.
+        length_m = variogram.range_m / math.sqrt(2)
+        scale = np.array([math.sqrt(variogram.sill), variogram.sill])
+        box = raster_by_interpolation(surfaces, x_m[columns], y_m[rows], length_m, scale, len(cells.xy))
+        if box is None:
+            return None
+        rate, variance = box[:, cells.row - rows.start, cells.column - columns.start]
+        variance += self._target_variance
+        if self.keep_nugget:  # where a sample is, the surface with its nugget has a needle
+            here, _ = coincident(cells.xy, places)
+            rate[here], variance[here] = self._predict(Points(variogram, places, cells.xy[here]), None)
+        return rate, self._clip(variance)
 
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
         """Kriging weights and Lagrange multipliers.
@@ -192,7 +219,9 @@ class PoissonKriging:
 
         targets = Points(self.variogram, self._fitted().xy, check_xy(xy))
         factor, ones, _, _ = self._solution
-        solved = np.concatenate([tile for _, tile in self._solved_tiles(targets)] or [np.empty((0, len(ones)))])
+        solved = np.concatenate(
+            [tile for _, tile in self._solved_tiles(targets, self.keep_nugget)] or [np.empty((0, len(ones)))]
+        )
         lagrange = (solved @ ones - 1) / (ones @ ones)
         right = (solved - lagrange[:, None] * ones).T
         of_places = solve_triangular(factor, right, lower=True, trans="T", check_finite=False)
@@ -219,20 +248,32 @@ class PoissonKriging:
         between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
         return np.asarray(between - solved.T @ solved + np.outer(mean, mean))
 
+    @property
+    def _target_variance(self) -> float:
+        return self.variogram.sill if self.keep_nugget else self.variogram.structured_sill
+
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
+        rate, variance = self._surfaces(targets, self.keep_nugget, progress)
+        variance += self._target_variance
+        return rate, self._clip(variance)
+
+    def _surfaces(self, targets: Targets, nugget: bool, progress: Progress | None) -> tuple[Array, Array]:
+        """Rate, and what the samples and the unknown mean add to the variance of the targets (mostly below 0).
+
+        :param nugget: whether targets where a sample is share its nugget
+        """
         _, ones, residual, mean = self._solution
         both = np.column_stack([residual, ones])
         rate, variance = np.empty((2, len(targets.xy)))
-        for tile, solved in self._solved_tiles(targets):
+        for tile, solved in self._solved_tiles(targets, nugget):
             products = solved @ both
             rate[tile] = mean + products[:, 0]
             variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
             if progress is not None:
                 progress(tile.stop / len(rate))
-        variance += self.variogram.sill if self.keep_nugget else self.variogram.structured_sill
-        return rate, self._clip(variance)
+        return rate, variance
 
-    def _solved_tiles(self, targets: Targets) -> Iterator[tuple[slice, Array]]:
+    def _solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:
         """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places)."""
         from scipy.linalg.blas import dtrsm
 
@@ -243,7 +284,7 @@ class PoissonKriging:
             tile = slice(start, min(start + step, len(targets.xy)))
             covariance = targets.correlation(tile)
             covariance *= variogram.structured_sill
-            if self.keep_nugget:
+            if nugget:
                 here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
                 covariance[target[here] - start, place[here]] += variogram.nugget
             yield tile, dtrsm(1.0, self._solution.factor, covariance.T, lower=1, overwrite_b=1).T

@@ -55,25 +55,37 @@ class RasterCells:
     :param x_m: centres of the columns, shape (nx,) [m]
     :param y_m: centres of the rows, shape (ny,) [m]
     :param mask: the cells wanted, shape (ny, nx)
+
+    Attributes
+    ----------
+    row, column : NDArray
+        indices of the cells wanted, shape (g,)
     """
 
     def __init__(
         self, variogram: Variogram, places_xy: Array, x_m: Array, y_m: Array, mask: NDArray[np.bool_]
     ) -> None:
-        self._row, self._column = np.nonzero(mask)
-        self.xy = np.column_stack([x_m[self._column], y_m[self._row]])
+        self.row, self.column = np.nonzero(mask)
+        self.xy = np.column_stack([x_m[self.column], y_m[self.row]])
         self._variogram = variogram
         self._separable = variogram.model == "gaussian"
         self._table_x = self._table(x_m, places_xy[:, 0])
         self._table_y = self._table(y_m, places_xy[:, 1])
 
+    @property
+    def box(self) -> tuple[slice, slice]:
+        """Rows and columns between which all cells wanted lie; empty without cells."""
+        if not len(self.xy):
+            return slice(0, 0), slice(0, 0)
+        return slice(self.row.min(), self.row.max() + 1), slice(self.column.min(), self.column.max() + 1)
+
     def correlation(self, tile: slice) -> Array:
         """See :class:`Targets`."""
-        result = self._table_x[self._column[tile]]
+        result = self._table_x[self.column[tile]]
         if self._separable:
-            result *= self._table_y[self._row[tile]]
+            result *= self._table_y[self.row[tile]]
             return result
-        result += self._table_y[self._row[tile]]
+        result += self._table_y[self.row[tile]]
         return self._variogram.correlation_of_square(result)
 
     def _table(self, axis_m: Array, places_m: Array) -> Array:

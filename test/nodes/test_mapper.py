@@ -255,7 +255,7 @@ def test_names_follow_the_namespace(ros, field):
     [
         ({"fild": "example"}, "did you mean 'field'?"),
         ({"field": "exampel"}, "did you mean 'example'?"),
-        ({}, "there is no file and no shipped field of the name ''"),
+        ({}, "no field is given"),
         ({"field": "example", "model": "matern3"}, "did you mean 'matern32'?"),
         ({"field": "example", "merge_radius_m": -1.0}, "merge_radius_m must be 0 .. 1000 m, got -1"),
         ({"field": "example", "cell_m": 500.0}, "change the cell size"),
