@@ -113,6 +113,6 @@ def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str
 def earlier(planner: Mapping[str, object]) -> dict[str, str]:
     """Where the mapper finds what an interrupted mission had counted: in the journal of the planner."""
     folder = str(planner.get("journal_dir", ""))
-    if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).is_file():
+    if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).expanduser().is_file():
         return {}
     return {"start_from": folder}

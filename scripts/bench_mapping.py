@@ -7,7 +7,10 @@ variance leaves the mean's uncertainty out. libKriging's kernels are products ov
 Gaussian is the same model; its other kernels are timed for the same number of samples. It cannot take
 70,000 cells at once (matrix too large): it gets 1000 at a time.
 
-Usage: python scripts/bench_mapping.py [--quick] [--repeats N] [--out DIR]
+The floor is the time that the machine's dtrsm alone needs for one triangular solve per cell, which every dense
+method pays; ``floors`` is the time in units of it. It is measured in the same run, as are dgemm and the memory.
+
+Usage: python scripts/bench_mapping.py [--quick] [--repeats N] [--packages NAME ...] [--out DIR]
 """
 
 from __future__ import annotations
@@ -40,7 +43,9 @@ from soilmoist_ros.mapping import PoissonKriging, Variogram
 PATIENCE_S = 30.0
 """What takes longer in all is not repeated further."""
 SIDE_M, RANGE_M, SILL = 300.0, 40.0, 0.3
-COLUMNS = ("model", "n", "package", "seconds", "slowest_s", "ratio", "rate_difference", "variance_difference")
+COLUMNS = (
+    "model", "n", "package", "seconds", "slowest_s", "ratio", "floors", "rate_difference", "variance_difference"
+)  # fmt: skip
 EXTRA_COLUMNS = ("memory_mb", "remark")
 
 
@@ -256,7 +261,41 @@ def memory_mb(model: str, n: int, cells: int) -> float:
     return growth
 
 
-def compare(model: str, n: int, cells: int, repeats: int) -> list[dict[str, object]]:
+def dtrsm_floor_s(n: int, cells: int) -> float:
+    """Time of the triangular solves of all cells, in tiles as this package makes them; the best of a few [s]."""
+    from scipy.linalg.blas import dtrsm
+
+    tile = max(1, 400_000 // n)
+    factor = np.asfortranarray(np.tril(np.random.default_rng(0).random((n, n))) / n + np.eye(n))
+    right = np.zeros((n, tile), order="F")
+    seconds = []
+    for _ in range(5):
+        start = time.perf_counter()
+        dtrsm(1.0, factor, right, lower=1, overwrite_b=1)
+        seconds.append(time.perf_counter() - start)
+    return min(seconds) * cells / tile
+
+
+def roofline() -> str:
+    """What the machine can do, on one thread, in words."""
+    a = np.random.default_rng(0).random((1000, 1000))
+    large = np.zeros(20_000_000)
+
+    def best(work: Callable[[], object]) -> float:
+        seconds = []
+        for _ in range(5):
+            start = time.perf_counter()
+            work()
+            seconds.append(time.perf_counter() - start)
+        return min(seconds)
+
+    dgemm = 2 * 1000**3 / best(lambda: a @ a) / 1e9
+    dtrsm = 300**2 * 70_000 / dtrsm_floor_s(300, 70_000) / 1e9
+    copy = 2 * large.nbytes / best(large.copy) / 1e9
+    return f"dgemm {dgemm:.0f} GFLOP/s, dtrsm (n = 300) {dtrsm:.0f} GFLOP/s, memory {copy:.0f} GB/s"
+
+
+def compare(model: str, n: int, cells: int, repeats: int, packages: list[str] | None) -> list[dict[str, object]]:
     task = make_task(model, n, cells)
     equal = task.with_equal_noise()
     ours(make_task(model, 20, 100))()
@@ -264,7 +303,10 @@ def compare(model: str, n: int, cells: int, repeats: int) -> list[dict[str, obje
     own = statistics.median(seconds)
     rows = [_row(model, n, "soilmoist_ros", seconds, own, None)]
     rows[0]["memory_mb"] = f"{memory_mb(model, n, cells):.0f}"
+    floor_s = dtrsm_floor_s(n, cells)
     for peer in PEERS:
+        if packages is not None and peer.distribution not in packages:
+            continue
         if importlib.util.find_spec(peer.module) is None:
             rows.append({"model": model, "n": n, "package": peer.distribution, "remark": "not installed"})
             continue
@@ -279,6 +321,9 @@ def compare(model: str, n: int, cells: int, repeats: int) -> list[dict[str, obje
         expected = ours(equal)() if peer.equal_noise else reference
         difference = [float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True)]
         rows.append(_row(model, n, peer.distribution, seconds, own, difference, peer.remark))
+    for row in rows:
+        if "seconds" in row:
+            row["floors"] = f"{float(str(row['seconds'])) / floor_s:.2f}"
     return rows
 
 
@@ -293,7 +338,7 @@ def _row(
 ) -> dict[str, object]:
     median = statistics.median(seconds)
     row: dict[str, object] = {"model": model, "n": n, "package": package, "remark": remark}
-    row |= {"seconds": f"{median:.3f}", "slowest_s": f"{max(seconds):.3f}", "ratio": f"{median / own:.1f}"}
+    row |= {"seconds": f"{median:.4f}", "slowest_s": f"{max(seconds):.4f}", "ratio": f"{median / own:.1f}"}
     if difference is not None:
         row |= {"rate_difference": f"{difference[0]:.1e}", "variance_difference": f"{difference[1]:.1e}"}
     return row
@@ -326,7 +371,7 @@ def write(rows: list[dict[str, object]], folder: Path, cells: int, repeats: int)
         "cells from soilmoist_ros on the same task [counts/s], [(counts/s)^2]; memory is the growth of the "
         "peak of a fresh process.",
         "",
-        f"Python {platform.python_version()}, {versions}. Processor: {_processor()}.",
+        f"Python {platform.python_version()}, {versions}. Processor: {_processor()}: {roofline()}.",
         "",
         "| " + " | ".join(columns) + " |",
         "|" + "---|" * len(columns),
@@ -341,6 +386,7 @@ def main() -> int:
     parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
     parser.add_argument("--sizes", type=int, nargs="+", help="numbers of samples (default 72 300 1000)")
+    parser.add_argument("--packages", nargs="+", help="compare with these only (names as in the table)")
     parser.add_argument("--out", type=Path, default=ROOT / "bench", help="folder for mapping.csv and mapping.md")
     arguments = parser.parse_args()
     cells, sizes, repeats = 70_000, (72, 300, 1000), max(1, arguments.repeats)
@@ -354,7 +400,7 @@ def main() -> int:
     rows: list[dict[str, object]] = []
     for model in arguments.models:
         for n in sizes:
-            for row in compare(model, n, cells, repeats):
+            for row in compare(model, n, cells, repeats, arguments.packages):
                 rows.append(row)
                 print(
                     "  ".join(f"{row.get(column, '')!s:>13}" for column in [*COLUMNS, *EXTRA_COLUMNS]), flush=True

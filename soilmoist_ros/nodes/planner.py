@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -48,7 +49,7 @@ class Planner(Node):
         self._field = load_field(resource("fields", self._values.text("field")))
         settings = explorer_settings(self._values)
         rules = mission_rules(self._values, settings)
-        folder, resume = self._values.text("journal_dir"), self._values.text("resume")
+        folder, resume = os.path.expanduser(self._values.text("journal_dir")), self._values.text("resume")
         found = load_journal(Path(folder)) if folder and resume != "fresh" else LoadedJournal(None, (), ())
         for problem in found.problems:
             self.get_logger().warning(problem)
