@@ -73,9 +73,8 @@ class DrivableArea:
         """Whether each place is inside or on the border, shape (k,)."""
         import shapely
 
-        return np.asarray(
-            shapely.covers(self._tolerant, shapely.points(np.asarray(xy, float).reshape(-1, 2))), bool
-        )
+        x, y = np.asarray(xy, float).reshape(-1, 2).T
+        return np.asarray(shapely.intersects_xy(self._tolerant, x, y), bool)
 
     def allows(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
         """Whether each straight line from a start to its end stays inside, shape (k,).
