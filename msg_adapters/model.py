@@ -74,6 +74,8 @@ def _plain(model: Model) -> dict[str, Any]:
         "log_sd": None if fit.log_sd is None else [_number(value) for value in fit.log_sd],
         "prior_share": [_number(value) for value in fit.prior_share],
         **{name: [_number(value) for value in getattr(fit, name)] for name in _ARRAYS},
+        "anisotropy": fit.variogram.anisotropy,
+        "angle_deg": fit.variogram.angle_deg,
     }
 
 
@@ -85,7 +87,14 @@ def _model(content: Mapping[str, Any]) -> Model:
         return Model(None, stamp_s)
     if content["method"] not in ("reml", "soft_l1"):
         raise ValueError(f"unknown method {content['method']!r}; known are reml, soft_l1")
-    variogram = Variogram(content["model"], content["nugget"], content["range_m"], content["sill"])
+    variogram = Variogram(
+        content["model"],
+        content["nugget"],
+        content["range_m"],
+        content["sill"],
+        content.get("anisotropy", 1.0),  # models of earlier versions have no direction
+        content.get("angle_deg", 0.0),
+    )
     fit = VariogramFit(
         variogram,
         content["method"],

@@ -14,26 +14,32 @@ from soilmoist_ros.mapping.samples import Samples
 _POINT: Final = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
 )
+_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy")
+_AREA: Final = np.dtype([*_POINT.descr, *((name, "<f4") for name in _SPREAD)])
 
 
 def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
     """Message of samples.
 
-    :param samples: any number, also none; their places are rounded to 32 bits
+    :param samples: any number, also none; their places and spreads are rounded to 32 bits
     :param stamp_s: end of the last record in them [s since 1970-01-01 UTC]
     """
-    points = np.zeros(len(samples), _POINT)
+    points = np.zeros(len(samples), _AREA)
     points["x"], points["y"] = samples.xy.T
     points["raw_counts"] = samples.counts
     points["effective_exposure_s"] = samples.exposure_s
+    for name, moments in zip(_SPREAD, samples.spread.T, strict=True):
+        points[name] = moments
     return points_to_message(points, stamp_s, frame_id)
 
 
 def samples_from_message(message: PointCloud2) -> Samples:
-    """Samples of a message, maybe none.
+    """Samples of a message, maybe none; points if it has no spreads.
 
     :raises ValueError: if the message is not of samples, or a value is impossible
     """
-    points = points_from_message(message, _POINT).ravel()
+    wide = any(field.name == _SPREAD[0] for field in message.fields)
+    points = points_from_message(message, _AREA if wide else _POINT).ravel()
     xy = np.column_stack([points["x"], points["y"]])
-    return Samples(xy, points["raw_counts"], points["effective_exposure_s"])
+    spread = np.column_stack([points[name] for name in _SPREAD]) if wide else np.zeros(3)
+    return Samples(xy, points["raw_counts"], points["effective_exposure_s"], spread)

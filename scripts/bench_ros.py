@@ -165,16 +165,19 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
 # Start-up --------------------------------------------------------------------------------------------------------
 
 
-def start_up_s(command: list[str], name: str, log: Path) -> float:
-    """Time from the start of a process until its node answers: it is complete and spins."""
+def start_up_s(command: list[str], name: str, log: Path, byte_code: Path) -> tuple[float, float]:
+    """Time from the start of a process until its node answers (it is complete and spins), and CPU time by then.
+
+    :param byte_code: folder for the compiled modules; an installed package has them, wherever this one is
+    """
     with ros_domain() as (domain, environment), Observer(domain) as observer, log.open("ab") as output:
         from rcl_interfaces.srv import GetParameters
 
         client = observer.node.create_client(GetParameters, f"{name}/get_parameters")
+        environment = {**os.environ, **environment, "PYTHONPYCACHEPREFIX": str(byte_code)}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)
         started = time.perf_counter()
-        process = subprocess.Popen(
-            command, env={**os.environ, **environment}, stdout=output, stderr=output, start_new_session=True
-        )
+        process = subprocess.Popen(command, env=environment, stdout=output, stderr=output, start_new_session=True)
         try:
             wait_for(lambda: client.service_is_ready() or process.poll() is not None, name)
             future = client.call_async(GetParameters.Request(names=["use_sim_time"]))
@@ -182,15 +185,19 @@ def start_up_s(command: list[str], name: str, log: Path) -> float:
             elapsed_s = time.perf_counter() - started
             if process.poll() is not None:
                 raise SystemExit(f"{name} has ended:\n{log.read_text()}")
+            used_s = cpu_s(psutil.Process(process.pid))
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-        return elapsed_s
+        return elapsed_s, used_s
 
 
 def start_up_rows(folder: Path, repeats: int) -> list[Row]:
-    """Median start-up time of every node, and of one that does nothing; in turns, as the machine may change."""
+    """Median start-up time of every node, and of one that does nothing; in turns, as the machine may change.
+
+    A first round, which compiles the modules, does not count.
+    """
     parameters: Mapping[str, dict[str, object]] = {
         "sensor_driver": {"field": "example", "logger_uri": "tcp://127.0.0.1:9", "gnss_uri": "tcp://127.0.0.1:9"},
         "mapper": {"field": "example"},
@@ -202,14 +209,24 @@ def start_up_rows(folder: Path, repeats: int) -> list[Row]:
     for name, values in parameters.items():
         file = str(write_parameters(folder, name, values))
         commands[name] = [sys.executable, "-m", f"soilmoist_ros.nodes.{name}", "--ros-args", "--params-file", file]
-    times: dict[str, list[float]] = {name: [] for name in commands}
-    for _ in range(repeats):
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in commands}
+    for turn in range(repeats + 1):
         for name, command in commands.items():
-            times[name].append(start_up_s(command, name, folder / f"{name}.log"))
-    medians = {name: statistics.median(values) for name, values in times.items()}
+            taken = start_up_s(command, name, folder / f"{name}.log", folder / "byte_code")
+            if turn > 0:
+                times[name].append(taken)
+    medians = {
+        name: [statistics.median(column) for column in zip(*values, strict=True)] for name, values in times.items()
+    }
     return [
-        {"node": name, "seconds": seconds, "of_a_bare_node": seconds / medians["bare"]}
-        for name, seconds in medians.items()
+        {
+            "node": name,
+            "seconds": seconds,
+            "over_a_bare_node": seconds - medians["bare"][0],
+            "cpu_seconds": used_s,
+            "cpu_over_a_bare_node": used_s - medians["bare"][1],
+        }
+        for name, (seconds, used_s) in medians.items()
     ]
 
 

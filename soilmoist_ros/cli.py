@@ -5,6 +5,7 @@ Each subcommand imports what it needs when it runs, so that ``--help`` answers a
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,10 @@ from soilmoist_ros.cli_run import bag_group, demo_command, replay_command
 from soilmoist_ros.cli_simulate import campaign_command, simulate_command
 from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
 from soilmoist_ros.errors import InputError, Mistake
+
+# Before numpy is imported, as in the nodes: with more threads the last digits of a map are others, and its many
+# small matrices take longer.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun
@@ -54,6 +59,10 @@ def main() -> None:
     type=click.FloatRange(min=0),
     help="Records within this radius become one sample [m]. Default: a quarter of the footprint.",
 )
+@click.option("--exact", "most_exact", type=click.IntRange(min=1), default=2000, show_default=True,
+              help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
+@click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--title", help="Title of the report.")
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
@@ -63,6 +72,8 @@ def map_command(
     site: str | None,
     field: str | None,
     nugget: str,
+    workers: int | None,
+    scheduler: str | None,
     crs: str | None,
     out: Path,
     **choices: Any,
@@ -72,6 +83,7 @@ def map_command(
     Writes summary.json, map.tif, samples.geojson and report.html to the folder --out.
     """
     from soilmoist_ros.configuration import resource
+    from soilmoist_ros.map_workers import tile_workers
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.survey_map import MapSettings, map_logs
 
@@ -81,8 +93,8 @@ def map_command(
         keep_nugget=nugget == "keep",
         **choices,
     )
-    with progress_bar() as progress:
-        run = map_logs(logs, settings, progress)
+    with progress_bar() as progress, tile_workers(workers, scheduler) as compute:
+        run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
         written = write_outputs(out, run, crs)
     _print_summary(run)
@@ -280,6 +292,8 @@ def _print_summary(run: MapRun) -> None:
         click.echo(
             f"moisture   mean {np.nanmean(soil_map.vwc):.3f} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}"
         )
+    if soil_map.accuracy is not None:
+        click.echo(f"kriging    {soil_map.accuracy}")
     for warning in run.warnings:
         click.echo(f"warning    {warning}")
 

@@ -44,6 +44,11 @@ from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
               help="Radius of the sensor's Gaussian footprint [m]; 0: a point.")  # fmt: skip
 @click.option("--speed", "speed_mps", type=click.FloatRange(min=0, min_open=True), default=0.6, show_default=True,
               help="Speed of the robot [m/s].")  # fmt: skip
+@click.option("--robots", type=click.IntRange(min=1), default=1, show_default=True,
+              help="Robots that share one map. All begin at the same corner of the field; none goes where "
+              "another is going or counting, and they do not get in each other's way.")  # fmt: skip
+@click.option("--random-field", is_flag=True,
+              help="Draw what is random in the field (patches, random fields) from the seed as well.")  # fmt: skip
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
 @told_plainly
 def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
@@ -51,6 +56,7 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
     """
+    from soilmoist_ros.exploration.travel import polyline_length_m
     from soilmoist_ros.reporting.mission_report import write_mission
     from soilmoist_ros.simulation.mission_efficiency import mission_efficiency
     from soilmoist_ros.simulation.mission_run import MissionSettings
@@ -72,6 +78,8 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
     click.echo(
         f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}"
     )
+    if settings.robots > 1:
+        click.echo(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
     if result.soil_map is None:
         click.echo("map        no map: the mission ended before the first")
     else:

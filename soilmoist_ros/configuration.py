@@ -22,7 +22,8 @@ Location = tuple[int | str, ...]
 class Section(BaseModel):
     """Base of every part of a configuration file: immutable, and no unknown keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+    # Built when first used: a node imports more models than it reads files.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def config_folder() -> Path:

@@ -127,6 +127,11 @@ def _warnings(soil_map: SoilMap, site: Site) -> list[str]:
             "The samples say little about how moisture varies in space: the variogram rests mostly on "
             "assumptions. More samples, some of them close together, would help."
         )
+    if soil_map.accuracy is not None and soil_map.accuracy.rate_error > 0.05:
+        warnings.append(
+            f"The map is made tile by tile and its rate may be off by {100 * soil_map.accuracy.rate_error:.0f} % "
+            "of its standard deviation: use matern32 or exponential, or merge samples in a larger radius."
+        )
     if soil_map.fit is not None and not soil_map.fit.converged:
         warnings.append(f"The variogram fit did not converge: {soil_map.fit.message}.")
     return warnings

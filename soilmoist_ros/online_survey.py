@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from soilmoist_ros.configuration import resource
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.map_run import input_file, make_run
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.online_map import OnlineMap, OnlineSettings, Snapshot
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod
 from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.record_table import read_records, write_records
-from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.site import Site, load_site
+
+if TYPE_CHECKING:
+    from soilmoist_ros.reporting.run import MapRun
 
 RECORDS = "records.csv"
 """Name of the table of records in an output folder, from which a later map can start."""
@@ -45,6 +47,9 @@ class OnlineSurvey:
         :raises InputError: if there are not samples enough for a map
         :raises IllConditionedError: as :meth:`~soilmoist_ros.mapping.online_map.OnlineMap.compute`
         """
+        from soilmoist_ros.map_run import input_file, make_run
+        from soilmoist_ros.reporting.run import LossRow
+
         soil_map = self.online.compute(snapshot.state)
         if soil_map is None:
             raise InputError("there are not samples enough for a map", "wait for more records")
@@ -61,6 +66,7 @@ class OnlineSurvey:
                 "nugget": "kept" if settings.keep_nugget else "filtered",
                 "merge_radius_m": self.online.merge_radius_m,
                 "cell_m": self.online.grid.cell_m,
+                "deconvolved_footprint_m": settings.footprint_radius_m,
             },
             inputs=[input_file(path, role) for role, path in self.files],
             losses=[
@@ -122,7 +128,13 @@ def open_survey(
     except ValueError as error:
         raise InputError(f"the map cannot be laid out: {error}", "change the cell size", field_path) from None
     settings = OnlineSettings(
-        model, fit, keep_nugget, merge_radius_m or None, the_site.footprint_radius_m, the_site.curve
+        model,
+        fit,
+        keep_nugget,
+        merge_radius_m or None,
+        the_site.footprint_radius_m,
+        the_site.curve,
+        the_site.support_radius_m,
     )
     return OnlineSurvey(the_field, the_site, OnlineMap(grid, settings), tuple(files), simulated)
 

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 
 from soilmoist_ros.configuration import read_yaml, resource
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.recording.bag_writer import write_whole
+from soilmoist_ros.recording.whole_file import write_whole
 from soilmoist_ros.run_folder import BAG, CONFIGURATION, write_parameters
 
 _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_format": "loggers"}

@@ -20,7 +20,7 @@ from typing import Any
 
 from soilmoist_ros.configuration import read_yaml
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.recording.bag_writer import write_whole
+from soilmoist_ros.recording.whole_file import write_whole
 
 BAG = "bag"
 CONFIGURATION = "configuration"

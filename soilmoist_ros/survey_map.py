@@ -19,6 +19,10 @@ from soilmoist_ros.mapping import (
     merge_records,
 )
 from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.sample_merger import DrivenWays
+from soilmoist_ros.mapping.soil_map import MOST_EXACT_SAMPLES
+from soilmoist_ros.mapping.support import footprint_spread
+from soilmoist_ros.mapping.tiled_kriging import Compute
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod
 from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
@@ -48,6 +52,7 @@ class MapSettings:
     :param cell_m: cell size of the map [m]
     :param merge_radius_m: records closer together than this become one sample [m]
     :param title: title of the report
+    :param most_exact: number of samples up to which the map is exact; beyond, it is made tile by tile
     """
 
     logger: str | None = None
@@ -60,16 +65,22 @@ class MapSettings:
     cell_m: float | None = None
     merge_radius_m: float | None = None
     title: str | None = None
+    most_exact: int = MOST_EXACT_SAMPLES
 
 
 def map_logs(
-    paths: Sequence[Path], settings: MapSettings, progress: Progress = lambda step, share: None
+    paths: Sequence[Path],
+    settings: MapSettings,
+    progress: Progress = lambda step, share: None,
+    compute: Compute = map,
 ) -> MapRun:
     """Map the logs of a survey.
 
     :param paths: log files of one probe
     :param settings: choices
     :param progress: called as the work goes on
+    :param compute: computes the tiles of a large map, see :func:`~soilmoist_ros.map_workers.tile_workers`; it is
+        needed again when the outputs are written
     :raises InputError: if a file cannot be used; with all mistakes that were found
     """
     site = load_site(settings.site) if settings.site else Site()
@@ -79,7 +90,10 @@ def map_logs(
     progress("correcting and placing records", 0.0)
     survey = process_logs(logs, site, field.frame if field else None, track)
     radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
-    samples = merge_records(survey.xy_m, survey.raw_counts, survey.effective_exposure_s, radius_m)
+    ways = DrivenWays()
+    spread = np.array([ways.spread(record) for record in survey.records]).reshape(-1, 3)
+    samples = merge_records(survey.xy_m, survey.raw_counts, survey.effective_exposure_s, radius_m, spread)
+    samples = replace(samples, spread=samples.spread + footprint_spread(site.support_radius_m))
     try:
         grid = _grid(field, survey, site, settings.cell_m)
     except ValueError as error:
@@ -92,10 +106,18 @@ def map_logs(
         settings.model,
         settings.fit,
         extent_m=grid.extent_m,
+        spread=samples.spread,
     )
     kriging = f"kriging {np.count_nonzero(grid.mask)} cells"
     soil_map = make_soil_map(
-        samples, grid, fit, site.curve, settings.keep_nugget, lambda share: progress(kriging, share)
+        samples,
+        grid,
+        fit,
+        site.curve,
+        settings.keep_nugget,
+        lambda share: progress(kriging, share),
+        settings.most_exact,
+        compute,
     )
     return make_run(
         soil_map,
@@ -109,7 +131,9 @@ def map_logs(
             "nugget": "kept" if settings.keep_nugget else "filtered",
             "merge_radius_m": radius_m,
             "cell_m": grid.cell_m,
+            "deconvolved_footprint_m": site.support_radius_m,
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
+            **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
         title=settings.title,
         inputs=_inputs(logs, settings),

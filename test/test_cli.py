@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import rasterio
 import rasterio.warp
@@ -48,6 +49,28 @@ def test_a_survey_becomes_a_map_that_is_close_to_the_truth(survey, tmp_path):
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["simulated"] is True
     assert "SIMULATED" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
+    """Whoever computes the tiles, the map is the same, and it is the exact one to a small share of its sd."""
+    options = ["--field", survey / "field.yaml", "--nmea", survey / "survey.nmea", "--cell", 10]
+    maps = {}
+    choices = {"exact": [], "here": ["--exact", 5, "--workers", 1], "two": ["--exact", 5, "--workers", 2]}
+    for name, choice in choices.items():
+        result = run("map", survey / "survey.log", *options, *choice, "--out", tmp_path / name)
+        assert result.exit_code == 0, result.output
+        with rasterio.open(tmp_path / name / "map.tif") as raster:
+            maps[name] = raster.read([1, 2])
+    np.testing.assert_array_equal(maps["two"], maps["here"])
+    assert np.nanmax(abs(maps["here"][0] - maps["exact"][0]) / maps["exact"][1]) < 0.02
+    np.testing.assert_allclose(maps["here"][1], maps["exact"][1], rtol=0.01)
+
+
+def test_a_scheduler_that_does_not_answer_is_named_before_a_large_map(survey, tmp_path):
+    options = ["--nmea", survey / "survey.nmea", "--exact", 5, "--scheduler", "nowhere", "--out", tmp_path / "out"]
+    result = run("map", survey / "survey.log", *options)
+    assert result.exit_code == 2
+    assert "'nowhere' is not the address of a Dask scheduler" in result.output
 
 
 def test_the_field_may_be_left_out(survey, tmp_path):
@@ -179,9 +202,34 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     assert json.loads((out / "summary.json").read_text())["simulated"] is True
 
 
+def test_several_robots_are_simulated(tmp_path):
+    options = (
+        "--robots",
+        2,
+        "--dwell",
+        "fmi:120",
+        "--hours",
+        0.3,
+        "--cell",
+        5,
+        "--variogram",
+        "matern32",
+        "--fit",
+        "reml",
+    )
+    result = run("simulate", *options, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    (driven,) = [line for line in result.output.splitlines() if line.startswith("robots")]
+    mission = json.loads((tmp_path / "summary.json").read_text())["mission"]
+    assert mission["settings"]["robots"] == 2
+    assert driven.split(maxsplit=1)[1] == ", ".join(f"{way_m:.0f} m" for way_m in mission["robot_distances_m"])
+    assert sum(mission["robot_distances_m"]) == pytest.approx(mission["final"]["distance_m"])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (["--robots", "0"], "0 is not in the range x>=1"),
         (["--field", "sinthetic-high"], "did you mean 'synthetic-high'"),
         (["--strategy", "gredy"], "did you mean 'greedy'"),
         (["--dwell", "ami:3"], "did you mean 'ami:3%'"),

@@ -158,3 +158,18 @@ def test_mistakes_are_told_with_a_remedy():
         open_survey("exampel")
     with pytest.raises(InputError, match=r"cannot be laid out: .*change the cell size"):
         open_survey("example", cell_m=500.0)
+
+
+def test_only_a_site_that_says_so_deconvolves_the_footprint(tmp_path):
+    site = tmp_path / "site.yaml"
+    for text, radius_m in (
+        ("footprint_radius_m: 8\n", 0.0),
+        ("footprint_radius_m: 8\ndeconvolve_footprint: true\n", 8.0),
+        ("deconvolve_footprint: true\n", 10.0),
+    ):
+        site.write_text(text)
+        online = open_survey("example", str(site)).online
+        assert online.settings.footprint_radius_m == radius_m
+        online.take(CountRecord(1.78e9, *online.grid.cells[0].tolist(), 30.0, 400, 100.0, 95.0))
+        np.testing.assert_array_equal(online.state.samples.spread, [[radius_m**2 / 4, 0, radius_m**2 / 4]])
+    assert open_survey("example").online.settings.footprint_radius_m == 0

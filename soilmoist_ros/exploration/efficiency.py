@@ -57,9 +57,8 @@ def least_variance(
     structured = variogram.structured_sill
     from soilmoist_ros.mapping.variogram import MODELS
 
-    prior = structured * MODELS[variogram.model].correlation(
-        cdist(cells_xy, cells_xy, "sqeuclidean") / variogram.range_m**2
-    )
+    scaled = variogram.scaled(cells_xy)
+    prior = structured * MODELS[variogram.model].correlation(cdist(scaled, scaled, "sqeuclidean"))
     # A mean that nothing is known of is a constant of very large variance.
     prior += _FAR * structured
     dwell_s = np.full(len(cells_xy), time_s / len(cells_xy))

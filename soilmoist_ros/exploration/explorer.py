@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -14,9 +14,11 @@ from soilmoist_ros.exploration.mission_types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.prospect import MOST_CELLS, MOST_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategy import Choice, Situation, Stop, Strategy
+from soilmoist_ros.exploration.team import Errand, foreseen, taken
 from soilmoist_ros.exploration.travel import TravelModel
 from soilmoist_ros.mapping.field_grid import FieldGrid
 from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.mapping.poisson_kriging import PoissonKriging
 from soilmoist_ros.sensing.moisture import CalibrationCurve
 
 Array = NDArray[np.float64]
@@ -90,35 +92,45 @@ class Explorer:
         self._weighed = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
 
-    def plan(self, request: RequestPlan, position_xy: tuple[float, float]) -> Plan:
+    def plan(self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[Errand] = ()) -> Plan:
         """Choose the next stop.
 
         :param request: what the mission asks for
         :param position_xy: where the robot is [m]
+        :param others: what other robots on the field are about
         """
-        situation = self.situation(request, position_xy)
+        situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
         choice = strategy.choose(situation, self.rng)
         if choice is None:
             return Plan(None, None)
         if isinstance(self.dwell, Optimal) and not choice.dwell:
-            choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request))
+            choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         return Plan(choice, float(self.travel.travel_s(position_xy, [choice.stop])[0]))
 
-    def situation(self, request: RequestPlan, position_xy: tuple[float, float]) -> Situation:
-        """What the strategy is shown: stops that are ruled out are left out, those too far cannot be reached."""
+    def situation(
+        self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[Errand] = ()
+    ) -> Situation:
+        """What the strategy is shown.
+
+        Stops that are ruled out or taken by other robots are left out, those too far cannot be reached, and what
+        the others are about to count seems counted.
+        """
+        live_map = foreseen(self.live_map, others)
         ruled_out = set(request.blacklisted)
-        kept = np.array([index for index, stop in enumerate(self.stops) if stop.name not in ruled_out], np.intp)
-        candidates = tuple(self.stops[index] for index in kept) if ruled_out else self.stops
+        free = ~taken(self._xy, others, live_map.grid.cell_m)
+        kept = np.array(
+            [index for index, stop in enumerate(self.stops) if free[index] and stop.name not in ruled_out], np.intp
+        )
+        candidates = tuple(self.stops[index] for index in kept) if len(kept) < len(self.stops) else self.stops
         travel_s = self.travel.travel_s(position_xy, candidates)
         fits = travel_s + self.min_dwell_s + self._home_s[kept] <= request.budget_left_s
-        live_map = self.live_map
         known_rate = live_map.fit is not None
         weighed = kept[self._weighed[kept]]
         place = (float(position_xy[0]), float(position_xy[1]))
         return Situation(
             candidates=candidates,
-            variance=self._variance(kept),
+            variance=self._variance(live_map, kept),
             map_variance=live_map.variance if known_rate else np.ones(len(live_map.variance)),
             map_xy=live_map.grid.cells,
             cell_m=live_map.grid.cell_m,
@@ -130,40 +142,44 @@ class Explorer:
             expected_dwell_s=self.dwell.expected_s(
                 float(live_map.rate.mean()) if known_rate else self.nominal_rate_cps
             ),
-            prospect=cache(lambda: self._prospect(weighed, place, request)),
+            prospect=cache(lambda: self._prospect(live_map, weighed, place, request)),
         )
 
     def _prospect(
-        self, numbers: NDArray[np.intp], position_xy: tuple[float, float], request: RequestPlan
+        self,
+        live_map: LiveMap,
+        numbers: NDArray[np.intp],
+        position_xy: tuple[float, float],
+        request: RequestPlan,
     ) -> Prospect | None:
         """The stops of these numbers as a planner weighs them, ``None`` without a map."""
-        kriging, cells = self.live_map.kriging, self.live_map.grid.cells[self._cells]
+        kriging, cells = live_map.kriging, live_map.grid.cells[self._cells]
         if kriging is None:
             return None
         stops = tuple(self.stops[number] for number in numbers.tolist())
-        model = PlanningModel(kriging, cells, self._weights(cells), self._xy[numbers], self.factor)
+        model = PlanningModel(kriging, cells, self._weights(kriging, cells), self._xy[numbers], self.factor)
         travel_s = self.travel.travel_s(position_xy, stops)
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)
 
-    def _dwell_at(self, stop: Stop, situation: Situation, request: RequestPlan) -> str:
+    def _dwell_at(self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[Errand]) -> str:
         """Dwell rule of a stop, empty without a map."""
         assert situation.prospect is not None
         prospect = situation.prospect()
         if prospect is not None and stop not in prospect.stops:
             chosen = next(number for number, other in enumerate(self.stops) if other.name == stop.name)
             numbers = np.union1d(np.flatnonzero(self._weighed), [chosen])
-            prospect = self._prospect(numbers, (*situation.position_xy.tolist(),), request)
+            live_map = foreseen(self.live_map, others)
+            prospect = self._prospect(live_map, numbers, (*situation.position_xy.tolist(),), request)
         rule = None if prospect is None else prospect.dwell(stop)
         return "" if rule is None else str(rule)
 
-    def _weights(self, cells: Array) -> Array:
+    def _weights(self, kriging: PoissonKriging, cells: Array) -> Array:
         """Weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
         weights = np.full(len(cells), 1 / len(cells))
         if self.curve is not None:
-            assert self.live_map.kriging is not None
-            weights = weights * self.curve.weight(self.live_map.kriging.predict(cells)[0])
+            weights = weights * self.curve.weight(kriging.predict(cells)[0])
         return weights
 
     def _few_stops(self) -> NDArray[np.bool_]:
@@ -176,8 +192,7 @@ class Explorer:
         chosen[:: -(-len(self.stops) // MOST_STOPS)] = True
         return chosen
 
-    def _variance(self, kept: NDArray[np.intp]) -> Array:
-        live_map = self.live_map
+    def _variance(self, live_map: LiveMap, kept: NDArray[np.intp]) -> Array:
         if live_map.kriging is None:
             return np.ones(len(kept))
         if self._stops_are_cells:
@@ -198,6 +213,6 @@ def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:
     """A stop at the centre of each cell inside the field, for free travel; named by row and column."""
     rows, columns = np.nonzero(grid.mask)
     return tuple(
-        Stop(f"r{row}c{column}", float(x), float(y))
-        for row, column, (x, y) in zip(rows.tolist(), columns.tolist(), grid.cells, strict=True)
+        Stop(f"r{row}c{column}", x, y)
+        for row, column, (x, y) in zip(rows.tolist(), columns.tolist(), grid.cells.tolist(), strict=True)
     )

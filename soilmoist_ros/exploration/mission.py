@@ -134,8 +134,8 @@ class _Turn(Moves):
 
     def handle(self, event: Event) -> None:
         match event:
-            case Command(verb=verb):
-                accepted, message = self.command(verb)
+            case Command(verb=verb, cause=cause):
+                accepted, message = self.skip(cause) if verb is Verb.SKIP else self.command(verb)
                 self.do(Answer(verb, accepted, message))
             case Planned(plan_id=plan_id):
                 if self.is_awaited(plan_id):
@@ -257,7 +257,6 @@ class _Turn(Moves):
             Verb.PAUSE: self.pause,
             Verb.RESUME: self.go_on,
             Verb.ABORT: self.abort,
-            Verb.SKIP: self.skip,
         }
         return verbs[verb]()
 
@@ -303,11 +302,11 @@ class _Turn(Moves):
             self.abandon("aborted by the operator")
         return True, self.state.reason
 
-    def skip(self) -> tuple[bool, str]:
+    def skip(self, cause: str) -> tuple[bool, str]:
         target = self.state.target
         if target is None:
             return False, f"there is no stop to skip: {self.state.reason}"
-        reason = f"{target.stop.name} skipped by the operator"
+        reason = f"{target.stop.name} skipped {cause}"
         self.rule_out(target.stop)
         self.leave_stop(reason)
         if self.state.resume is not None:

@@ -14,6 +14,8 @@ from queue import SimpleQueue
 from threading import Lock
 from typing import Protocol
 
+import numpy as np
+
 from soilmoist_ros.exploration.explorer import Explorer
 from soilmoist_ros.exploration.mission import Mission
 from soilmoist_ros.exploration.mission_feed import MissionFeed
@@ -23,6 +25,7 @@ from soilmoist_ros.exploration.mission_types import (
     Action,
     Answer,
     CancelGoal,
+    Command,
     Finish,
     GoTo,
     MissionRules,
@@ -40,6 +43,7 @@ from soilmoist_ros.exploration.mission_types import (
 from soilmoist_ros.exploration.navigator import Ended, Navigator
 from soilmoist_ros.exploration.plan_desk import PlanDesk, PlanJob, answer
 from soilmoist_ros.exploration.strategy import Choice, Stop
+from soilmoist_ros.exploration.team import errand, taken
 from soilmoist_ros.exploration.travel_graph import TravelGraph
 from soilmoist_ros.health import Health, Level
 from soilmoist_ros.mapping.field import Field
@@ -120,6 +124,7 @@ class MissionControl:
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
         self._explorer: tuple[float | None, Ways, Explorer] | None = None  # of the pool's thread
         self._choice: Choice | None = None
+        self._others: dict[str, MissionStatus | None] = {}
         self.navigator = make_navigator(self.ended)
 
     def _start(self, mission: Mission) -> None:
@@ -216,6 +221,24 @@ class MissionControl:
             self._desk.take_fit(fit, stamp_s)
         self._plan_if_due()
 
+    def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
+        """Another robot has told how its mission stands.
+
+        :param name: which robot
+        :param status: of its mission, ``None`` while nothing has been heard of it
+        :param goes_first: whether it keeps the stop when both have chosen the same at the same time
+        """
+        self._others[name] = status
+        pending = errand(status) if status is not None else None
+        with self._desk_lock:
+            self._desk.take_other(name, pending)
+        state, ways = self._mission.state, self._ways
+        if not goes_first or pending is None or ways is None or state.target is None:
+            return
+        place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
+        if state.phase is Phase.TRAVELLING and taken(place, [pending], ways.grid.cell_m)[0]:
+            self._feed.give(Command(self._outlets.now_s(), Verb.SKIP, f"because {name} goes there"))
+
     def ended(self, ended: Ended) -> None:
         """The navigator reports the end of a goal."""
         if not self._closed:
@@ -270,8 +293,10 @@ class MissionControl:
         if navigation:
             there = Health("navigation", self._severity, f"waiting for {navigation}")
         problem = self._journal.problem
+        unheard = [name for name, status in self._others.items() if status is None]
         return [
             *([Health("journal", Level.ERROR, problem)] if problem else []),
+            *([Health("others", Level.WARN, f"nothing has come of {', '.join(unheard)}")] if unheard else []),
             there,
             self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),
             self._age("records", now_s - self._feed.record_s, RECORD_OLD_S),

@@ -138,10 +138,16 @@ class MissionRules:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The operator asks for something; the mission answers with one :class:`Answer`."""
+    """The operator asks for something; the mission answers with one :class:`Answer`.
+
+    :param now_s: time [s]
+    :param verb: what
+    :param cause: why a stop is skipped, for its sample and the status
+    """
 
     now_s: float
     verb: Verb
+    cause: str = "by the operator"
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from soilmoist_ros.errors import SoilmoistError
 from soilmoist_ros.exploration.explorer import Explorer
 from soilmoist_ros.exploration.mission_types import PlanFailed, PlanKind, Planned, RequestPlan
+from soilmoist_ros.exploration.team import Errand
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram_fit import VariogramFit
 
@@ -27,6 +28,7 @@ class PlanJob:
     :param samples: merged samples, ``None`` if none have come
     :param fit: their variogram, ``None`` if none has come
     :param late: whether the map lacks what was measured last, because it did not come in time
+    :param others: what other robots on the field are about
     """
 
     request: RequestPlan
@@ -34,6 +36,7 @@ class PlanJob:
     samples: Samples | None
     fit: VariogramFit | None
     late: bool
+    others: tuple[Errand, ...] = ()
 
 
 class PlanDesk:
@@ -48,6 +51,7 @@ class PlanDesk:
         self._measured_s = -math.inf
         self._samples: tuple[Samples, float] | None = None
         self._fit: tuple[VariogramFit, float] | None = None
+        self._others: dict[str, Errand] = {}
 
     @property
     def map_s(self) -> float:
@@ -70,6 +74,12 @@ class PlanDesk:
         """A variogram has come, with the time of the last record in it [s]; ``None``: there is none now."""
         self._fit = None if fit is None else (fit, stamp_s)
 
+    def take_other(self, name: str, pending: Errand | None) -> None:
+        """Another robot has told what it is about, ``None`` for nothing."""
+        self._others.pop(name, None)
+        if pending is not None:
+            self._others[name] = pending
+
     def due(self, now_s: float, place: tuple[float, float] | None) -> PlanJob | None:
         """The request, once, when it can be answered: the map is up to date, or does not come in time."""
         if self._open is None or place is None:
@@ -81,7 +91,7 @@ class PlanDesk:
         self._open = None
         samples = self._samples[0] if self._samples is not None else None
         fit = self._fit[0] if self._fit is not None else None
-        return PlanJob(request, place, samples, fit, lacking)
+        return PlanJob(request, place, samples, fit, lacking, tuple(self._others.values()))
 
     def _lacking(self, kind: PlanKind) -> bool:
         """Whether what was measured is not yet in the map; before the first measurement nothing can be."""
@@ -109,7 +119,7 @@ def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanF
                 live_map.samples = job.samples
         if needs_map and job.request.kind is PlanKind.EXPLORE and live_map.fit is None:
             return PlanFailed(0.0, plan_id, "no map has come: is the mapper running?")
-        plan = explorer.plan(job.request, job.place)
+        plan = explorer.plan(job.request, job.place, job.others)
     except (SoilmoistError, ValueError, ArithmeticError) as error:
         return PlanFailed(0.0, plan_id, str(error))
     except Exception as error:  # a mistake of ours: the mission asks the operator in the end

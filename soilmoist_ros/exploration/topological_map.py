@@ -28,6 +28,7 @@ ANY_HEADING_RAD = 6.283
 
 PLAIN_WORD = re.compile(r"[A-Za-z_/][\w/.$-]*")
 YAML_WORDS = {"yes", "no", "on", "off", "true", "false", "null"}
+_PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,12 +311,12 @@ def _line(entries: Any, number: int) -> int:
 
 def _plain(node: Any) -> Any:
     """The content with ordinary dicts, lists, strings and numbers in place of the YAML parser's own."""
+    if type(node) in _PLAIN:  # nearly all are, and to ask for a Mapping takes long
+        return node
     if isinstance(node, Mapping):
         return {str(key): _plain(value) for key, value in node.items()}
     if isinstance(node, list):
         return [_plain(value) for value in node]
-    if node is None or isinstance(node, bool):
-        return node
     return next((kind(node) for kind in (int, float, str) if isinstance(node, kind)), str(node))
 
 

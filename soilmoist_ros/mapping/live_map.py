@@ -66,6 +66,7 @@ class LiveMap:
             np.concatenate([old.xy, new.xy]),
             np.concatenate([old.counts, new.counts]),
             np.concatenate([old.exposure_s, new.exposure_s]),
+            np.concatenate([old.spread, new.spread]),
         )
 
     @property
@@ -87,6 +88,7 @@ class LiveMap:
             self.model,
             self.method,
             extent_m=self.grid.extent_m,
+            spread=samples.spread,
         )
         self.take(samples, fit)
 
@@ -100,7 +102,7 @@ class LiveMap:
         """
         grid = self.grid
         kriging = PoissonKriging(fit.variogram, self.keep_nugget)
-        kriging.fit(samples.xy, samples.counts, samples.exposure_s)
+        kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask)
         self.samples, self.fit, self.kriging = samples, fit, kriging
         self.rate, self.variance = rate[grid.mask], variance[grid.mask]

@@ -30,6 +30,7 @@ def map_health(online: OnlineMap, worker: MapWorker, now_s: float) -> Health:
             "fitted by": fit.method + ("" if fit.converged else f" (did not converge: {fit.message})"),
             "nugget [(counts/s)^2]": f"{variogram.nugget:.3g}",
             "range [m]": f"{variogram.range_m:.3g}",
+            "anisotropy": f"{variogram.anisotropy:.3g} along {variogram.angle_deg:.3g} deg",
             "sill [(counts/s)^2]": f"{variogram.sill:.3g}",
             "mean rate [counts/s]": f"{fit.mean_rate:.4g}",
         }

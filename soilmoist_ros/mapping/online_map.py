@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from soilmoist_ros.mapping.field_grid import FieldGrid
-from soilmoist_ros.mapping.sample_merger import SampleMerger
+from soilmoist_ros.mapping.sample_merger import DrivenWays, SampleMerger
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram import ModelName
@@ -63,6 +63,8 @@ class OnlineSettings:
         by :func:`default_merge_radius_m`
     :param margin_m: records so far outside the field still count [m], >= 0; they tell about its edge
     :param curve: calibration that turns the rate into soil moisture
+    :param footprint_radius_m: radius of the footprint to be de-convolved [m], >= 0: the map is of the rate at each
+        place, the counts are means over the footprint around theirs. 0 to map the counts as they are
     """
 
     model: ModelName = "matern32"
@@ -71,6 +73,7 @@ class OnlineSettings:
     merge_radius_m: float | None = None
     margin_m: float = 10.0
     curve: CalibrationCurve | None = None
+    footprint_radius_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +156,8 @@ class OnlineMap:
 
     def reset(self) -> None:
         """Forget all records."""
-        self._merger = SampleMerger(self.merge_radius_m)
+        self._merger = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m)
+        self._ways = DrivenWays()
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
         self.track: list[CountRecord] = []
@@ -172,7 +176,8 @@ class OnlineMap:
             return reason
         self._recent.append(None)
         self.track.append(record)
-        self._merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s)
+        spread = self._ways.spread(record)
+        self._merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread)
         samples, fitted = self._merger.samples, self.state.fit_samples
         self.state = MapState(
             self.state.records + 1, record.stamp_s, samples, samples if _has_grown(fitted, samples) else fitted
@@ -226,6 +231,7 @@ class OnlineMap:
             self.settings.model,
             self.settings.fit,
             extent_m=self.grid.extent_m,
+            spread=samples.spread,
         )
         self._last_fit = samples, fit
         return fit

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.errors import IllConditionedError
 from soilmoist_ros.mapping.chebyshev import raster_by_interpolation
 from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
+from soilmoist_ros.mapping.support import Supports
 from soilmoist_ros.mapping.targets import Points, RasterCells, Targets, coincident
 from soilmoist_ros.mapping.variogram import Variogram
 
@@ -99,24 +100,30 @@ class PoissonKriging:
         """Generalised least-squares mean of the rate, which the map tends to far from all samples [counts/s]."""
         return self._solution.mean
 
-    def fit(self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike) -> PoissonKriging:
+    def fit(
+        self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
+    ) -> PoissonKriging:
         """Take samples, replacing earlier ones, and factor the kriging matrix.
 
         :param xy: places, shape (n, 2), n >= 1 [m]
         :param counts: raw counts, shape (n,)
         :param exposure_s: effective exposures, shape (n,) [s]
+        :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
+            :mod:`~soilmoist_ros.mapping.support`; all points by default
         :returns: itself
         :raises ValueError: if there is no sample, or as :class:`~soilmoist_ros.mapping.samples.Samples`
         :raises IllConditionedError: if the matrix cannot be factored
         """
-        records = as_samples(xy, counts, exposure_s)
+        records = as_samples(xy, counts, exposure_s, spread)
         if not len(records):
             raise ValueError("kriging needs at least one sample; wait for the first record")
         self._take(records)
         self._rebuild()
         return self
 
-    def add(self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike) -> PoissonKriging:
+    def add(
+        self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
+    ) -> PoissonKriging:
         """Take further samples; a new place appends a row to the factor, a known place is merged.
 
         Costs O(n^2) for a place that is new or the newest, more for older ones. The mean rate in the noise
@@ -125,12 +132,13 @@ class PoissonKriging:
         :param xy: places, shape (k, 2), or one place (x, y) [m]
         :param counts: raw counts, shape (k,), or a number
         :param exposure_s: effective exposures, shape (k,), or a number [s]
+        :param spread: as :meth:`fit`, shape (k, 3), or (3,)
         :returns: itself
         :raises ValueError: as :meth:`fit`; the samples taken before stay as they were
         """
         if self._records is None:
-            return self.fit(check_xy(xy), np.atleast_1d(counts), np.atleast_1d(exposure_s))
-        new = as_samples(xy, counts, exposure_s)
+            return self.fit(check_xy(xy), np.atleast_1d(counts), np.atleast_1d(exposure_s), spread)
+        new = as_samples(xy, counts, exposure_s, spread)
         if not len(new):
             return self
         known = len(self._places)
@@ -151,7 +159,7 @@ class PoissonKriging:
             part of the variance
         :raises RuntimeError: before :meth:`fit`
         """
-        return self._predict(Points(self.variogram, self._fitted().xy, check_xy(xy)), progress)
+        return self._predict(self._targets(check_xy(xy)), progress)
 
     def predict_grid(
         self,
@@ -177,7 +185,7 @@ class PoissonKriging:
         wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
         if wanted.shape != (len(y), len(x)):
             raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
-        cells = RasterCells(self.variogram, self._fitted().xy, x, y, wanted)
+        cells = RasterCells(self.variogram, self._fitted().xy, x, y, wanted, self._places.spread)
         rasters = np.full((2, len(y), len(x)), np.nan)
         smooth = self._interpolated(cells, x, y) if self.variogram.model == "gaussian" else None
         rasters[:, wanted] = self._predict(cells, progress) if smooth is None else smooth
@@ -191,11 +199,13 @@ class PoissonKriging:
         rows, columns = cells.box
 
         def surfaces(x: Array, y: Array) -> Array:
-            nodes = RasterCells(variogram, places, x, y, np.ones((len(y), len(x)), bool))
+            every = np.ones((len(y), len(x)), bool)
+            nodes = RasterCells(variogram, places, x, y, every, self._places.spread)
             return np.array(self._surfaces(nodes, False, None)).reshape(2, len(y), len(x))
 
-        # A product of two Gaussians, as the variance has them, is narrower than one by the root of two.
-        length_m = variogram.range_m / math.sqrt(2)
+        # A product of two Gaussians, as the variance has them, is narrower than one by the root of two;
+        # across the longest range, by that of the anisotropy too.
+        length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)
         scale = np.array([math.sqrt(variogram.sill), variogram.sill])
         box = raster_by_interpolation(surfaces, x_m[columns], y_m[rows], length_m, scale, len(cells.xy))
         if box is None:
@@ -204,7 +214,7 @@ class PoissonKriging:
         variance += self._target_variance
         if self.keep_nugget:  # where a sample is, the surface with its nugget has a needle
             here, _ = coincident(cells.xy, places)
-            rate[here], variance[here] = self._predict(Points(variogram, places, cells.xy[here]), None)
+            rate[here], variance[here] = self._predict(self._targets(cells.xy[here]), None)
         return rate, self._clip(variance)
 
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
@@ -217,7 +227,7 @@ class PoissonKriging:
         """
         from scipy.linalg import solve_triangular
 
-        targets = Points(self.variogram, self._fitted().xy, check_xy(xy))
+        targets = self._targets(check_xy(xy))
         factor, ones, _, _ = self._solution
         solved = np.concatenate(
             [tile for _, tile in self._solved_tiles(targets, self.keep_nugget)] or [np.empty((0, len(ones)))]
@@ -241,8 +251,8 @@ class PoissonKriging:
 
         places = check_xy(xy)
         structured = self.variogram.structured_sill
+        known = self._targets(places).correlation(slice(0, len(places))) * structured
         factor, ones, _, _ = self._solution
-        known = Points(self.variogram, self._fitted().xy, places).correlation(slice(0, len(places))) * structured
         solved = solve_triangular(factor, known.T, lower=True, check_finite=False)
         mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
         between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
@@ -302,6 +312,10 @@ class PoissonKriging:
 
     # -- factorisation ---------------------------------------------------------------------------------
 
+    def _targets(self, xy: Array) -> Points:
+        places = self._fitted()
+        return Points(self.variogram, places.xy, xy, places.spread)
+
     def _fitted(self) -> Samples:
         if self._records is None:
             raise RuntimeError("the kriging has no samples yet; call fit() first")
@@ -340,16 +354,19 @@ class PoissonKriging:
 
         first = min(first, known)
         places, n = self._places, len(self._places)
-        rows = Points(self.variogram, places.xy, places.xy[first:]).correlation(slice(0, n - first))
+        later = Supports(places.xy[first:], places.spread[first:])
+        rows = later.average(lambda xy: self._targets(xy).correlation(slice(0, len(xy))).T).T
         rows *= self.variogram.structured_sill
         noise = self.variogram.nugget + self.jitter + self.noise_mean_rate / places.exposure_s[first:]
         rows[np.arange(n - first), np.arange(first, n)] += noise
         factor = np.zeros((n, n), order="F")
         factor[:known, :known] = self._solution.factor[:known, :known]
-        if first > 0 and known < n:
-            right = rows[known - first :, :first].T
+        # Merging changes the noise of a known place, which is on the diagonal; but also its spread, if it has one.
+        changed = first if places.spread.any() else known
+        if first > 0 and changed < n:
+            right = rows[changed - first :, :first].T
             head = factor[:first, :first]
-            factor[known:, :first] = solve_triangular(head, right, lower=True, check_finite=False).T
+            factor[changed:, :first] = solve_triangular(head, right, lower=True, check_finite=False).T
         left = factor[first:, :first]
         tail, info = dpotrf(rows[:, first:] - left @ left.T, lower=1, clean=1)
         if info:
@@ -372,4 +389,5 @@ def _concatenate(first: Samples, second: Samples) -> Samples:
         np.concatenate([first.xy, second.xy]),
         np.concatenate([first.counts, second.counts]),
         np.concatenate([first.exposure_s, second.exposure_s]),
+        np.concatenate([first.spread, second.spread]),
     )

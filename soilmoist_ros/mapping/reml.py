@@ -6,13 +6,15 @@ Computational and Graphical Statistics 23:295-315 (their composite likelihood, w
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples import Samples, noise_rate
-from soilmoist_ros.mapping.variogram import MODELS, ModelName, Variogram
+from soilmoist_ros.mapping.support import SupportCorrelation
+from soilmoist_ros.mapping.variogram import MODELS, ModelName, Variogram, isotropic_plane
 
 Array = NDArray[np.float64]
 
@@ -20,8 +22,26 @@ ONE_BLOCK_PLACES = 1000
 """Up to so many places the likelihood is the full one."""
 BLOCK_PLACES = 500
 """Beyond that, the largest number of places in a block."""
+MOST_BLOCKS = 16
+"""Largest number of blocks. Of more, a few are taken, and others that are thinned over the whole field instead."""
 
 _FEWEST_POOLS = 8
+_FEW_PLACES = 100
+_ONE_PEAK = ("exponential", "matern32", "matern52")
+"""Models for which one start does beyond :data:`_FEW_PLACES`; the others may have a second, lower peak."""
+ANISOTROPIES = (2.0, 4.0, 8.0)
+"""Ratios of the longest range over the shortest among which the likelihood chooses."""
+ANGLES_DEG = tuple(22.5 * step for step in range(8))
+"""Directions of the longest range among which it chooses."""
+ANISOTROPY_PENALTY = 3.0
+"""By how much the logarithm of the posterior must rise for a direction to be believed in."""
+FEWEST_ANISOTROPIC = 15
+"""With fewer places no direction is sought."""
+ISOTROPIC = (1.0, 0.0)
+"""Anisotropy and angle if no direction is special."""
+_MOST_DIRECTIONS = 3
+_DIRECTED_PLACES = 150
+"""Directions are ranked by the likelihood of so many places."""
 _LARGEST_STEP = 5.0
 """Parameters are sought within so many prior standard deviations."""
 
@@ -35,17 +55,14 @@ class Prior:
 
     * **structured variance**: median the noise-corrected sample variance ``S^2 - mean(m*/t)`` (of pooled
       neighbours where counts are short), averaged
-      with a guess that is worth five samples: a coefficient of variation of the rate of 15 % (half of a
+      with a guess that is worth ten samples: a coefficient of variation of the rate of 15 % (half of a
       field dry and half wet gives 5 to 35 %). Standard deviation of the logarithm 1. The sample variance
-      alone is useless from three samples, and a guess on the low side claims a map that is not there
+      alone is useless from three samples, and too low along the first ways, whose samples are all near each
+      other; a guess on the low side claims a map that is not there
     * **range**: median such that the practical range is a third of the extent, standard deviation 1: what
       is much shorter cannot be told from the nugget, what is much longer not from a trend
     * **nugget**: median 5 % of the prior's structured variance, standard deviation 1.5; a count integrates
       over a footprint of some hundred square metres, so little variance is left below it
-
-    The mode is used as if it were the truth, so few samples promise a little too much: over six kinds of
-    simulated fields the 95 % intervals of a Matern 3/2 map covered 93 to 97 % with 72 samples, 91 to 97 %
-    with 20 and 90 to 99 % with 8.
 
     :param log_median: logarithms of the medians, (structured, range, nugget)
     :param log_sd: standard deviations of the logarithms
@@ -55,7 +72,7 @@ class Prior:
     log_sd: Array
 
     GUESSED_VARIATION = 0.15
-    GUESS_WORTH = 5.0
+    GUESS_WORTH = 10.0
 
     @classmethod
     def of(cls, places: Samples, model: ModelName, extent_m: float) -> Prior:
@@ -94,8 +111,9 @@ def _variance_without_noise(places: Samples, mean_rate: float) -> float:
 class RemlEstimate:
     """Result of :func:`maximise_reml`.
 
-    :param variogram: the posterior mode
-    :param log_likelihood: restricted log-likelihood there, without the prior
+    :param variogram: the variogram to krige with: the posterior means of structured variance and nugget
+    :param mode: the posterior mode
+    :param log_likelihood: restricted log-likelihood at the mode, without the prior
     :param log_sd: standard errors of log (structured variance, range, nugget): Laplace's approximation
     :param prior_share: share of the prior in the knowledge of each of them; near 0 the data decided,
         near 1 the prior did
@@ -104,6 +122,7 @@ class RemlEstimate:
     """
 
     variogram: Variogram
+    mode: Variogram
     log_likelihood: float
     log_sd: tuple[float, float, float]
     prior_share: tuple[float, float, float]
@@ -115,19 +134,30 @@ class RestrictedLikelihood:
     """Log restricted likelihood of rates ``Z/t`` with covariance ``s R(range) + nugget I + diag(m*/t)``.
 
     The unknown constant mean is integrated out. With several blocks it is the sum over the blocks
-    (a composite likelihood), each with a mean of its own.
+    (a composite likelihood), each with a mean of its own. Samples with a spread are means over their areas, and so
+    are the correlations R between them.
 
     :param places: merged samples
     :param model: name of the variogram model
     :param blocks: numbers of the places of each block; one block of all by default
+    :param plane: matrix, shape (2, 2), that takes places to where the variogram is isotropic
     """
 
-    def __init__(self, places: Samples, model: ModelName, blocks: list[NDArray[np.intp]] | None = None) -> None:
+    def __init__(
+        self,
+        places: Samples,
+        model: ModelName,
+        blocks: list[NDArray[np.intp]] | None = None,
+        plane: Array | None = None,
+    ) -> None:
         m = noise_rate(places)
         self._model = MODELS[model]
+        self._plane = plane
+        blocks = [np.arange(len(places))] if blocks is None else blocks
+        kept = 8 if len(blocks) == 1 else 2  # many blocks fill the memory
         self._blocks = [
-            (_squared_distances(places.xy[b]), places.rate_cps[b], m / places.exposure_s[b])
-            for b in (blocks if blocks is not None else [np.arange(len(places))])
+            (self._distances(places.xy[b], places.spread[b], kept), places.rate_cps[b], m / places.exposure_s[b])
+            for b in blocks
         ]
 
     def value(self, log_parameters: Array) -> float:
@@ -143,13 +173,24 @@ class RestrictedLikelihood:
             gradient += slopes
         return total, gradient
 
-    def _block(self, block: tuple[Array, Array, Array], parameters: Array, slope: bool) -> tuple[float, Array]:
+    def _distances(self, xy: Array, spread: Array, kept: int) -> Array | SupportCorrelation:
+        """Squared distances of points; of areas, what knows the correlations between them."""
+        if spread.any():
+            return SupportCorrelation(self._model, xy, spread, kept, self._plane)
+        return _squared_distances(xy if self._plane is None else xy @ self._plane)
+
+    def _block(
+        self, block: tuple[Array | SupportCorrelation, Array, Array], parameters: Array, slope: bool
+    ) -> tuple[float, Array]:
         from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
-        squares, rate, noise = block
+        distances, rate, noise = block
         structured, range_m, nugget = parameters
         n = len(rate)
-        R = self._model.correlation(squares / range_m**2)
+        if isinstance(distances, SupportCorrelation):
+            R, dR = distances.at(range_m)
+        else:
+            R, dR = self._model.correlation(distances / range_m**2), None
         K = structured * R
         K[np.diag_indices(n)] += nugget + noise
         factor, info = dpotrf(K, lower=1, clean=1)
@@ -166,50 +207,126 @@ class RestrictedLikelihood:
         # needed for the trace, so here it is formed (from the factor, lower triangle only).
         inverse = dpotri(factor, lower=1, overwrite_c=1)[0]
         diagonal = np.diag(inverse).copy()
-        dR = self._model.log_range_slope(squares / range_m**2)
+        if not isinstance(distances, SupportCorrelation):
+            dR = self._model.log_range_slope(distances / range_m**2)
+        assert dR is not None
 
-        def contract(D: Array, diagonal_value: float) -> float:
-            trace = 2 * np.vdot(inverse.T, D) - diagonal_value * diagonal.sum()
+        def contract(D: Array) -> float:
+            trace = 2 * np.vdot(inverse.T, D) - (np.diag(D) * diagonal).sum()
             return float(trace - b @ D @ b / b.sum() - q @ D @ q)
 
         d_nugget = diagonal.sum() - b @ b / b.sum() - q @ q
-        slopes = [structured * contract(R, 1.0), structured * contract(dR, 0.0), nugget * d_nugget]
+        slopes = [structured * contract(R), structured * contract(dR), nugget * d_nugget]
         return float(value), -0.5 * np.array(slopes)
 
 
-def maximise_reml(places: Samples, model: ModelName, extent_m: float) -> RemlEstimate:
-    """Posterior mode of the variogram under the restricted likelihood and :class:`Prior`.
+def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy: bool = True) -> RemlEstimate:
+    """The variogram under the restricted likelihood and :class:`Prior`: its mode, and what to krige with.
+
+    Kriging with the mode promises too much: the posteriors of the variances are skewed, and the mode is their low
+    side. The honest variance is the average over the posterior (law of total variance). Variances enter it almost
+    linearly, so it is that of kriging with their posterior *means*, which Laplace's approximation gives: the mode
+    times ``exp(log_sd^2 / 2)`` (a log-normal mean), at the range of the mode. The two agree as samples come in.
+
+    Along the ways of simulated missions on twelve kinds of fields, the 95 % intervals of a Matern 3/2 map covered
+    93 to 99 % from 20 samples, 92 to 99 % from 40 and 91 to 99.7 % from 200: least in rough fields (patches, or
+    exponential of a short range), most in the smoothest. Those of the mode covered
+    88 to 97, 88 to 97 and 88 to 99 %.
+
+    A direction is believed in only where the data ask for it: from :data:`FEWEST_ANISOTROPIC` places on, the range
+    may be longer one way than across if that raises the logarithm of the posterior by more than
+    :data:`ANISOTROPY_PENALTY`; the angle and the ratio are among a few. In simulated surveys that had no part in
+    choosing the penalty, fields without a direction got one in at most 8 % of the fits, which raised their mean
+    squared error by 0 to 3 %. From 160 samples on, that of fields with a border across fell by 38 to 46 %, with a
+    ridge by 50 to 55 %, with ranges in the ratio of 4 by 9 to 19 %. Coverage changed by 2 % at most.
 
     :param places: merged samples, at least one
     :param model: name of the variogram model
     :param extent_m: extent of the field for the prior of the range [m], > 0
+    :param anisotropy: whether the range may depend on the direction
     """
-    from scipy.optimize import minimize
-
     prior = Prior.of(places, model, extent_m)
-    likelihood = RestrictedLikelihood(places, model, spatial_blocks(places.xy))
-
-    def cost(u: Array) -> tuple[float, Array]:
-        value, gradient = likelihood.value_and_gradient(prior.log_median + prior.log_sd * u)
-        return float(0.5 * u @ u) - value, u - prior.log_sd * gradient
-
-    bounds = [(-_LARGEST_STEP, _LARGEST_STEP)] * 3
-    options = {"ftol": 1e-12, "gtol": 1e-6, "maxiter": 200}
-    found = [
-        minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-        for start in _starts(likelihood, prior)
-    ]
-    best = min(found, key=lambda result: float(result.fun))
-    covariance = _laplace_covariance(lambda u: cost(u)[1], best.x)
-    structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.x)
+    best = _Peak.climb(places, model, prior, _starts(places, model, prior))
+    if anisotropy and len(places) >= FEWEST_ANISOTROPIC:
+        directed = _Peak.climb(places, model, prior, [best.u], _direction(places, model, prior, best.u))
+        if directed.cost < best.cost - ANISOTROPY_PENALTY:
+            best = directed
+    covariance = _laplace_covariance(best.slope, best.u, best.slope(best.u))
+    structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.u)
+    mean = np.exp(0.5 * prior.log_sd**2 * covariance)  # of a log-normal variable, in units of its median
     return RemlEstimate(
-        Variogram(model, nugget, range_m, structured + nugget),
-        float(0.5 * best.x @ best.x - best.fun),
+        Variogram(model, nugget * mean[2], range_m, structured * mean[0] + nugget * mean[2], *best.direction),
+        Variogram(model, nugget, range_m, structured + nugget, *best.direction),
+        float(0.5 * best.u @ best.u - best.cost),
         _three(prior.log_sd * np.sqrt(covariance)),
         _three(np.clip(covariance, 0, 1)),
-        bool(best.success),
-        str(best.message),
+        best.converged,
+        best.message,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Peak:
+    """A maximum of the posterior.
+
+    :param u: where, in prior standard deviations from the prior's medians, shape (3,)
+    :param cost: what was minimised: minus the logarithm of likelihood and prior
+    :param slope: its gradient at any u
+    :param direction: anisotropy and angle [deg]
+    :param converged: whether the optimiser says so
+    :param message: what it says
+    """
+
+    u: Array
+    cost: float
+    slope: Callable[[Array], Array]
+    direction: tuple[float, float]
+    converged: bool
+    message: str
+
+    @classmethod
+    def climb(
+        cls,
+        places: Samples,
+        model: ModelName,
+        prior: Prior,
+        starts: list[Array],
+        direction: tuple[float, float] = ISOTROPIC,
+    ) -> _Peak:
+        """The highest peak found from these starts."""
+        from scipy.optimize import minimize
+
+        plane = None if direction == ISOTROPIC else isotropic_plane(*direction)
+        likelihood = RestrictedLikelihood(places, model, _likelihood_blocks(places.xy), plane)
+
+        def cost(u: Array) -> tuple[float, Array]:
+            value, gradient = likelihood.value_and_gradient(prior.log_median + prior.log_sd * u)
+            return float(0.5 * u @ u) - value, u - prior.log_sd * gradient
+
+        bounds = [(-_LARGEST_STEP, _LARGEST_STEP)] * 3
+        options = {"ftol": 1e-12, "gtol": 1e-4, "maxiter": 200}  # to 1e-4 prior standard deviations
+        found = [
+            minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options) for start in starts
+        ]
+        best = min(found, key=lambda result: float(result.fun))
+        success, message = bool(best.success), str(best.message)
+        return cls(best.x, float(best.fun), lambda u: cost(u)[1], direction, success, message)
+
+
+def _direction(places: Samples, model: ModelName, prior: Prior, u: Array) -> tuple[float, float]:
+    """The anisotropy and angle that promise most, by the likelihood of some of the places as points.
+
+    All are ranked at the isotropic peak ``u``, the foremost few by the peaks that are near.
+    """
+    some = _some(places, _DIRECTED_PLACES)
+
+    def gain(direction: tuple[float, float]) -> float:
+        likelihood = RestrictedLikelihood(some, model, plane=isotropic_plane(*direction))
+        return likelihood.value(prior.log_median + prior.log_sd * u)
+
+    grid = [(ratio, angle) for ratio in ANISOTROPIES for angle in ANGLES_DEG]
+    few = sorted(grid, key=gain, reverse=True)[:_MOST_DIRECTIONS]
+    return min((_Peak.climb(some, model, prior, [u], each) for each in few), key=lambda peak: peak.cost).direction
 
 
 def spatial_blocks(
@@ -236,21 +353,46 @@ def spatial_blocks(
     return blocks
 
 
-def _starts(likelihood: RestrictedLikelihood, prior: Prior) -> list[Array]:
-    """The two best of a few places to start from, in prior standard deviations."""
+def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
+    """Where to start from, in prior standard deviations: the best of a few, or the two best.
+
+    They are ranked by the likelihood of some of the places as points: more would cost more than it saves.
+    """
     candidates = [np.array([0.0, range_, nugget]) for range_ in (-1.5, -0.75, 0.0, 0.75) for nugget in (-0.5, 1.5)]
+    likelihood = RestrictedLikelihood(_some(places, _FEW_PLACES), model)
 
     def badness(u: Array) -> float:
         return float(0.5 * u @ u) - likelihood.value(prior.log_median + prior.log_sd * u)
 
-    return sorted(candidates, key=badness)[:2]
+    one = len(places) > _FEW_PLACES and model in _ONE_PEAK
+    return sorted(candidates, key=badness)[: 1 if one else 2]
 
 
-def _laplace_covariance(gradient: object, mode: Array, step: float = 1e-3) -> Array:
-    """Variances of the parameters at the mode, from differences of the gradient."""
-    assert callable(gradient)
-    steps = step * np.eye(len(mode))
-    hessian = np.array([(gradient(mode + d) - gradient(mode - d)) / (2 * step) for d in steps])
+def _some(places: Samples, most: int) -> Samples:
+    """Every k-th of the places, as points, so that there are no more than ``most``."""
+    some = slice(None, None, -(-len(places) // most))
+    return Samples(places.xy[some], places.counts[some], places.exposure_s[some])
+
+
+def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
+    """Blocks of the likelihood, so many at most that the fit does not grow with the survey.
+
+    Compact blocks tell of short distances only, so a quarter of them is spread over the whole field.
+    """
+    blocks = spatial_blocks(xy)
+    if len(blocks) <= MOST_BLOCKS:
+        return blocks
+    wide, order = MOST_BLOCKS // 4, np.concatenate(blocks)
+    step = len(order) // BLOCK_PLACES
+    picked = np.linspace(0, len(blocks) - 1, MOST_BLOCKS - wide).astype(int)
+    thinned = [order[k * step // wide :: step][:BLOCK_PLACES] for k in range(wide)]
+    return [blocks[number] for number in picked] + thinned
+
+
+def _laplace_covariance(gradient: Callable[[Array], Array], mode: Array, at_mode: Array) -> Array:
+    """Variances of the parameters at the mode, from differences of the gradient, which is ``at_mode`` there."""
+    step = 1e-4
+    hessian = np.array([(gradient(mode + d) - at_mode) / step for d in step * np.eye(len(mode))])
     eigenvalues, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
     # The prior alone gives curvature 1; less means that the mode lies on a bound or a saddle.
     inverse = vectors / np.maximum(eigenvalues, 1.0) @ vectors.T

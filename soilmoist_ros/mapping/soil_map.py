@@ -13,11 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.mapping.field_grid import FieldGrid
 from soilmoist_ros.mapping.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.variogram import Variogram
 from soilmoist_ros.mapping.variogram_fit import VariogramFit
 from soilmoist_ros.sensing.moisture import CalibrationCurve
 
 Array = NDArray[np.float64]
+
+MOST_EXACT_SAMPLES = 2000
+"""Up to so many samples a map is exact; beyond, each tile of it is made of the samples around."""
 
 
 class Bands(NamedTuple):
@@ -65,7 +69,7 @@ class SoilMap:
     fit: VariogramFit | None
     mean_rate: float
     curve: CalibrationCurve | None
-    kriging: PoissonKriging
+    kriging: PoissonKriging | TiledKriging
     undefined_vwc_cells: int
     clipped_variances: int
 
@@ -79,6 +83,11 @@ class SoilMap:
         """Standard deviation that the model gives the rate far from all samples, about its mean [counts/s]."""
         sill = self.variogram.sill if self.kriging.keep_nugget else self.variogram.structured_sill
         return math.sqrt(sill)
+
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """How far a map made tile by tile is from the exact one; ``None`` if it is exact."""
+        return self.kriging.accuracy if isinstance(self.kriging, TiledKriging) else None
 
     def evaluate(self, xy: ArrayLike) -> Bands:
         """The four bands at any points, inside the field or not.
@@ -96,8 +105,10 @@ def make_soil_map(
     curve: CalibrationCurve | None = None,
     keep_nugget: bool = True,
     progress: Callable[[float], None] | None = None,
+    most_exact: int = MOST_EXACT_SAMPLES,
+    compute: Compute = map,
 ) -> SoilMap:
-    """Krige the samples onto the cells of a field.
+    """Krige the samples onto the cells of a field: exactly, or tile by tile if they are very many.
 
     :param samples: at least one
     :param grid: the field
@@ -105,11 +116,19 @@ def make_soil_map(
     :param curve: calibration that turns the rate into soil moisture
     :param keep_nugget: as :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`
     :param progress: called with the fraction done, from above 0 to 1
+    :param most_exact: number of samples beyond which it is
+        :class:`~soilmoist_ros.mapping.tiled_kriging.TiledKriging` that makes the map
+    :param compute: computes the tiles, as there
     :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
-    kriging = PoissonKriging(model, keep_nugget).fit(samples.xy, samples.counts, samples.exposure_s)
+    kriging: PoissonKriging | TiledKriging
+    if len(samples) <= most_exact:
+        kriging = PoissonKriging(model, keep_nugget)
+    else:
+        kriging = TiledKriging(model, keep_nugget, compute=compute)
+    kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
     bands = _bands(*kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress), curve)
     undefined = 0 if curve is None else int(np.count_nonzero(~curve.valid(bands.rate[grid.mask])))
     return SoilMap(

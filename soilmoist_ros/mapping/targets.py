@@ -11,7 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram import Variogram
+from soilmoist_ros.mapping.support import Supports
+from soilmoist_ros.mapping.variogram import Variogram, isotropic_plane
 
 Array = NDArray[np.float64]
 
@@ -32,29 +33,39 @@ class Points:
     :param variogram: its range and model
     :param places_xy: places of the samples, shape (p, 2) [m]
     :param xy: targets, shape (g, 2) [m]
+    :param spread: spreads of the samples, shape (p, 3) [m^2]; all points if ``None``
     """
 
-    def __init__(self, variogram: Variogram, places_xy: Array, xy: Array) -> None:
+    def __init__(self, variogram: Variogram, places_xy: Array, xy: Array, spread: Array | None = None) -> None:
         self.xy = xy
         self._variogram = variogram
-        self._places = places_xy / variogram.range_m
-        self._scaled = xy / variogram.range_m
+        self._places = Supports(places_xy, spread)
+        self._scaled = variogram.scaled(xy)
 
     def correlation(self, tile: slice) -> Array:
         """See :class:`Targets`."""
         from scipy.spatial.distance import cdist
 
-        return self._variogram.correlation_of_square(cdist(self._scaled[tile], self._places, "sqeuclidean"))
+        variogram, scaled = self._variogram, self._scaled[tile]
+
+        def with_points(xy: Array) -> Array:
+            return variogram.correlation_of_square(cdist(scaled, variogram.scaled(xy), "sqeuclidean"))
+
+        return self._places.average(with_points)
 
 
 class RasterCells:
     """Cells of a raster: squared distances are sums of one table per axis; a Gaussian is a product of them.
+
+    That holds where the longest range lies along an axis, or no direction is special; otherwise cells are as good
+    as any points.
 
     :param variogram: its range and model
     :param places_xy: places of the samples, shape (p, 2) [m]
     :param x_m: centres of the columns, shape (nx,) [m]
     :param y_m: centres of the rows, shape (ny,) [m]
     :param mask: the cells wanted, shape (ny, nx)
+    :param spread: spreads of the samples, shape (p, 3) [m^2]; all points if ``None``
 
     Attributes
     ----------
@@ -63,14 +74,29 @@ class RasterCells:
     """
 
     def __init__(
-        self, variogram: Variogram, places_xy: Array, x_m: Array, y_m: Array, mask: NDArray[np.bool_]
+        self,
+        variogram: Variogram,
+        places_xy: Array,
+        x_m: Array,
+        y_m: Array,
+        mask: NDArray[np.bool_],
+        spread: Array | None = None,
     ) -> None:
         self.row, self.column = np.nonzero(mask)
         self.xy = np.column_stack([x_m[self.column], y_m[self.row]])
         self._variogram = variogram
         self._separable = variogram.model == "gaussian"
-        self._table_x = self._table(x_m, places_xy[:, 0])
-        self._table_y = self._table(y_m, places_xy[:, 1])
+        self._points = None
+        if variogram.anisotropy > 1 and variogram.angle_deg % 90:
+            self._points = Points(variogram, places_xy, self.xy, spread)
+            return
+        self._places = Supports(places_xy, spread)
+        plane = isotropic_plane(variogram.anisotropy, variogram.angle_deg)
+        x_range_m, y_range_m = (variogram.range_m / plane.diagonal()).tolist()
+        self._tables = [
+            (self._table(x_m, points[:, 0], x_range_m), self._table(y_m, points[:, 1], y_range_m))
+            for _, points, _ in self._places.layers
+        ]
 
     @property
     def box(self) -> tuple[slice, slice]:
@@ -81,15 +107,20 @@ class RasterCells:
 
     def correlation(self, tile: slice) -> Array:
         """See :class:`Targets`."""
-        result = self._table_x[self.column[tile]]
-        if self._separable:
-            result *= self._table_y[self.row[tile]]
-            return result
-        result += self._table_y[self.row[tile]]
-        return self._variogram.correlation_of_square(result)
+        if self._points is not None:
+            return self._points.correlation(tile)
+        column, row = self.column[tile], self.row[tile]
+        return self._places.combine(self._of_tables(x[column], y[row]) for x, y in self._tables)
 
-    def _table(self, axis_m: Array, places_m: Array) -> Array:
-        square = ((axis_m[:, None] - places_m) / self._variogram.range_m) ** 2
+    def _of_tables(self, x: Array, y: Array) -> Array:
+        if self._separable:
+            x *= y
+            return x
+        x += y
+        return self._variogram.correlation_of_square(x)
+
+    def _table(self, axis_m: Array, places_m: Array, range_m: float) -> Array:
+        square = ((axis_m[:, None] - places_m) / range_m) ** 2
         return self._variogram.correlation_of_square(square) if self._separable else square
 
 

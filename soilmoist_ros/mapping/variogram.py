@@ -120,10 +120,17 @@ class Variogram:
     matern52      (1 + s + s^2/3) exp(-s), s = sqrt(5) u   -
     ============  ==================================  =====================
 
+    With a geometric anisotropy (Chiles & Delfiner 2012, Geostatistics, section 2.5.2) the range depends on the
+    direction as the radius of an ellipse does: ``range_m`` is the geometric mean of the longest and the shortest,
+    ``range_m * sqrt(anisotropy)`` along ``angle_deg`` and ``range_m / sqrt(anisotropy)`` across. The methods that
+    take a distance are those of the directions in which the range is ``range_m``.
+
     :param model: one of the above
     :param nugget: micro-scale variance of the rate, Poisson noise not included [(counts/s)^2], >= 0
-    :param range_m: range parameter [m], > 0
+    :param range_m: range parameter [m], > 0; the geometric mean of the longest and the shortest
     :param sill: *total* sill, nugget included [(counts/s)^2], >= nugget
+    :param anisotropy: longest range over shortest range [-], >= 1; 1 if no direction is special
+    :param angle_deg: direction of the longest range, anticlockwise from east [deg]; kept modulo 180
     :raises ValueError: if the model is unknown or a parameter is out of its range
     """
 
@@ -131,10 +138,12 @@ class Variogram:
     nugget: float
     range_m: float
     sill: float
+    anisotropy: float = 1.0
+    angle_deg: float = 0.0
 
     def __post_init__(self) -> None:
         check_model(self.model)
-        for name in ("nugget", "range_m", "sill"):
+        for name in ("nugget", "range_m", "sill", "anisotropy", "angle_deg"):
             value = float(getattr(self, name))
             if not np.isfinite(value):
                 raise ValueError(f"{name} must be finite, got {value}")
@@ -148,6 +157,12 @@ class Variogram:
                 f"sill is the total sill and must be >= nugget ({self.nugget}), got {self.sill}; "
                 "add the nugget if you have a partial sill"
             )
+        if self.anisotropy < 1:
+            raise ValueError(
+                f"anisotropy is the longest range over the shortest and must be >= 1, got {self.anisotropy}; "
+                "turn angle_deg by 90 and give its inverse"
+            )
+        object.__setattr__(self, "angle_deg", self.angle_deg % 180.0 % 180.0)  # twice: -1e-20 % 180 is 180
 
     @property
     def structured_sill(self) -> float:
@@ -158,6 +173,16 @@ class Variogram:
     def practical_range_m(self) -> float:
         """Distance at which 95 % of the structured variance is reached (spherical: all of it) [m]."""
         return self.range_m * MODELS[self.model].practical
+
+    def scaled(self, xy: Array) -> Array:
+        """Places in the plane where the variogram is isotropic, in units of the range.
+
+        :param xy: places or displacements, shape (..., 2) [m]
+        :returns: the same shape, new memory; its squared distances are what :meth:`correlation_of_square` takes
+        """
+        if self.anisotropy == 1:
+            return xy / self.range_m
+        return np.asarray(xy @ isotropic_plane(self.anisotropy, self.angle_deg) / self.range_m)
 
     def __call__(self, h_m: ArrayLike) -> Array:
         """Semivariance, see :meth:`semivariance`."""
@@ -183,6 +208,22 @@ class Variogram:
         May overwrite its argument: for inner loops, where a square root or a copy would cost.
         """
         return MODELS[self.model].correlation(np.atleast_1d(np.asarray(q, float))).reshape(np.shape(q))
+
+
+def isotropic_plane(anisotropy: float, angle_deg: float) -> Array:
+    """Matrix M, shape (2, 2), so that places ``xy @ M`` have the same range in all directions: the geometric mean.
+
+    Symmetric, of determinant 1, and exactly diagonal where the longest range lies along an axis.
+
+    :param anisotropy: longest range over shortest range [-], >= 1
+    :param angle_deg: direction of the longest range, anticlockwise from east [deg]
+    """
+    along, across = 1 / np.sqrt(anisotropy), np.sqrt(anisotropy)
+    if angle_deg % 90 == 0:
+        return np.diag([along, across] if angle_deg % 180 == 0 else [across, along])
+    cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    axes = np.array([[cosine, sine], [-sine, cosine]])  # along and across, in the rows
+    return np.asarray(axes.T * [along, across] @ axes)
 
 
 def check_model(model: str) -> None:

@@ -22,6 +22,8 @@ from soilmoist_ros.mapping.variogram import (
 Array = NDArray[np.float64]
 FitMethod = Literal["reml", "soft_l1"]
 
+MOST_PAIRED_PLACES = 5000
+"""Of more places every k-th is paired in the empirical semivariogram."""
 UNKNOWN_EXTENT_M = 100.0
 """Extent assumed for the prior of the range when all samples are at one place and no extent is given [m]."""
 
@@ -34,7 +36,8 @@ class VariogramFit:
     :param method: ``"reml"`` or ``"soft_l1"``
     :param mean_rate: mean rate m* of the data [counts/s]
     :param n_samples: number of distinct places
-    :param objective: restricted log-likelihood (reml; larger is better), or cost (soft_l1; smaller is)
+    :param objective: restricted log-likelihood at the mode (reml; larger is better), or cost (soft_l1; smaller
+        is)
     :param log_sd: standard errors of the logarithms of structured sill, range and nugget; ``None`` for soft_l1
     :param prior_share: how much of what is known about structured sill, range and nugget comes from the
         prior, 0 (nothing) to 1 (all); zeros for soft_l1, which has none
@@ -75,9 +78,21 @@ def fit_variogram(
     *,
     extent_m: float | None = None,
     edges: ArrayLike | None = None,
+    spread: ArrayLike | None = None,
+    anisotropy: bool = True,
 ) -> Variogram:
     """Fit a variogram; :func:`estimate_variogram` without the story. Same parameters, same errors."""
-    return estimate_variogram(xy, counts, exposure_s, model, method, extent_m=extent_m, edges=edges).variogram
+    return estimate_variogram(
+        xy,
+        counts,
+        exposure_s,
+        model,
+        method,
+        extent_m=extent_m,
+        edges=edges,
+        spread=spread,
+        anisotropy=anisotropy,
+    ).variogram
 
 
 def estimate_variogram(
@@ -89,13 +104,17 @@ def estimate_variogram(
     *,
     extent_m: float | None = None,
     edges: ArrayLike | None = None,
+    spread: ArrayLike | None = None,
+    anisotropy: bool = True,
 ) -> VariogramFit:
     """Fit a variogram of the latent rate to counts.
 
-    ``"reml"`` (recommended, with Matern 3/2): the mode of the restricted likelihood of the rates with the
-    known noise m*/t, times weak priors (:class:`~soilmoist_ros.mapping.reml.Prior`). Defined from one
-    sample on: with nothing to learn it returns the prior's medians. Above 1000 places the likelihood is a
-    composite over blocks of at most 500 neighbours.
+    ``"reml"`` (recommended, with Matern 3/2): the restricted likelihood of the rates with the known noise m*/t,
+    times weak priors (:class:`~soilmoist_ros.mapping.reml.Prior`); of this posterior the mode of the range and
+    the means of the variances, so that what is not known of them is part of the map's uncertainty. Defined from
+    one sample on: with nothing to learn it returns those of the prior. Above 1000 places the likelihood is a
+    composite over blocks of at most 500 neighbours. From 15 places on the range may depend on the direction, where
+    the likelihood says so clearly (:func:`~soilmoist_ros.mapping.reml.maximise_reml`).
 
     ``"soft_l1"``: least squares with soft-L1 loss on the binned semivariogram, as published for this
     robot. Needs two distinct places. It ignores how uncertain each class is; in simulations
@@ -110,12 +129,16 @@ def estimate_variogram(
         the samples, which understates it early in a mission
     :param edges: edges of distance classes [m], by default
         :func:`~soilmoist_ros.mapping.variogram.default_edges`
+    :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
+        :mod:`~soilmoist_ros.mapping.support`; all points by default. REML finds the variogram of the rate at
+        points; the semivariogram, and with it soft_l1, is that of the samples as they are
+    :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
     check_model(model)
     if method not in ("reml", "soft_l1"):
         raise ValueError(f"unknown method {method!r}; known are reml, soft_l1")
-    places, _ = merge_exactly(as_samples(xy, counts, exposure_s))
+    places, _ = merge_exactly(as_samples(xy, counts, exposure_s, spread))
     if not len(places):
         raise ValueError("fitting a variogram needs at least one sample; wait for the first record")
     if extent_m is not None and not (np.isfinite(extent_m) and extent_m > 0):
@@ -124,7 +147,7 @@ def estimate_variogram(
     if method == "soft_l1":
         return _fit_soft_l1(places, model, bins)
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    estimate = maximise_reml(places, model, extent)
+    estimate = maximise_reml(places, model, extent, anisotropy)
     return VariogramFit(
         estimate.variogram,
         method,
@@ -151,7 +174,10 @@ class _Bins:
         if edges is None and len(places) < 2:
             return cls((nothing, nothing, nothing, nothing))
         limits = default_edges(places.xy) if edges is None else np.asarray(edges, float)
-        semivariogram = empirical_semivariogram(places.xy, places.counts, places.exposure_s, limits)
+        some = slice(None, None, -(-len(places) // MOST_PAIRED_PLACES))
+        semivariogram = empirical_semivariogram(
+            places.xy[some], places.counts[some], places.exposure_s[some], limits
+        )
         return cls((*semivariogram, limits))
 
 

@@ -27,7 +27,7 @@ from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod
 from soilmoist_ros.nodes import qos
-from soilmoist_ros.nodes.parameters import Parameter, Parameters
+from soilmoist_ros.nodes.parameters import Parameter, Parameters, other_namespaces
 from soilmoist_ros.nodes.run import run
 from soilmoist_ros.online_survey import open_survey, read_earlier
 
@@ -59,6 +59,11 @@ PARAMETERS = (
         default="",
         description="folder of a save, bag, or journal of an interrupted mission, whose records come first",
     ),
+    Parameter(
+        name="others",
+        default=[],
+        description="namespaces of other robots on the field whose counts are mapped, too; its own is passed over",
+    ),
     Parameter(name="save_dir", default="soilmoist_map", description="folder that the service save writes"),
     Parameter(
         name="simulated", default=False, description="the counts come from a simulation; every output says so"
@@ -75,7 +80,7 @@ class Mapper(Node):
         self._frame = parameters.text("frame")
         self._save_dir = Path(parameters.text("save_dir")).expanduser().absolute()
         options: dict[str, Any] = parameters.as_dict()
-        for name in ("frame", "save_dir", "start_from"):
+        for name in ("frame", "save_dir", "start_from", "others"):
             del options[name]
         self._survey = open_survey(**options)
         self._online = self._survey.online
@@ -90,7 +95,8 @@ class Mapper(Node):
             for record in read_earlier(Path(earlier).expanduser()):
                 self._online.take(record)
             self._worker.submit(self._online.state)
-        self.create_subscription(PointCloud2, "counts", self._on_counts, qos.RECORDS)
+        for robot in ("", *(f"{name}/" for name in other_namespaces(self, parameters.texts("others")))):
+            self.create_subscription(PointCloud2, f"{robot}counts", self._on_counts, qos.RECORDS)
         self.create_service(Trigger, "~/reset", self._on_reset)
         alone = MutuallyExclusiveCallbackGroup()  # saving takes seconds; records come in meanwhile
         self.create_service(Trigger, "~/save", self._on_save, callback_group=alone)

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.validate_namespace import validate_namespace
 
 from soilmoist_ros.errors import InputError, Mistake
 
@@ -106,6 +108,20 @@ class Parameter:
             high_whole = _HIGHEST_WHOLE if self.high is None else int(self.high)
             descriptor.integer_range = [IntegerRange(from_value=low_whole, to_value=high_whole, step=1)]
         return descriptor
+
+
+def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
+    """Namespaces of other robots, written as ROS does; the node's own, which may be among them, is left out.
+
+    :raises InputError: if one is not a namespace
+    """
+    plain = dict.fromkeys(f"/{name.strip('/')}" for name in namespaces)
+    for name in plain:
+        try:
+            validate_namespace(name)
+        except InvalidNamespaceException as error:
+            raise InputError(f"others: {name!r} is not a namespace ({error})", "give such as /robot_2") from None
+    return [name for name in plain if name != node.get_namespace()]
 
 
 class Parameters:

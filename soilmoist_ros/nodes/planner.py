@@ -74,7 +74,8 @@ class Planner(Node):
         if graph != "topic":
             self._control.use_ways(None if graph == "free" else read_topological_map(Path(graph)).graph)
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
-        self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic)
+        others = self._values.texts("others")
+        self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others)
         for verb in Verb:
             self.create_service(Trigger, f"planner/{verb}", partial(self._command, verb))
         # The mission's limits go by ROS time; messages, displays and limits of the navigation by the computer's.

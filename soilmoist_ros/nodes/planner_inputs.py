@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.counts import counts_from_message
+from msg_adapters.mission import mission_from_message
 from msg_adapters.model import model_from_message
 from msg_adapters.samples import samples_from_message
 from msg_adapters.stamps import to_seconds
@@ -14,6 +19,7 @@ from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.mission_control import MissionControl
 from soilmoist_ros.exploration.topological_map import parse_topological_map
 from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.nodes.parameters import other_namespaces
 from soilmoist_ros.nodes.qos import LATCHED, RECORDS, SENSOR
 
 
@@ -24,9 +30,17 @@ class PlannerInputs:
     :param control: takes what is heard
     :param frame: the field's plane
     :param map_topic: topic of the navigation's map; empty if it is not wanted
+    :param others: namespaces of the planners of other robots on the field; its own is passed over
     """
 
-    def __init__(self, node: Node, control: MissionControl, frame: LocalFrame, map_topic: str) -> None:
+    def __init__(
+        self,
+        node: Node,
+        control: MissionControl,
+        frame: LocalFrame,
+        map_topic: str,
+        others: Sequence[str] = (),
+    ) -> None:
         self._node = node
         self._control = control
         self._frame = frame
@@ -37,6 +51,9 @@ class PlannerInputs:
         node.create_subscription(String, "model", self._on_model, LATCHED)
         if map_topic:
             node.create_subscription(String, map_topic, self._on_map, LATCHED)
+        for name in other_namespaces(node, others):
+            control.other(name, None)
+            node.create_subscription(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name), LATCHED)
 
     def _on_fix(self, message: NavSatFix) -> None:
         if message.status.status >= 0:
@@ -61,6 +78,12 @@ class PlannerInputs:
             self._control.fit(model.fit, model.stamp_s)
         except ValueError as error:
             self._ignore("model", error)
+
+    def _on_other(self, name: str, message: DiagnosticStatus) -> None:
+        try:
+            self._control.other(name, mission_from_message(message), name < self._node.get_namespace())
+        except ValueError as error:
+            self._ignore(f"{name}/mission", error)
 
     def _on_map(self, message: String) -> None:
         if not self._control.takes_ways:

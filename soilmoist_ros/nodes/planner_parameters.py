@@ -33,6 +33,12 @@ PARAMETERS: Final = (
     _row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     _row("longest_dwell_s", 3600.0, "longest time at a stop", "s", 1.0),
     _row("hours", 2.0, "time of the mission, the way home and pauses included", "h", 0.01),
+    _row(
+        "others",
+        [],
+        "namespaces of other robots whose planners explore the same field: where one is going or counting, this "
+        "one does not go; its own is passed over",
+    ),
     _row("home", "", "stop to return to at the end; the robot stays where it is if empty"),
     _row(
         "graph", "topic", "ways of the robot: topic (the navigation's map), free (straight lines), or a map file"

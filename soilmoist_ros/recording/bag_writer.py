@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.recording.metadata import Extent, Topic, bag_metadata, to_yaml
+from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 
 _WRITE_AT: Final = 1 << 20
 
@@ -138,29 +139,6 @@ def is_being_written(path: Path) -> bool:
     except OSError:
         return False
     return False
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that there is all of it or none, whatever happens meanwhile.
-
-    :raises OSError: if it cannot be written
-    """
-    temporary = path.with_name(f"{path.name}.tmp")
-    with temporary.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
-    sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Bring the names of a folder's files safely to the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 class _AppendedFile:

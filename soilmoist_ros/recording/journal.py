@@ -11,8 +11,8 @@ from types import TracebackType
 from typing import Any, Final, NamedTuple, Self
 
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.recording.bag_writer import sync_folder, write_whole
 from soilmoist_ros.recording.journal_lines import Entry, Lines, decode, encode
+from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 
 ENTRIES: Final = "journal.jsonl"
 """Name of the file with the entries, by which the folder of a journal is known."""

@@ -103,7 +103,7 @@ def replay_mission(
         settings=_settings(configuration, before),
         series=rows,
         visits=visits,
-        track_xy=np.array(placed).reshape(-1, 2),
+        tracks=(np.array(placed).reshape(-1, 2),),
         records=records,
         soil_map=None,
         truth_rate=np.full(mask.shape, np.nan) if errors.true_rate is None else errors.raster,

@@ -43,6 +43,8 @@ NAMES = {
     "footprint_m": "footprint {} m",
     "position_sd_m": "GNSS ± {} m",
     "weather": "weather: {}",
+    "robots": "robots: {}",
+    "random_field": "a field per seed: {}",
 }
 
 

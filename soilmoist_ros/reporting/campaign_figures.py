@@ -350,11 +350,12 @@ def _panel(
 
 
 def _path(axes: Axes, stored: StoredMission) -> None:
-    axes.plot(*stored.track_xy.T, color="white", linewidth=2.2, alpha=0.7, zorder=2)
-    axes.plot(*stored.track_xy.T, color=INK, linewidth=0.8, zorder=2.1)
+    for track in stored.tracks:
+        axes.plot(*track.T, color="white", linewidth=2.2, alpha=0.7, zorder=2)
+        axes.plot(*track.T, color=INK, linewidth=0.8, zorder=2.1)
+        x, y = track[:1].T
+        axes.scatter(x, y, s=34, marker="s", color=INK, edgecolors="white", linewidths=0.8, zorder=4)
     _stops(axes, stored)
-    x, y = stored.track_xy[:1].T
-    axes.scatter(x, y, s=34, marker="s", color=INK, edgecolors="white", linewidths=0.8, zorder=4)
 
 
 def _stops(axes: Axes, stored: StoredMission) -> None:

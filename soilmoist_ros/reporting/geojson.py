@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings, track_xy
+from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings, tracks_xy
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.strict_json import dumps, jsonable
 
@@ -29,15 +30,17 @@ def write_samples(path: Path, run: MapRun) -> Path:
 def samples_collection(run: MapRun) -> dict[str, Any]:
     """Field, track and samples as a GeoJSON feature collection.
 
-    Each feature has a ``kind``: ``field`` (polygon), ``track`` (line, if the robot moved) or ``sample``
-    (point). Values that are not defined, such as the moisture of a rate below the curve, are ``null``.
+    Each feature has a ``kind``: ``field`` (polygon), ``track`` (line, if the robot moved; of several robots a
+    line each) or ``sample`` (point). Values that are not defined, such as the moisture of a rate below the curve,
+    are ``null``.
     """
     samples = _sample_features(run)
     shapes = [_field_feature(run)]
-    track = track_xy(run.track)
-    if len(np.unique(track, axis=0)) > 1:
-        shapes.append(_track_feature(run, track))
-    points = np.vstack([*rings(run.soil_map), track, run.soil_map.samples.xy])
+    tracks = tracks_xy(run)
+    moved = [track for track in tracks if len(np.unique(track, axis=0)) > 1]
+    if moved:
+        shapes.append(_track_feature(run, moved))
+    points = np.vstack([*rings(run.soil_map), *tracks, run.soil_map.samples.xy])
     collection = {
         "type": "FeatureCollection",
         "bbox": _bounding_box(run.frame, points),
@@ -87,8 +90,8 @@ def _field_feature(run: MapRun) -> dict[str, Any]:
     return {"type": "Feature", "id": "field", "geometry": _geometry(run.frame, polygon), "properties": properties}
 
 
-def _track_feature(run: MapRun, track: NDArray[np.float64]) -> dict[str, Any]:
-    from shapely.geometry import LineString
+def _track_feature(run: MapRun, tracks: Sequence[NDArray[np.float64]]) -> dict[str, Any]:
+    from shapely.geometry import LineString, MultiLineString
 
     stamps = [record.stamp_s for record in run.track]
     properties = {
@@ -97,7 +100,7 @@ def _track_feature(run: MapRun, track: NDArray[np.float64]) -> dict[str, Any]:
         "first_stamp_s": min(stamps),
         "last_stamp_s": max(stamps),
     }
-    geometry = _geometry(run.frame, LineString(track))
+    geometry = _geometry(run.frame, LineString(tracks[0]) if len(tracks) == 1 else MultiLineString(tracks))
     return {"type": "Feature", "id": "track", "geometry": geometry, "properties": properties}
 
 

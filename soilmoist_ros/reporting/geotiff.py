@@ -26,7 +26,8 @@ BANDS: tuple[tuple[str, str, str], ...] = (
     ("vwc", "m3/m3", "volumetric water content of the soil"),
     ("vwc_sd", "m3/m3", "standard deviation of the volumetric water content"),
 )
-CELLS_AT_ONCE = 16384
+CELLS_AT_ONCE = 2**20
+"""Many, since tiles of a large map that lie in two parts are computed twice."""
 MOST_CELLS = 25_000_000
 
 
@@ -97,6 +98,8 @@ def model_parameters(soil_map: SoilMap) -> dict[str, str | float]:
         "nugget_cps2": float(variogram.nugget),
         "range_m": float(variogram.range_m),
         "sill_cps2": float(variogram.sill),
+        "anisotropy": float(variogram.anisotropy),
+        "angle_deg": float(variogram.angle_deg),
         "mean_rate_cps": float(soil_map.mean_rate),
     }
 

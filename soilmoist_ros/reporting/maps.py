@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.geometry import map_extent, rings, track_xy
+from soilmoist_ros.reporting.geometry import map_extent, rings, track_xy, tracks_xy
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.style import FAINT, INK, NORMAL, SMALL, SOFT, extension, new_figure, robust_range
 
@@ -124,8 +124,8 @@ def samples_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
     exposure = np.asarray(samples.exposure_s, float)
     figure, axes, unit_m = map_axes(run, width_in)
     draw_boundary(run, axes, unit_m)
-    track = track_xy(run.track) / unit_m
-    axes.plot(track[:, 0], track[:, 1], color=SOFT, linewidth=0.8, alpha=0.6, zorder=2)
+    for track in tracks_xy(run):
+        axes.plot(*track.T / unit_m, color=SOFT, linewidth=0.8, alpha=0.6, zorder=2)
     low, high = _widened(*robust_range(rate), np.asarray(samples.rate_sd_cps, float))
     largest = 110.0 if len(xy) <= FEW_SAMPLES else 32.0 if len(xy) <= MANY_SAMPLES else 12.0
     sizes = np.maximum(largest * exposure / exposure.max(), 5.0)

@@ -9,11 +9,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.travel import polyline_length_m
 from soilmoist_ros.reporting import maps
 from soilmoist_ros.reporting.geometry import map_extent
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.section import Section
-from soilmoist_ros.reporting.style import BLUE, INK, SMALL, label, new_figure, picture, plain
+from soilmoist_ros.reporting.style import (
+    BLUE,
+    GOLD,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    SMALL,
+    label,
+    new_figure,
+    picture,
+    plain,
+)
 from soilmoist_ros.reporting.wording import duration, length, number, percent
 from soilmoist_ros.simulation.mission_efficiency import mission_efficiency
 from soilmoist_ros.simulation.mission_run import MissionResult, SeriesRow, Visit
@@ -25,6 +38,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MOST_VISITS = 100
 MOST_NUMBERS = 80
+ROBOTS = {"blue": BLUE, "orange": ORANGE, "green": GREEN, "purple": PURPLE, "gold": GOLD, "black": INK}
+"""Colours of the robots, from the first; taken again from the beginning where there are more."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +50,14 @@ class MissionPart:
     :param sections: figures
     :param visits: the first stops
     :param hidden: number of stops that are left out of the table
+    :param several: whether there are several robots
     """
 
     text: str
     sections: tuple[Section, ...]
     visits: tuple[Visit, ...]
     hidden: int
+    several: bool = False
 
 
 def mission_part(run: MapRun) -> MissionPart | None:
@@ -52,7 +69,10 @@ def mission_part(run: MapRun) -> MissionPart | None:
         Section(
             "trajectory", "Path and stops",
             picture(trajectory_map(run), "Path of the robot with its stops numbered in order"),
-            "The robot's path over the map of the rate. Stops are numbered in order; the square is the start.",
+            "The robot's path over the map of the rate. Stops are numbered in order; the square is the start."
+            if len(mission.tracks) == 1
+            else f"The robots' paths over the map of the rate: {_key(len(mission.tracks))}. Stops are numbered in "
+            "the order in which they were finished; the square is the start.",
         )
     ]  # fmt: skip
     if mission.series:
@@ -72,7 +92,8 @@ def mission_part(run: MapRun) -> MissionPart | None:
             )
         )  # fmt: skip
     shown = tuple(mission.visits[:MOST_VISITS])
-    return MissionPart(_text(mission), tuple(sections), shown, len(mission.visits) - len(shown))
+    hidden = len(mission.visits) - len(shown)
+    return MissionPart(_text(mission), tuple(sections), shown, hidden, len(mission.tracks) > 1)
 
 
 def _text(mission: MissionResult) -> str:
@@ -86,7 +107,12 @@ def _text(mission: MissionResult) -> str:
         value, unit = length(end.distance_m)
         sentences[0] += f" in {duration(end.time_s)} and on {value} {unit}"
         if end.time_s > 0:
-            sentences[0] += f", {percent(end.counting_s / end.time_s)} of the time spent counting"
+            share = end.counting_s / (end.time_s * settings.robots)
+            sentences[0] += f", {percent(share)} of the time spent counting"
+        if settings.robots > 1:
+            ways = [polyline_length_m(track) for track in mission.tracks]
+            each = ", ".join(" ".join(length(way_m)) for way_m in ways)
+            sentences.append(f"There were {settings.robots} robots, which drove {each}")
         if np.isfinite(end.mse):
             sentences.append(
                 f"At the end the map has a mean squared error of {number(end.mse)} (counts/s)², which is "
@@ -151,6 +177,16 @@ def _distance_panel(panel: Axes, hours: Array, distance: Array, samples: Array) 
     label(panel, "Mission time [h]", "Distance [m]")
 
 
+def _colour(robot: int) -> str:
+    return list(ROBOTS.values())[(robot - 1) % len(ROBOTS)]
+
+
+def _key(robots: int) -> str:
+    """Which colour is which robot's."""
+    names = list(ROBOTS)
+    return ", ".join(f"robot {number + 1} {names[number % len(names)]}" for number in range(robots))
+
+
 def _error_axis(axes: Axes, error: Array) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -167,7 +203,7 @@ def _error_axis(axes: Axes, error: Array) -> None:
 
 
 def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
-    """The robot's path with numbered stops over a faint map of the rate.
+    """The robots' paths with numbered stops over a faint map of the rate.
 
     :raises ValueError: without a mission
     """
@@ -183,14 +219,19 @@ def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
         alpha=0.45,
     )  # fmt: skip
     maps.draw_boundary(run, axes, unit_m)
-    path = np.asarray(mission.track_xy, float).reshape(-1, 2) / unit_m
-    axes.plot(path[:, 0], path[:, 1], color=INK, linewidth=0.9, zorder=2.6)
-    # hollow and above all: a mission often starts where it stops, and the number is to be read as well
-    for colour, width in (("white", 4.0), (INK, 2.0)):
-        axes.scatter(
-            path[:1, 0], path[:1, 1], s=200, marker="s", facecolors="none", edgecolors=colour, linewidths=width,
-            zorder=6,
+    several = len(mission.tracks) > 1
+    for robot, track in enumerate(mission.tracks, start=1):
+        path = np.asarray(track, float).reshape(-1, 2) / unit_m
+        colour = _colour(robot) if several else INK
+        axes.plot(
+            path[:, 0], path[:, 1], color=colour, linewidth=1.4 if several else 0.9, zorder=2.6,
         )  # fmt: skip
+        # hollow and above all: a mission often starts where it stops, and the number is to be read as well
+        for edge, width in (("white", 4.0), (INK, 2.0)):
+            axes.scatter(
+                path[:1, 0], path[:1, 1], s=200, marker="s", facecolors="none", edgecolors=edge,
+                linewidths=width, zorder=6,
+            )  # fmt: skip
     numbered = len(mission.visits) <= MOST_NUMBERS
     stops = np.array([(visit.x_m, visit.y_m) for visit in mission.visits]).reshape(-1, 2) / unit_m
     axes.scatter(
@@ -198,8 +239,8 @@ def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
         stops[:, 1],
         s=105 if numbered else 14,
         facecolors="white",
-        edgecolors=INK,
-        linewidths=0.8,
+        edgecolors=[_colour(visit.robot) for visit in mission.visits] if several else INK,
+        linewidths=1.4 if several else 0.8,
         zorder=4,
     )
     if numbered:

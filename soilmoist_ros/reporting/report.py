@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from soilmoist_ros.mapping.variogram import Variogram
 from soilmoist_ros.reporting import charts, maps, wording
 from soilmoist_ros.reporting.mission_section import mission_part
 from soilmoist_ros.reporting.run import MapRun
@@ -143,7 +144,8 @@ def _charts(run: MapRun) -> Iterator[Section]:
         "variogram", "Variogram",
         picture(charts.variogram_chart(run), "Semivariance against distance", True),
         "How much two places differ, on average, by their distance. Circles: counts in classes of distance, "
-        "counting noise taken out; blue: the model used for the map; orange: counting noise of a typical sample.",
+        "counting noise taken out; blue: the model used for the map; orange: counting noise of a typical sample."
+        + _direction(run.soil_map.variogram),
     )  # fmt: skip
     loo = leave_one_out(run.soil_map)
     if loo is not None:
@@ -196,6 +198,19 @@ def _variogram_rows(run: MapRun) -> list[tuple[str, str, str]]:
         ("cells inside the field", str(np.count_nonzero(soil_map.grid.mask)), ""),
         ("cell size", wording.number(soil_map.grid.cell_m), "m"),
     ]
+
+
+def _direction(variogram: Variogram) -> str:
+    """A sentence on the direction in which the range is longest, if there is one."""
+    if variogram.anisotropy == 1:
+        return ""
+    root = np.sqrt(variogram.anisotropy)
+    longest, shortest = (variogram.practical_range_m * factor for factor in (root, 1 / root))
+    return (
+        f" The range depends on the direction: the practical range is {wording.number(longest)} m along "
+        f"{variogram.angle_deg:.3g}° (anticlockwise from east) and {wording.number(shortest)} m "
+        "across; the blue curve is that of their geometric mean."
+    )
 
 
 def _factor(log_sd: float | None) -> str:

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.spatial.distance import cdist
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
@@ -116,18 +114,43 @@ class _Kriging:
     """
 
     def __init__(self, soil_map: SoilMap) -> None:
+        from scipy.linalg import cho_factor
+
         self.soil_map = soil_map
         self.xy = np.asarray(soil_map.samples.xy, float)
         noise = soil_map.mean_rate / np.asarray(soil_map.samples.exposure_s, float)
-        system = self.covariance(self.xy, self.xy) + np.diag(noise)
+        self._spread = soil_map.samples.spread
+        system = self._between_samples() + np.diag(noise)
         self.factor = cho_factor(system, lower=True)
         self.ones = self.solve(np.ones(len(self.xy)))
 
     def covariance(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+        from scipy.spatial.distance import cdist
+
         variogram = self.soil_map.variogram
         return np.asarray(variogram.sill - variogram.semivariance(cdist(a, b)), float)
 
+    def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance of the samples with places, shape (samples, places)."""
+        from soilmoist_ros.mapping.targets import Points
+
+        if not self._spread.any():
+            return self.covariance(self.xy, xy)
+        variogram = self.soil_map.variogram
+        correlation = Points(variogram, self.xy, xy, self._spread).correlation(slice(None))
+        return np.asarray(variogram.structured_sill * correlation.T)
+
+    def _between_samples(self) -> NDArray[np.float64]:
+        from soilmoist_ros.mapping.support import Supports
+
+        if not self._spread.any():
+            return self.covariance(self.xy, self.xy)
+        smooth = Supports(self.xy, self._spread).average(self.towards)
+        return smooth + self.soil_map.variogram.nugget * np.eye(len(self.xy))
+
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        from scipy.linalg import cho_solve
+
         return np.asarray(cho_solve(self.factor, right), float)
 
 
@@ -137,7 +160,7 @@ def _kriging(soil_map: SoilMap) -> _Kriging | None:
         return None
     try:
         return _Kriging(soil_map)
-    except LinAlgError:
+    except np.linalg.LinAlgError:
         return None
 
 
@@ -177,7 +200,7 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     if not len(cells):
         return None
     weight = weight / len(weight)
-    towards = kriging.covariance(kriging.xy, cells) @ weight
+    towards = kriging.towards(cells) @ weight
     block = weight @ kriging.covariance(cells, cells) @ weight
     gap = weight.sum() - kriging.ones @ towards
     variance = block - towards @ kriging.solve(towards) + gap**2 / kriging.ones.sum()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from soilmoist_ros.exploration.travel import polyline_length_m
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.run import MapRun
@@ -147,6 +148,7 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
         "field": mission.field_title,
         "ended": mission.ended,
         "stops": len(mission.visits),
+        "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
         "efficiency": _efficiency(mission),
         "final": mission.series[-1]._asdict() if mission.series else None,
     }

@@ -105,6 +105,8 @@ class Site(Section):
     """Position of a probe that logs none of its own (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
     """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield."""
+    deconvolve_footprint: bool = False
+    """Whether the map is of the rate at each place, rather than of its mean over the footprint around it."""
     corrections: CorrectionSettings = CorrectionSettings()
     """Correction of the counts."""
     tube_shares: list[NotNegative] | None = None
@@ -127,6 +129,11 @@ class Site(Section):
             reference_humidity_gm3=humidity.reference_gm3,
             reference_intensity=settings.intensity.reference if settings.intensity else None,
         )
+
+    @property
+    def support_radius_m(self) -> float:
+        """Radius of the footprint to be de-convolved from the counts [m], 0 to map them as they are."""
+        return self.footprint_radius_m if self.deconvolve_footprint else 0.0
 
     @property
     def curve(self) -> CalibrationCurve | None:

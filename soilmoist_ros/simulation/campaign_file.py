@@ -133,6 +133,10 @@ class Choices(Section):
     """Whether the weather changes."""
     series_every_s: Many[Positive] | None = None
     """Time between the entries of a mission's series [s]."""
+    robots: Many[Annotated[int, Setting(ge=1)]] | None = None
+    """Numbers of robots that share one map."""
+    random_field: Many[bool] | None = None
+    """Whether what is random in the field is drawn anew for each seed."""
 
 
 class Experiment(Choices):

@@ -23,7 +23,7 @@ Finished = Sequence[tuple[Mission, StoredMission]]
 
 SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "target",
             "travel", "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m",
-            "footprint_m", "position_sd_m", "weather")  # fmt: skip
+            "footprint_m", "position_sd_m", "weather", "robots", "random_field")  # fmt: skip
 """Columns that say which mission a row belongs to."""
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 
@@ -136,7 +136,7 @@ def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, Array]:
     )
     time_s, distance, samples, mse, mse_10s, vwc_rmse, coverage, counting = rows[last].T
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.where(time_s > 0, counting / time_s, np.nan)
+        share = np.where(time_s > 0, counting / (time_s * stored.settings.robots), np.nan)
     return {
         "distance_m": distance,
         "samples": samples.astype(int),

@@ -92,7 +92,7 @@ def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> F
     that kills its process fails.
     """
     waiting, suspects = deque(todo), list[Mission]()
-    with _one_thread_each():
+    with one_thread_each():
         while waiting:
             suspects += yield from _in_one_pool(waiting, simulate, workers)
         for mission in suspects:
@@ -152,7 +152,7 @@ def _stop_if_asked(_share: float) -> None:
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
+def one_thread_each() -> Iterator[None]:
     """Processes started meanwhile use one thread each: it must be set before they load numpy."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))

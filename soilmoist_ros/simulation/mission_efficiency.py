@@ -60,5 +60,5 @@ def mission_efficiency(mission: MissionResult) -> Efficiency | None:
     live = sum(record.exposure_s for record in mission.records)
     effective = sum(record.effective_exposure_s for record in mission.records)
     factor = live / effective if effective > 0 else 1.0
-    least = least_variance(soil_map.variogram, cells, weight, factor * rate, time_s)
+    least = least_variance(soil_map.variogram, cells, weight, factor * rate, time_s * mission.settings.robots)
     return Efficiency(least.integrated_variance * (1 - least.gap), float(weight @ variance), moisture)

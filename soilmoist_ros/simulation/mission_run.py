@@ -47,6 +47,9 @@ class MissionSettings:
     :param position_sd_m: GNSS noise of each coordinate [m]
     :param weather: whether the weather changes during the mission (and is corrected for)
     :param series_every_s: time between entries of the series [s]; every map update is entered as well
+    :param robots: number of robots; they begin at the same place and share one map
+    :param random_field: draw what is random in the field (patches, random fields) from the seed as well: each seed
+        has a field of its own
     """
 
     field: str = "synthetic-high"
@@ -70,20 +73,22 @@ class MissionSettings:
     position_sd_m: float = 0.02
     weather: bool = True
     series_every_s: float = 60.0
+    robots: int = 1
+    random_field: bool = False
 
 
 class SeriesRow(NamedTuple):
     """The state of a mission at one time; metrics are over the cells inside the polygon.
 
     :param time_s: mission time [s]
-    :param distance_m: distance travelled [m]
+    :param distance_m: distance travelled, of all robots together [m]
     :param samples: places measured
     :param mse: mean squared error of the rate [(counts/s)^2]; NaN before the first map
     :param mse_10s: the same in the authors' unit [(counts/10 s)^2]
     :param vwc_rmse: root mean squared error of the moisture [m^3/m^3], estimates kept between 0 and the pore
         volume; NaN without a calibration curve
     :param coverage95: share of cells whose true rate lies in the 95 % interval of the map
-    :param counting_s: time spent counting at stops so far [s]
+    :param counting_s: time spent counting at stops so far, of all robots together [s]
     """
 
     time_s: float
@@ -106,6 +111,7 @@ class Visit(NamedTuple):
     :param dwell_s: time spent counting [s]
     :param raw_counts: counts collected
     :param reason: why the stop was chosen
+    :param robot: number of the robot, from 1
     """
 
     name: str
@@ -115,6 +121,7 @@ class Visit(NamedTuple):
     dwell_s: float
     raw_counts: int
     reason: str
+    robot: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +130,9 @@ class MissionResult:
 
     :param settings: what it was run with
     :param series: state over time, in order; the last row is the end of the mission
-    :param visits: measurements in order
-    :param track_xy: corner points of the robot's path [m], shape (p, 2)
-    :param records: all records of the sensor, as the driver would publish them
+    :param visits: measurements in the order in which they were finished
+    :param tracks: corner points of each robot's path [m], shape (p, 2)
+    :param records: all records of the sensors in order of time, as the drivers would publish them
     :param soil_map: final map, ``None`` if the mission ended before the first
     :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside
     :param frame: plane of the field
@@ -136,7 +143,7 @@ class MissionResult:
     settings: MissionSettings
     series: Sequence[SeriesRow]
     visits: Sequence[Visit]
-    track_xy: Array
+    tracks: Sequence[Array]
     records: Sequence[CountRecord]
     soil_map: SoilMap | None
     truth_rate: Array

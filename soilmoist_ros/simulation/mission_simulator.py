@@ -1,4 +1,4 @@
-"""Run one mission on a surrogate field: the real mission logic, a virtual robot and sensor, a simulated clock."""
+"""Run one mission on a surrogate field: the real mission logic, virtual robots and sensors, a simulated clock."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ from soilmoist_ros.exploration.mission_types import (
 from soilmoist_ros.exploration.prospect import Counting
 from soilmoist_ros.exploration.strategies import make_strategy, warm_up
 from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.exploration.team import Errand, errand
 from soilmoist_ros.exploration.topological_map import TopologicalMap, make_topological_map, read_topological_map
 from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.mapping.field import Field
@@ -56,6 +57,7 @@ LATTICE_NODES = 300
 """About so many nodes has the lattice that is laid when travel follows a graph and none is given."""
 PLACES_PER_RECORD = 10
 """Places at which the rate of one record is taken, evenly over its time."""
+_FIELD_STREAM = 1
 _LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -69,29 +71,99 @@ def simulate_mission(settings: MissionSettings, progress: Callable[[float], None
     return _Simulation(settings).run(progress or (lambda share: None))
 
 
+class _Robot:
+    """One robot of a mission: its state machine, its explorer, where it is, and what it has counted.
+
+    :param number: from 1
+    :param mission: its state machine
+    :param explorer: chooses its stops
+    :param body: where it is
+    :param sensor: what it counts with
+    :param gnss_rng: source of the noise of its positions
+    """
+
+    def __init__(
+        self,
+        number: int,
+        mission: Mission,
+        explorer: Explorer,
+        body: VirtualRobot,
+        sensor: VirtualSensor,
+        gnss_rng: np.random.Generator,
+    ) -> None:
+        self.number = number
+        self.mission = mission
+        self.explorer = explorer
+        self.body = body
+        self.sensor = sensor
+        self.gnss_rng = gnss_rng
+        self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
+        self.records = 0
+        self.ended = ""
+
+    @property
+    def record_s(self) -> float:
+        """When the next record ends [s]."""
+        return (self.records + 1) * self.sensor.cadence_s
+
+    def next_s(self, now_s: float) -> float:
+        """When something happens to it next [s]; never, once it has ended."""
+        if self.ended:
+            return math.inf
+        arrival_s = self.goal[0] if self.goal else math.inf
+        return min(self.record_s, arrival_s, max(self.mission.next_deadline_s or math.inf, now_s))
+
+
 class _Simulation:
     """One mission under way."""
 
     def __init__(self, settings: MissionSettings) -> None:
         _check(settings)
         self.settings = settings
-        field = surrogate_field(settings.field)
+        drawn = np.random.default_rng((settings.seed, _FIELD_STREAM)) if settings.random_field else None
+        field = surrogate_field(settings.field, drawn)
         if settings.target == "vwc" and field.curve is None:
             raise InputError(
                 f"the field {field.name!r} has no calibration, so there is no moisture to map",
                 "choose the target rate, or give the field a calibration",
             )
-        sensor_rng, strategy_rng, self.gnss_rng = (
-            np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(3)
-        )
         self.field = field
         self.grid = mission_grid(field, settings.cell_m)
-        motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
-        self.travel, stops = travel_and_stops(field.field, self.grid, motion, settings)
+        self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
+        self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
+        self.live_map = LiveMap(self.grid, settings.variogram, settings.fit)
+        # The truth is the rate at each place, and REML can tell it from what the sensor sees.
+        radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
+        self.online_map = OnlineMap(
+            self.grid,
+            OnlineSettings(settings.variogram, settings.fit, curve=field.curve, footprint_radius_m=radius_m),
+        )
+        # The first robot draws from the same streams however many there are.
+        streams = np.random.SeedSequence(settings.seed).spawn(3 * settings.robots)
+        self.robots = [
+            self.robot(number + 1, *map(np.random.default_rng, streams[3 * number : 3 * number + 3]))
+            for number in range(settings.robots)
+        ]
+        self.truth = field.rate_at(self.grid.cells)
+        self.now_s = 0.0
+        self.records: list[CountRecord] = []
+        self.visits: list[Visit] = []
+        self.series: list[SeriesRow] = []
+        self.log: list[str] = []
+        self.errors: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+
+    def robot(
+        self,
+        number: int,
+        sensor_rng: np.random.Generator,
+        strategy_rng: np.random.Generator,
+        gnss_rng: np.random.Generator,
+    ) -> _Robot:
+        """A robot at the start; all share the map."""
+        settings, field = self.settings, self.field
         dwell = parse_dwell(settings.dwell)
-        strategy = make_strategy(settings.strategy, settings.preset)
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
-        self.mission = Mission(
+        mission = Mission(
             MissionRules(
                 budget_s=settings.hours * 3600,
                 dwell=dwell,
@@ -103,97 +175,101 @@ class _Simulation:
                 silence_limit_s=max(60.0, 3 * settings.cadence_s),
             )
         )
-        self.live_map = LiveMap(self.grid, settings.variogram, settings.fit)
-        self.explorer = Explorer(
+        explorer = Explorer(
             self.live_map,
-            stops,
+            self.stops,
             self.travel,
-            strategy,
+            make_strategy(settings.strategy, settings.preset),
             first_strategy,
             dwell,
             strategy_rng,
-            self.mission.rules.min_dwell_s,
+            mission.rules.min_dwell_s,
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
             curve=field.curve if settings.target == "vwc" else None,
         )
-        self.online_map = OnlineMap(self.grid, OnlineSettings(settings.variogram, settings.fit, curve=field.curve))
-        start = start_stop(field.field, stops)
-        self.robot = VirtualRobot(motion, (start.x_m, start.y_m))
-        self.sensor = VirtualSensor(field, sensor_rng, settings.cadence_s, settings.footprint_m, settings.weather)
-        self.truth = field.rate_at(self.grid.cells)
-        self.now_s = 0.0
-        self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
-        self.records: list[CountRecord] = []
-        self.visits: list[Visit] = []
-        self.series: list[SeriesRow] = []
-        self.log: list[str] = []
-        self.errors: tuple[float, float, float] = (math.nan, math.nan, math.nan)
-        self.ended = ""
+        start = start_stop(field.field, self.stops)
+        body = VirtualRobot(self.motion, (start.x_m, start.y_m))
+        sensor = VirtualSensor(field, sensor_rng, settings.cadence_s, settings.footprint_m, settings.weather)
+        return _Robot(number, mission, explorer, body, sensor, gnss_rng)
 
     def run(self, progress: Callable[[float], None]) -> MissionResult:
-        """Let events happen one after the other until the mission has ended."""
-        self.give(Moved(self.now_s, *self.robot.at(self.now_s)))
-        self.give(Command(self.now_s, Verb.START))
+        """Let events happen one after the other until the mission of each robot has ended."""
+        for robot in self.robots:
+            self.give(robot, Moved(self.now_s, *robot.body.at(self.now_s)))
+            self.give(robot, Command(self.now_s, Verb.START))
         self.enter_series()
         next_entry_s = self.settings.series_every_s
-        while not self.ended:
-            record_s = (len(self.records) + 1) * self.settings.cadence_s
-            arrival_s = self.goal[0] if self.goal else math.inf
-            deadline_s = self.mission.next_deadline_s
-            self.now_s = min(record_s, arrival_s, max(deadline_s or math.inf, self.now_s), next_entry_s)
-            if self.now_s == record_s:
-                self.give(Moved(self.now_s, *self.reported(self.robot.at(self.now_s))))
-                self.give(RecordArrived(self.now_s, self.record()))
-            if self.goal and self.now_s >= self.goal[0]:
-                goal = self.goal[1]
-                self.goal = None
-                self.give(GoalReached(self.now_s, goal.goal_id, *self.reported(self.robot.at(self.now_s))))
-            if deadline_s is not None and self.now_s >= deadline_s:
-                self.give(Tick(self.now_s))
+        while not all(robot.ended for robot in self.robots):
+            due = {robot: robot.next_s(self.now_s) for robot in self.robots}
+            self.now_s = min(next_entry_s, *due.values())
+            for robot, due_s in due.items():
+                if due_s == self.now_s:
+                    self.advance(robot)
             if self.now_s == next_entry_s:
                 self.enter_series()
                 next_entry_s += self.settings.series_every_s
-                progress(min(self.now_s / self.mission.rules.budget_s, 1.0))
-        self.robot.stop(self.now_s)
+                progress(min(self.now_s / (3600 * self.settings.hours), 1.0))
+        for robot in self.robots:
+            robot.body.stop(self.now_s)
         self.update_map()
         self.enter_series()
         progress(1.0)
         return self.result()
 
-    def give(self, event: Event) -> None:
-        """Give the mission an event and carry out what it asks for."""
-        for action in self.mission.step(event):
-            self.carry_out(action)
+    def advance(self, robot: _Robot) -> None:
+        """Let what is due happen to a robot."""
+        deadline_s = robot.mission.next_deadline_s
+        if self.now_s == robot.record_s:
+            self.give(robot, Moved(self.now_s, *self.reported(robot, robot.body.at(self.now_s))))
+            self.give(robot, RecordArrived(self.now_s, self.record(robot)))
+        if robot.goal and self.now_s >= robot.goal[0]:
+            goal = robot.goal[1]
+            robot.goal = None
+            place = self.reported(robot, robot.body.at(self.now_s))
+            self.give(robot, GoalReached(self.now_s, goal.goal_id, *place))
+        if deadline_s is not None and self.now_s >= deadline_s:
+            self.give(robot, Tick(self.now_s))
 
-    def carry_out(self, action: Action) -> None:
-        """Do what the mission asks for; its statuses, displays and saves need nothing here."""
+    def give(self, robot: _Robot, event: Event) -> None:
+        """Give a robot's mission an event and carry out what it asks for."""
+        for action in robot.mission.step(event):
+            self.carry_out(robot, action)
+
+    def carry_out(self, robot: _Robot, action: Action) -> None:
+        """Do what a mission asks for; its statuses, displays and saves need nothing here."""
         match action:
             case RequestPlan():
                 self.update_map()
-                plan = self.explorer.plan(action, self.robot.at(self.now_s))
-                self.note(f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
-                self.give(Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
+                plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.errands_beside(robot))
+                self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
+                self.give(robot, Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
             case GoTo():
-                way = self.travel.route(self.robot.at(self.now_s), action.stop)
-                self.goal = (self.robot.go(self.now_s, way), action)
-                self.note(f"go to {action.stop.name}: {action.reason}")
+                way = self.travel.route(robot.body.at(self.now_s), action.stop)
+                robot.goal = (robot.body.go(self.now_s, way), action)
+                self.note(robot, f"go to {action.stop.name}: {action.reason}")
             case CancelGoal():
-                self.robot.stop(self.now_s)
-                self.goal = None
-                self.give(GoalFailed(self.now_s, action.goal_id, "cancelled"))
+                robot.body.stop(self.now_s)
+                robot.goal = None
+                self.give(robot, GoalFailed(self.now_s, action.goal_id, "cancelled"))
             case SampleDone():
-                self.take(action)
+                self.take(robot, action)
             case Finish(reason=reason):
-                self.ended = reason
-                self.note(f"end: {reason}")
+                robot.ended = reason
+                self.note(robot, f"end: {reason}")
             case _:
                 pass
 
-    def take(self, done: SampleDone) -> None:
+    def errands_beside(self, robot: _Robot) -> list[Errand]:
+        """What all robots but one are about."""
+        at_once = self.settings.map_from == "records"
+        statuses = [other.mission.status for other in self.robots if other is not robot]
+        return [found for status in statuses if (found := errand(status, at_once)) is not None]
+
+    def take(self, robot: _Robot, done: SampleDone) -> None:
         """A stop is complete: the map follows."""
         sample = done.sample
-        self.note(f"sample at {sample.stop.name}: {sample.ended}")
+        self.note(robot, f"sample at {sample.stop.name}: {sample.ended}")
         if sample.records == 0:
             return
         self.visits.append(
@@ -205,12 +281,13 @@ class _Simulation:
                 sample.dwell_s,
                 sample.raw_counts,
                 sample.reason,
+                robot.number,
             )
         )
         if self.settings.map_from == "records":
             return
         self.live_map.add((sample.x_m, sample.y_m), sample.raw_counts, sample.effective_exposure_s)
-        if self.live_map.ready and len(self.visits) >= min(3, max(self.mission.rules.warm_up_stops, 2)):
+        if self.live_map.ready and len(self.visits) >= min(3, max(robot.mission.rules.warm_up_stops, 2)):
             self.live_map.update()
             self.errors = self.map_errors()
         self.enter_series()
@@ -224,20 +301,22 @@ class _Simulation:
                 self.live_map.take(state.samples, fit)
                 self.errors = self.map_errors()
 
-    def record(self) -> CountRecord:
+    def record(self, robot: _Robot) -> CountRecord:
         """The record of the interval that ends now."""
         inside = self.now_s - self.settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
-        places = self.robot.places(inside)
+        places = robot.body.places(inside)
         middle = places[PLACES_PER_RECORD // 2]
-        record = self.sensor.record(self.now_s, places, self.reported((float(middle[0]), float(middle[1]))))
+        reported = self.reported(robot, (float(middle[0]), float(middle[1])))
+        record = robot.sensor.record(self.now_s, places, reported)
+        robot.records += 1
         self.records.append(record)
         if self.settings.map_from == "records":
             self.online_map.take(record)
         return record
 
-    def reported(self, xy: tuple[float, float]) -> tuple[float, float]:
-        """A place as the GNSS reports it."""
-        noise = self.gnss_rng.normal(0.0, self.settings.position_sd_m, 2)
+    def reported(self, robot: _Robot, xy: tuple[float, float]) -> tuple[float, float]:
+        """A place as the GNSS of a robot reports it."""
+        noise = robot.gnss_rng.normal(0.0, self.settings.position_sd_m, 2)
         return xy[0] + float(noise[0]), xy[1] + float(noise[1])
 
     def map_errors(self) -> tuple[float, float, float]:
@@ -248,40 +327,43 @@ class _Simulation:
     def enter_series(self) -> None:
         """Write down how the mission stands."""
         mse, vwc_rmse, coverage = self.errors
-        status = self.mission.status
         row = SeriesRow(
             time_s=self.now_s,
-            distance_m=self.robot.distance_m(self.now_s),
+            distance_m=sum(robot.body.distance_m(self.now_s) for robot in self.robots),
             samples=len(self.visits),
             mse=mse,
             mse_10s=100 * mse,
             vwc_rmse=vwc_rmse,
             coverage95=coverage,
-            counting_s=status.counting_s,
+            counting_s=sum(robot.mission.status.counting_s for robot in self.robots),
         )
         if self.series and self.series[-1].time_s == self.now_s:
             self.series[-1] = row
         else:
             self.series.append(row)
 
-    def note(self, text: str) -> None:
+    def note(self, robot: _Robot, text: str) -> None:
         """Write into the mission's log."""
-        self.log.append(f"{self.now_s:8.0f} s  {text}")
+        self.log.append(f"{self.now_s:8.0f} s  {self.named(robot)}{text}")
+
+    def named(self, robot: _Robot) -> str:
+        """Which robot is meant, if there are several."""
+        return f"robot {robot.number}: " if len(self.robots) > 1 else ""
 
     def result(self) -> MissionResult:
         """What the mission leaves."""
-        assert self.mission.state.phase in (Phase.FINISHED, Phase.IDLE)
+        assert all(robot.mission.state.phase in (Phase.FINISHED, Phase.IDLE) for robot in self.robots)
         return MissionResult(
             settings=self.settings,
             series=tuple(self.series),
             visits=tuple(self.visits),
-            track_xy=np.array(self.robot.track),
+            tracks=tuple(np.array(robot.body.track) for robot in self.robots),
             records=tuple(self.records),
             soil_map=self.live_map.soil_map(self.field.curve),
             truth_rate=self.grid.to_raster(self.truth),
             frame=self.field.frame,
             field_title=self.field.title,
-            ended=self.ended,
+            ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),
             log=tuple(self.log),
         )
 
@@ -341,5 +423,7 @@ def _check(settings: MissionSettings) -> None:
         raise InputError(f"a mission of {settings.hours} hours is not possible", "give hours > 0, such as 2")
     if settings.travel == "free" and settings.graph is not None:
         raise InputError("a travel graph is given, but the robot travels freely", "choose travel by graph")
+    if settings.robots < 1:
+        raise InputError(f"a mission of {settings.robots} robots is not possible", "give at least 1")
     if not settings.series_every_s > 0:
         raise InputError("series_every_s must be positive", "60 is usual")

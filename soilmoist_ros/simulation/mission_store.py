@@ -22,7 +22,7 @@ from soilmoist_ros.simulation.campaign_file import Mission
 from soilmoist_ros.simulation.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
 
 Array = NDArray[np.float64]
-SCHEMA = 1
+SCHEMA = 2
 SUFFIX = ".npz"
 COMPUTING = ("sensing", "mapping", "exploration", "simulation")
 """Sub-packages whose code determines a mission."""
@@ -47,7 +47,7 @@ class StoredMission:
     :param ended: why it ended
     :param series: state over time
     :param visits: measurements in order
-    :param track_xy: corner points of the robot's path, shape (p, 2) [m]
+    :param tracks: corner points of each robot's path, shape (p, 2) [m]
     :param x_m: centres of the map's columns, shape (nx,) [m]; empty without a map, as all that follows
     :param y_m: centres of the map's rows, shape (ny,) [m]
     :param rate: final map of the rate, shape (ny, nx) [counts/s]
@@ -63,7 +63,7 @@ class StoredMission:
     ended: str
     series: tuple[SeriesRow, ...]
     visits: tuple[Visit, ...]
-    track_xy: Array
+    tracks: tuple[Array, ...]
     x_m: Array
     y_m: Array
     rate: Array
@@ -94,7 +94,7 @@ def pack(result: MissionResult, key: str) -> bytes:
         "ended": result.ended,
         "visit_names": [[visit.name, visit.reason] for visit in result.visits],
     }
-    visits = [(v.x_m, v.y_m, v.arrived_s, v.dwell_s, v.raw_counts) for v in result.visits]
+    visits = [(v.x_m, v.y_m, v.arrived_s, v.dwell_s, v.raw_counts, v.robot) for v in result.visits]
     empty: Array = np.empty(0)
     shown: Sequence[Array] = (
         (empty, empty, empty, empty, empty)
@@ -108,8 +108,9 @@ def pack(result: MissionResult, key: str) -> bytes:
         stream,
         about=np.array(json.dumps(about)),
         series=np.array(result.series, float).reshape(-1, len(SeriesRow._fields)),
-        visits=np.array(visits, float).reshape(-1, 5),
-        track_xy=np.asarray(result.track_xy, float).reshape(-1, 2),
+        visits=np.array(visits, float).reshape(-1, 6),
+        tracks=np.concatenate([np.empty((0, 2)), *result.tracks]),
+        track_lengths=np.array([len(track) for track in result.tracks], int),
         x_m=x_m,
         y_m=y_m,
         rate=np.asarray(rate, np.float32),
@@ -133,15 +134,14 @@ def unpack(content: bytes) -> StoredMission:
         if about["schema"] != SCHEMA:
             raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
         visits = tuple(
-            Visit(name, x, y, arrived, dwell, int(counts), reason)
-            for (name, reason), (x, y, arrived, dwell, counts) in zip(
+            Visit(name, x, y, arrived, dwell, int(counts), reason, int(robot))
+            for (name, reason), (x, y, arrived, dwell, counts, robot) in zip(
                 about["visit_names"], arrays["visits"].astype(float).tolist(), strict=True
             )
         )
         series = tuple(
             SeriesRow._make([*row[:2], int(row[2]), *row[3:]]) for row in arrays["series"].astype(float).tolist()
         )
-        ends = np.cumsum(arrays["ring_lengths"])[:-1]
         return StoredMission(
             settings=MissionSettings(**about["settings"]),
             key=about["key"],
@@ -150,11 +150,9 @@ def unpack(content: bytes) -> StoredMission:
             ended=about["ended"],
             series=series,
             visits=visits,
-            outlines=tuple(np.split(arrays["rings"], ends)) if len(arrays["ring_lengths"]) else (),
-            **{
-                name: np.asarray(arrays[name], float)
-                for name in ("track_xy", "x_m", "y_m", "rate", "rate_sd", "truth_rate")
-            },
+            tracks=_pieces(arrays["tracks"], arrays["track_lengths"]),
+            outlines=_pieces(arrays["rings"], arrays["ring_lengths"]),
+            **{name: np.asarray(arrays[name], float) for name in ("x_m", "y_m", "rate", "rate_sd", "truth_rate")},
         )
     except (
         OSError,
@@ -167,6 +165,11 @@ def unpack(content: bytes) -> StoredMission:
         zlib.error,
     ) as error:
         raise DamagedMissionError(f"cannot be read ({type(error).__name__}: {error})") from None
+
+
+def _pieces(joined: Array, lengths: NDArray[np.int_]) -> tuple[Array, ...]:
+    """Arrays that were joined one after the other, by their lengths."""
+    return tuple(np.split(joined, np.cumsum(lengths)[:-1])) if len(lengths) else ()
 
 
 class MissionStore:

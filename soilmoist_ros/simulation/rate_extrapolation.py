@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,30 @@ def kriged_grid(xy: Array, rate_cps: Array, variogram: Variogram, extent: Extent
             f"the {variogram.model} model overshoots the points"
         )
     return RateGrid(x, y, rate)
+
+
+class KrigedRate:
+    """Rate of a field as :func:`kriged_grid` extrapolates it, not computed before a rate is asked for.
+
+    Often only the outline of a field is wanted, and the kriging takes most of a second.
+
+    The parameters are those of :func:`kriged_grid`.
+    """
+
+    def __init__(self, xy: Array, rate_cps: Array, variogram: Variogram, extent: Extent) -> None:
+        self._make = partial(kriged_grid, xy, rate_cps, variogram, extent)
+
+    def __call__(self, xy_m: Array) -> Array:
+        """Rate [counts/s] at places of shape (n, 2) [m], shape (n,)."""
+        return self.grid(xy_m)
+
+    @cached_property
+    def grid(self) -> RateGrid:
+        """The rate on a grid.
+
+        :raises ValueError: as :func:`kriged_grid`
+        """
+        return self._make()
 
 
 def _estimate(xy: Array, values: Array, variogram: Variogram, places: Array) -> Array:

@@ -27,7 +27,7 @@ from soilmoist_ros.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.variogram import Variogram
 from soilmoist_ros.sensing.moisture import CalibrationCurve
-from soilmoist_ros.simulation.rate_extrapolation import kriged_grid
+from soilmoist_ros.simulation.rate_extrapolation import KrigedRate
 from soilmoist_ros.simulation.rate_grid import Extent
 
 Array = NDArray[np.float64]
@@ -286,5 +286,5 @@ def _extrapolated(
     name: str, field: Field, xy: Array, rate: Array, variogram: Variogram, curve: CalibrationCurve, hours: float
 ) -> SurrogateField:
     assert field.cell_m is not None
-    truth = kriged_grid(xy, rate, variogram, Extent.of(field.polygon, field.cell_m))
+    truth = KrigedRate(xy, rate, variogram, Extent.of(field.polygon, field.cell_m))
     return SurrogateField(name, field.name, field, truth, curve, hours, xy, rate)

@@ -1,6 +1,7 @@
 """A mission and all around it, without ROS: a robot that jumps, and a clock that the test moves."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -189,3 +190,44 @@ def test_closing_stops_the_robot_and_nothing_follows():
     assert around.goals[-1] == (goal_id, None)
     around.control.ended(Ended(goal_id, Outcome.CANCELED, ""))
     assert around.status.phase is Phase.TRAVELLING
+
+
+def test_of_two_robots_with_one_target_the_later_in_order_gives_way():
+    around = Around(budget_s=3600.0)
+    around.control.other("/robot_1", None)
+    around.begin()
+    assert any(part.name == "others" and "/robot_1" in part.message for part in around.control.health())
+    target = around.goals[-1][1]
+    there = replace(around.status, target=target, phase=Phase.TRAVELLING)
+    around.control.other("/robot_1", there, goes_first=False)
+    assert around.status.target == target
+    around.control.other("/robot_1", there, goes_first=True)
+    assert around.status.phase is Phase.CANCELLING
+    assert "skipped because /robot_1 goes there" in around.status.reason
+    around.control.ended(Ended(around.goals[-2][0], Outcome.CANCELED, ""))
+    around.planned()
+    assert around.status.phase is Phase.TRAVELLING
+    assert around.status.target != target
+    assert not any(part.name == "others" for part in around.control.health())
+
+
+def test_a_stop_that_is_being_counted_is_not_given_up():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    target = around.goals[-1][1]
+    around.arrive()
+    around.control.other("/robot_1", replace(around.status, phase=Phase.TRAVELLING), goes_first=True)
+    assert around.status.phase is Phase.COUNTING
+    assert around.status.target == target
+
+
+def test_no_stop_of_another_robot_is_chosen():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    there = replace(around.status, phase=Phase.TRAVELLING)
+    for number, stop in enumerate(stop for _, stop in list(around.goals)):
+        around.control.other(f"/robot_{number}", replace(there, target=stop))
+    beside = Around(budget_s=3600.0)
+    beside.control.other("/robot_1", there)
+    beside.begin()
+    assert beside.status.target != there.target, "the same seed draws the same stop, if it is free"

@@ -7,6 +7,7 @@ from soilmoist_ros.exploration.dwell import parse_dwell
 from soilmoist_ros.exploration.mission_setup import ExplorerSettings, Ways, make_explorer
 from soilmoist_ros.exploration.mission_types import MissionRules, PlanFailed, PlanKind, Planned, RequestPlan
 from soilmoist_ros.exploration.plan_desk import PlanDesk, PlanJob, answer
+from soilmoist_ros.exploration.team import Errand
 from soilmoist_ros.exploration.travel import RobotMotion
 from soilmoist_ros.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
@@ -104,3 +105,22 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
     failed = answer(explorer, PlanJob(request(7), PLACE, SAMPLES, FIT, False), True)
     assert failed.plan_id == 7
     assert "bad luck" in failed.reason
+
+
+def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(explorer):
+    desk = PlanDesk(20.0)
+    desk.take_other("/robot_1", Errand(3.0, 3.0, 60.0))
+    desk.take_other("/robot_2", Errand(9.0, 3.0, 60.0))
+    desk.take_other("/robot_2", Errand(5.0, 3.0, 60.0))
+    desk.take_other("/robot_3", Errand(7.0, 7.0, 60.0))
+    desk.take_other("/robot_3", None)
+    desk.ask(request(), 0.0)
+    job = desk.due(0.0, PLACE)
+    assert set(job.others) == {Errand(3.0, 3.0, 60.0), Errand(5.0, 3.0, 60.0)}
+
+
+def test_the_answer_keeps_away_from_other_robots(explorer):
+    alone = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    there = Errand(alone.x_m, alone.y_m, 600.0)
+    beside = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (there,)), True).choice.stop
+    assert np.hypot(beside.x_m - alone.x_m, beside.y_m - alone.y_m) > 2.0

@@ -141,13 +141,13 @@ class _Recorded(mission_simulator._Simulation):
         super().__init__(settings)
         self.events: list[Event] = []
 
-    def carry_out(self, action: Action) -> None:
+    def carry_out(self, robot: mission_simulator._Robot, action: Action) -> None:
         if isinstance(action, Publish):
             self.events.append(replace(action.status, now_s=action.status.now_s + START_S))
-        super().carry_out(action)
+        super().carry_out(robot, action)
 
-    def record(self) -> CountRecord:
-        record = super().record()
+    def record(self, robot: mission_simulator._Robot) -> CountRecord:
+        record = super().record(robot)
         self.events.append(replace(record, stamp_s=record.stamp_s + START_S))
         return record
 

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import FieldGrid, estimate_variogram, make_soil_map
 from soilmoist_ros.mapping.online_map import RECENT, REFIT_GROWTH, OnlineMap, OnlineSettings, Skip
-from soilmoist_ros.mapping.sample_merger import SampleMerger
+from soilmoist_ros.mapping.sample_merger import DrivenWays, SampleMerger
+from soilmoist_ros.mapping.support import LEAST_SPREAD_M2, footprint_spread, way_spread
 from soilmoist_ros.sensing.moisture import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
@@ -232,3 +233,104 @@ def test_settings_out_of_range_are_refused():
     for changes, message in (({"margin_m": -1.0}, "margin_m must be >= 0"), ({"merge_radius_m": NAN}, "radius_m")):
         with pytest.raises(ValueError, match=message):
             OnlineMap(GRID, dataclasses.replace(OnlineSettings(), **changes))
+
+
+# -- counts gathered while driving, and over a footprint --------------------------------------------------
+
+
+def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0), first_s=100.0, **changes):
+    """Records of 10 s, one after the other."""
+    return [
+        record(start[0] + i * step_m[0], start[1] + i * step_m[1], stamp_s=first_s + 10.0 * i, **changes)
+        for i in range(count)
+    ]
+
+
+def spreads(many):
+    ways = DrivenWays()
+    return np.array([ways.spread(one) for one in many])
+
+
+def test_a_record_has_the_way_since_the_one_before():
+    found = spreads(drive(4, (3.0, -5.0)))
+    np.testing.assert_allclose(found[1:], [way_spread([3.0, -5.0])] * 3)
+    assert not found[0].any()
+
+
+def test_ways_of_records_with_a_lost_one_between_are_halved():
+    many = drive(5)
+    found = spreads(many[:2] + many[3:])
+    np.testing.assert_allclose(found[1:], [way_spread([6.0, 0.0])] * 3)
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 5.0, 60.0, -30.0])
+def test_records_that_do_not_follow_each_other_have_no_way(gap_s):
+    first, second = drive(2)
+    assert not spreads([first, dataclasses.replace(second, stamp_s=first.stamp_s + gap_s)]).any()
+
+
+def test_robots_that_share_a_map_keep_their_ways_apart():
+    east, north = drive(6), drive(6, (0.0, 4.0), (50.0, 10.0))
+    both = spreads([one for pair in zip(east, north, strict=True) for one in pair])
+    np.testing.assert_allclose(both[2::2], [way_spread([6.0, 0.0])] * 5)
+    np.testing.assert_allclose(both[3::2], [way_spread([0.0, 4.0])] * 5)
+
+
+def test_records_of_a_drive_have_an_extent_and_those_of_a_stop_have_none():
+    the_map = online(merge_radius_m=2.0)
+    rng = np.random.default_rng(1)
+    stop = [
+        record(41 + dx, 20 + dy, stamp_s=160 + 10.0 * i) for i, (dx, dy) in enumerate(rng.normal(0, 0.3, (30, 2)))
+    ]
+    for one in drive(6) + stop:
+        assert the_map.take(one) is None
+    samples = the_map.state.samples
+    np.testing.assert_array_equal(samples.counts, [40] * 6 + [1200])
+    np.testing.assert_allclose(samples.spread[1:6], [way_spread([6.0, 0.0])] * 5)
+    assert not samples.spread[[0, 6]].any()
+
+
+@given(
+    st.lists(st.tuples(records, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=30),
+    st.floats(0, 30),
+    st.sampled_from([0.0, 10.0]),
+)
+def test_merging_conserves_the_second_moments(many, radius_m, footprint_m):
+    merger = SampleMerger(radius_m, footprint_m)
+    total = np.zeros(3)
+    for one, east, north in many:
+        way = way_spread([east, north])
+        merger.add(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s, way)
+        at = np.array([one.x_m**2, one.x_m * one.y_m, one.y_m**2])
+        total += one.effective_exposure_s * (at + way + footprint_spread(footprint_m))
+    samples = merger.samples
+    x, y = samples.xy.T
+    found = samples.exposure_s @ (np.column_stack([x * x, x * y, y * y]) + samples.spread)
+    np.testing.assert_allclose(found, total, rtol=1e-9, atol=LEAST_SPREAD_M2 * samples.exposure_s.sum())
+
+
+def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():
+    plain, sharp = online(), online(footprint_radius_m=10.0)
+    for one in [*drive(4), record(10.0, 40.0, stamp_s=500.0)]:
+        plain.take(one)
+        sharp.take(one)
+    added = sharp.state.samples.spread - plain.state.samples.spread
+    np.testing.assert_allclose(added, [footprint_spread(10.0)] * len(added))
+    with pytest.raises(ValueError, match="radius of a footprint"):
+        online(footprint_radius_m=-1.0)
+
+
+def test_the_map_takes_the_extents_into_account():
+    the_map = online(merge_radius_m=2.0)
+    for one in drive(8, raw_counts=60) + drive(8, (0.0, 5.0), (50.0, 5.0), 300.0, raw_counts=20):
+        the_map.take(one)
+    state = the_map.state
+    samples = state.samples
+    fit = estimate_variogram(
+        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, spread=samples.spread
+    )
+    found = the_map.compute(state)
+    assert found.variogram == the_map.fit(state).variogram
+    np.testing.assert_array_equal(found.kriging.places.spread, samples.spread)
+    points = make_soil_map(dataclasses.replace(samples, spread=np.zeros(3)), GRID, fit)
+    assert np.nanmax(np.abs(points.rate - found.rate)) > 1e-4

@@ -76,7 +76,7 @@ def test_the_mode_has_no_slope():
     prior = Prior.of(samples, "matern32", 200.0)
     likelihood = RestrictedLikelihood(samples, "matern32")
     fitted = maximise_reml(samples, "matern32", 200.0)
-    variogram = fitted.variogram
+    variogram = fitted.mode
     mode = np.log([variogram.structured_sill, variogram.range_m, variogram.nugget])
 
     def log_posterior(at):

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import Samples, merge_records
 from soilmoist_ros.mapping.samples import merge_exactly, noise_rate
+from soilmoist_ros.mapping.support import LEAST_SPREAD_M2, way_spread
 
 COORDINATE = st.integers(-20, 20).map(float)
 RECORD = st.tuples(COORDINATE, COORDINATE, st.integers(0, 500), st.sampled_from([5.0, 10.0, 20.0, 640.0]))
@@ -87,6 +88,29 @@ def test_merge_records_does_not_depend_on_the_order(records, radius_m, random):
     np.testing.assert_allclose(in_any_order(one), in_any_order(other), atol=1e-8)
 
 
+@given(
+    st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), min_size=1, max_size=60),
+    st.sampled_from([0.7, 1.0, 5.0, 13.0]),
+    st.integers(0, 2**32 - 1),
+)
+def test_merge_records_follows_its_rule(cells, radius_m, seed):
+    """The rule as it stands in the docstring, with all distances at once."""
+    rng = np.random.default_rng(seed)
+    xy = np.unique(np.array(cells, float) + rng.choice([0.0, 0.25], (len(cells), 2)), axis=0)
+    counts, exposure_s = rng.poisson(40, len(xy)), rng.choice([10.0, 9.5, 25.0], len(xy))
+    apart = np.hypot(*(xy[:, None] - xy).T)
+    ranking = np.lexsort((xy[:, 1], xy[:, 0], -((apart <= radius_m) @ exposure_s)))
+    centres, settled = [], np.zeros(len(xy), bool)
+    for number in ranking:
+        if not settled[number]:
+            centres.append(number)
+            settled |= apart[number] <= radius_m
+    nearest = apart[:, centres].argmin(axis=1)
+    expected = [(exposure_s[nearest == k].sum(), counts[nearest == k].sum()) for k in range(len(centres))]
+    merged = merge_records(xy, counts, exposure_s, radius_m)
+    assert sorted(zip(merged.exposure_s, merged.counts, strict=True)) == sorted(expected)
+
+
 def test_merge_records_joins_the_jitter_of_a_stop():
     rng = np.random.default_rng(1)
     stops = np.array([[0, 0], [30, 0], [0, 30]])
@@ -114,3 +138,56 @@ def test_merge_records_without_radius_merges_same_places_only():
 def test_merge_records_refuses_a_bad_radius(radius_m):
     with pytest.raises(ValueError, match="radius_m must be >= 0 and finite"):
         merge_records([[0, 0]], [1], [1], radius_m)
+
+
+# -- spreads -------------------------------------------------------------------------------------------
+
+
+def moments(samples):
+    """Exposure, and exposure times first and second moments about the origin, of all samples together."""
+    x, y = samples.xy.T
+    second = np.column_stack([x * x, x * y, y * y]) + samples.spread
+    return np.concatenate(
+        [[samples.exposure_s.sum()], samples.exposure_s @ samples.xy, samples.exposure_s @ second]
+    )
+
+
+def test_samples_are_points_unless_told():
+    samples = Samples([[0, 0], [1, 0]], [1, 2], [10, 10])
+    np.testing.assert_array_equal(samples.spread, np.zeros((2, 3)))
+    one_for_all = Samples([[0, 0], [1, 0]], [1, 2], [10, 10], [4, 1, 2])
+    np.testing.assert_array_equal(one_for_all.spread, [[4, 1, 2], [4, 1, 2]])
+    with pytest.raises(ValueError, match="read-only"):
+        one_for_all.spread[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    "spread", [[[-1, 0, 1], [0, 0, 0]], [[1, 2, 1], [0, 0, 0]], [[0, 0, np.nan], [0, 0, 0]], np.zeros((3, 3)), 0.0]
+)
+def test_impossible_spreads_are_refused(spread):
+    with pytest.raises(ValueError, match="spread must"):
+        Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)
+
+
+@given(
+    st.lists(st.tuples(RECORD, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=20), st.floats(0, 30)
+)
+def test_merging_conserves_the_second_moments(many, radius_m):
+    """But for spreads that the noise of positions may have made."""
+    spread = way_spread([(x, y) for _, x, y in many])
+    xy, counts, exposure_s = columns([one for one, _, _ in many])
+    merged = merge_records(xy, counts, exposure_s, radius_m, spread)
+    separate = Samples(xy, counts, exposure_s, spread)
+    found, expected = moments(merged), moments(separate)
+    np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-9, atol=1e-6 * expected[0])
+    scale = expected[0] * (1 + np.abs(xy).max() ** 2)
+    np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=LEAST_SPREAD_M2 * expected[0] + 1e-9 * scale)
+
+
+def test_a_drive_that_becomes_one_sample_has_its_extent():
+    way = Samples([[0, 0], [6, 0], [12, 0]], [30, 30, 30], [10, 10, 10], way_spread([6.0, 0.0]))
+    merged = merge_records(way.xy, way.counts, way.exposure_s, 8.0, way.spread)
+    np.testing.assert_allclose(merged.spread, [way_spread([18.0, 0.0])])
+    stand = merge_records([[0, 0], [0.5, 0.3], [-0.4, 0.6]], [30, 30, 30], [10, 10, 10], 8.0)
+    assert len(stand) == 1
+    assert not stand.spread.any()

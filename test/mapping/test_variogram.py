@@ -71,6 +71,9 @@ def test_the_models_do_not_change_their_argument():
         (("gaussian", 0.5, 1, 0.4), "sill is the total sill and must be >= nugget"),
         (("gaussian", 0, np.inf, 1), "range_m must be finite, got inf"),
         (("gaussian", 0, 1, np.nan), "sill must be finite, got nan"),
+        (("gaussian", 0, 1, 1, 0.5), "must be >= 1, got 0.5; turn angle_deg by 90 and give its inverse"),
+        (("gaussian", 0, 1, 1, np.inf), "anisotropy must be finite, got inf"),
+        (("gaussian", 0, 1, 1, 2, np.nan), "angle_deg must be finite, got nan"),
     ],
 )
 def test_variogram_refuses(arguments, message):

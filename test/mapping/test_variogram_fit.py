@@ -99,13 +99,14 @@ def test_degenerate_samples_give_a_usable_variogram(case, model, method):
 @pytest.mark.parametrize(
     ("xy", "counts"), [([[7, 7]], [2000]), ([[7, 7]] * 4, [480, 520, 490, 510])], ids=["one sample", "one place"]
 )
-def test_one_place_gives_the_medians_of_the_prior(xy, counts):
+def test_one_place_gives_what_the_prior_says(xy, counts):
     exposure_s = np.full(len(xy), 600.0 / len(xy))
     fit = estimate_variogram(xy, counts, exposure_s, extent_m=200.0)
     rate = 2000 / 600
     assert fit.variogram.practical_range_m == pytest.approx(200.0 / 3)
-    assert fit.variogram.structured_sill == pytest.approx((0.15 * rate) ** 2)
-    assert fit.variogram.nugget == pytest.approx(0.05 * (0.15 * rate) ** 2)
+    # Means of log-normal variables: the logarithms have standard deviations of 1 and 1.5.
+    assert fit.variogram.structured_sill == pytest.approx(np.exp(1 / 2) * (0.15 * rate) ** 2)
+    assert fit.variogram.nugget == pytest.approx(np.exp(1.5**2 / 2) * 0.05 * (0.15 * rate) ** 2)
     assert fit.prior_share == pytest.approx((1, 1, 1))
     assert fit.prior_mattered
     assert len(fit.lag_m) == 0

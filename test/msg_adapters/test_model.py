@@ -24,11 +24,15 @@ arrays = st.lists(st.floats(allow_infinity=False), max_size=4).map(np.array)
 fits = st.builds(
     VariogramFit,
     variogram=st.builds(
-        lambda model, nugget, range_m, partial: Variogram(model, nugget, range_m, nugget + partial),
+        lambda model, nugget, range_m, partial, *direction: Variogram(
+            model, nugget, range_m, nugget + partial, *direction
+        ),
         st.sampled_from(sorted(MODELS)),
         st.floats(0, 1e100),
         positive,
         st.floats(0, 1e100),
+        st.floats(1, 1e100),
+        st.floats(-400, 400),
     ),
     method=st.sampled_from(["reml", "soft_l1"]),
     mean_rate=st.floats(allow_infinity=False),
@@ -99,6 +103,7 @@ def good(**changes):
         (good(model=["matern32"]), "a value of another kind"),
         (good(range_m=0), "range_m must be > 0"),
         (good(sill=0.05), "total sill"),
+        (good(anisotropy=0.5), "must be >= 1"),
         (good(nugget=None), "a value of another kind"),
         (good(nugget=math.inf), "nugget must be finite"),
         (good(method="guess"), "unknown method 'guess'"),
@@ -114,6 +119,13 @@ def test_what_is_no_model_is_refused(text, message):
 
 
 def test_keys_of_later_versions_are_ignored():
-    assert model_from_message(String(data=good(anisotropy=2.0))).fit.variogram == Variogram(
+    assert model_from_message(String(data=good(trend="linear"))).fit.variogram == Variogram(
         "matern32", 0.1, 20.0, 1.0
     )
+
+
+def test_models_of_earlier_versions_have_no_direction():
+    content = json.loads(good(anisotropy=4.0, angle_deg=30.0))
+    assert model_from_message(String(data=json.dumps(content))).fit.variogram.anisotropy == 4
+    del content["anisotropy"], content["angle_deg"]
+    assert model_from_message(String(data=json.dumps(content))).fit.variogram.anisotropy == 1

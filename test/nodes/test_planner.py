@@ -1,5 +1,7 @@
 """Whole missions with a real planner process, a virtual robot and its navigation."""
 
+from functools import partial
+
 import pytest
 
 pytest.importorskip("rclpy")
@@ -15,6 +17,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.mission import mission_from_message
 from msg_adapters.plan import path_to_places
+from msg_adapters.samples import samples_from_message
 from soilmoist_ros.exploration.mission_types import Phase
 from soilmoist_ros.nodes.qos import LATCHED
 
@@ -25,7 +28,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 class Planning:
     """A planner process and what it says."""
 
-    def __init__(self, ros, folder, namespace="", **params):
+    def __init__(self, ros, folder, namespace="", remaps=(), **params):
         self.ros, self.namespace = ros, namespace
         (folder / "field.yaml").write_text(FIELD)
         given = {
@@ -34,7 +37,7 @@ class Planning:
             "strategy": "greedy", "arrival_radius_m": 2.0, "cancel_limit_s": 120.0, **params,
         }  # fmt: skip
         self.messages = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
-        self.process = ros.start("planner", params=given, namespace=namespace)
+        self.process = ros.start("planner", params=given, namespace=namespace, remaps=remaps)
 
     @property
     def status(self):
@@ -179,6 +182,42 @@ def test_a_mission_by_poses_alone_in_a_namespace(ros, tmp_path):
         assert world.place == (1.0, 1.0)
 
 
+def test_two_robots_share_one_mapper_and_never_count_at_the_same_place(ros, tmp_path):
+    names = ("/robot_1", "/robot_2")
+    team = {"others": list(names), "navigator": "goal_pose", "graph": "free", "strategy": "ivr", "autostart": True,
+            "exit_when_finished": True, "hours": 0.08}  # fmt: skip
+    (tmp_path / "field.yaml").write_text(FIELD)
+    mapper = {"field": str(tmp_path / "field.yaml"), "use_sim_time": True, "others": list(names)}
+    ros.start("mapper", params=mapper, namespace=names[0])
+    shared = [f"{topic}:={names[0]}/{topic}" for topic in ("samples", "model", "mapper/save")]
+    samples = ros.collect(PointCloud2, f"{names[0]}/samples", LATCHED)
+    ros.wait_for(lambda: ros.node.count_subscribers(f"{names[1]}/counts"), message="the mapper")
+
+    def drive(world, message):
+        world.goal = (message.pose.position.x, message.pose.position.y)
+
+    first, second = worlds = [
+        World(ros, namespace=name, clock=name == names[0], mapper=False, rate=30.0) for name in names
+    ]
+    with first, second:
+        for name, world in zip(names, worlds, strict=True):
+            ros.node.create_subscription(PoseStamped, f"{name}/goal_pose", partial(drive, world), 10)
+        robots = [
+            Planning(ros, tmp_path, name, remaps, **team) for name, remaps in zip(names, ((), shared), strict=True)
+        ]
+        assert [robot.process.wait() for robot in robots] == [0, 0]
+    stops = []
+    for robot in robots:
+        assert robot.status.samples >= 2
+        assert any("most variance less per second" in reason for reason in robot.reasons), "the map has come"
+        said = [mission_from_message(message) for message in robot.messages]
+        stops.append({status.target.name for status in said if status.phase is Phase.COUNTING})
+    assert not stops[0] & stops[1]
+    # nobody else hears what both have counted
+    counted = samples_from_message(samples[-1]).counts.sum()
+    assert counted > 1.5 * max(sum(world.counted.values()) for world in worlds)
+
+
 def test_the_map_may_not_come(ros, tmp_path):
     with World(ros, mapper=False) as world, VirtualNavigation(ros, world):
         planning = Planning(ros, tmp_path, autostart=True, hours=1.0)
@@ -196,6 +235,7 @@ def test_the_map_may_not_come(ros, tmp_path):
         ({"action_type": "topological_navigation_msgs/action/GotoNod"}, "did you mean 'GotoNode'"),
         ({"graph": "no_such_map.yaml"}, "cannot be read"),
         ({"graph": "free"}, "graph is free"),
+        ({"others": ["robot 2"]}, "'/robot 2' is not a namespace"),
         ({"navigator": "goal_pose", "graph": "free", "home": "r0c"}, "did you mean 'r0c"),
     ],
 )

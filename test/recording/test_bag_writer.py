@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.recording.bag_writer import BagWriter, is_being_written, write_whole
+from soilmoist_ros.recording.bag_writer import BagWriter, is_being_written
 from soilmoist_ros.recording.mcap_scan import McapScan
 from soilmoist_ros.recording.recovery import recover_bag
 
@@ -145,14 +145,6 @@ def test_a_full_disk_loses_nothing_once_it_has_space(tmp_path, monkeypatch):
     writer.close()
     with AnyReader([sample.folder]) as reader:
         assert [(c.topic, t, bytes(d)) for c, t, d in reader.messages()] == sample.messages
-
-
-def test_a_file_is_replaced_wholly(tmp_path):
-    path = tmp_path / "state"
-    write_whole(path, b"one")
-    write_whole(path, b"two")
-    assert path.read_bytes() == b"two"
-    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("count", [1, 23, 111])

@@ -68,7 +68,7 @@ def crafted(mission, mse=None, distance=None, border=None):
     return StoredMission(
         settings=s, key=mission.key, version="v", field_title=f"The {s.field} field", ended="time is up",
         series=series, visits=tuple(Visit("P", x, y, 0.0, 100.0, 300, "") for x, y in places),
-        track_xy=np.array([(0.0, 0.0), (5.0, 5.0)]), x_m=axis, y_m=axis, rate=np.ones((20, 20)),
+        tracks=(np.array([(0.0, 0.0), (5.0, 5.0)]),), x_m=axis, y_m=axis, rate=np.ones((20, 20)),
         rate_sd=np.ones((20, 20)), truth_rate=np.ones((20, 20)),
         outlines=(np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]),),
     )  # fmt: skip

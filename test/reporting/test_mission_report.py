@@ -56,6 +56,27 @@ def test_all_files(mission, tmp_path):
     assert "https://" not in html
 
 
+def test_several_robots_are_told_apart(mission, tmp_path):
+    half = len(mission.visits) // 2
+    visits = [visit._replace(robot=1 + (n >= half)) for n, visit in enumerate(mission.visits)]
+    tracks = (np.array([(0.0, 0.0), (3.0, 4.0)]), np.array([(0.0, 0.0), (0.0, 6.0), (8.0, 6.0)]))
+    settings = dataclasses.replace(mission.settings, robots=2)
+    team = dataclasses.replace(mission, settings=settings, visits=visits, tracks=tracks)
+    write_mission(tmp_path, team)
+    about = json.loads((tmp_path / "summary.json").read_text())["mission"]
+    assert about["robot_distances_m"] == [5.0, 14.0]
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "There were 2 robots, which drove 5" in html
+    assert "robot 1 blue, robot 2 orange" in html
+    assert '<th scope="col" class="n">Robot</th>' in html
+    shapes = json.loads((tmp_path / "samples.geojson").read_text())["features"]
+    (line,) = [shape["geometry"] for shape in shapes if shape["properties"]["kind"] == "track"]
+    assert line["type"] == "MultiLineString"
+    assert [len(track) for track in line["coordinates"]] == [2, 3]
+    with (tmp_path / "visits.csv").open(newline="") as stream:
+        assert [int(row["robot"]) for row in csv.DictReader(stream)] == [visit.robot for visit in visits]
+
+
 def test_tables(mission, tmp_path):
     write_mission(tmp_path, mission)
     with (tmp_path / "series.csv").open(newline="") as stream:

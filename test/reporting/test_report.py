@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import estimate_variogram, make_soil_map
+from soilmoist_ros.mapping import Variogram, estimate_variogram, make_soil_map
 from soilmoist_ros.reporting import InputFile, LossRow, report
 from soilmoist_ros.reporting.report import readout, render_report
 from soilmoist_ros.reporting.style import Picture
@@ -172,6 +172,19 @@ def test_fitted_variogram_and_truth(make_run, the_map):
     assert "truth" in ids(page)
     assert "restricted maximum likelihood" in page.text
     assert "×/÷" in page.text
+
+
+@pytest.mark.usefixtures("words_only")
+def test_a_direction_is_told(make_run, the_map):
+    s = the_map.samples
+    fit = dataclasses.replace(
+        estimate_variogram(s.xy, s.counts, s.exposure_s, anisotropy=False),
+        variogram=Variogram("spherical", 0.0, 20.0, 0.3, 4.0, 90.0),
+    )
+    soil = make_soil_map(s, the_map.grid, fit, the_map.curve)
+    page = Page(render_report(make_run(soil_map=soil)))
+    assert "40.0 m along 90° (anticlockwise from east) and 10.0 m across" in page.text
+    assert "depends on the direction" not in Page(render_report(make_run())).text
 
 
 def test_readout_shows_the_map(make_run, the_map, html):

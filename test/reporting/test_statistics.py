@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping.support import Supports, footprint_spread, way_spread
 from soilmoist_ros.reporting.statistics import (
     band_statistics,
     calibration_sd,
@@ -32,6 +36,21 @@ def test_leave_one_out_is_what_kriging_without_the_sample_says(the_map):
         assert loo.observed[i] == pytest.approx(samples.rate_cps[i])
         assert loo.predicted[i] == pytest.approx(rate[0])
         assert loo.sd[i] ** 2 == pytest.approx(variance[0] + the_map.mean_rate / samples.exposure_s[i])
+
+
+def test_supports_count_in_the_report_as_in_the_map(the_map):
+    samples = dataclasses.replace(the_map.samples, spread=way_spread([8.0, 3.0]) + footprint_spread(6.0))
+    wide = make_soil_map(samples, the_map.grid, the_map.variogram, the_map.curve)
+    loo = leave_one_out(wide)
+    rest = np.arange(len(samples)) > 0
+    kriging = PoissonKriging(wide.variogram, keep_nugget=False, mean_rate=wide.mean_rate)
+    kriging.fit(samples.xy[rest], samples.counts[rest], samples.exposure_s[rest], samples.spread[rest])
+    points = Supports(samples.xy[:1], samples.spread[:1])
+    assert loo.predicted[0] == pytest.approx(points.average(lambda xy: kriging.predict(xy)[0]).item())
+    cells = the_map.grid.cells
+    assert mean_sd(wide, moisture=False) == pytest.approx(
+        math.sqrt(np.mean(wide.kriging.covariance(cells))), rel=0.02
+    )
 
 
 def test_leave_one_out_wants_five_samples(map_of):

@@ -24,6 +24,7 @@ def test_numbers(make_run, the_map):
     assert found["area_m2"] == pytest.approx(1106.5)
     assert found["crs"] == "EPSG:32630"
     assert found["variogram"]["range_m"] == 12.0
+    assert (found["variogram"]["anisotropy"], found["variogram"]["angle_deg"]) == (1.0, 0.0)
     assert found["map"]["vwc"]["mean"] == pytest.approx(np.nanmean(the_map.vwc))
     assert found["map"]["rate_sd_cps"]["p95"] == pytest.approx(np.nanpercentile(the_map.rate_sd, 95))
     assert found["map"]["undefined_vwc_share"] == 0

@@ -1,3 +1,7 @@
+import ast
+import inspect
+import itertools
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,9 +29,18 @@ def test_shipped_formats_are_valid() -> None:
 
 
 def test_every_key_is_described() -> None:
+    def described(model):
+        """Keys that have a docstring below them."""
+        (body,) = ast.parse(inspect.getsource(model)).body
+        return {
+            key.target.id
+            for key, below in itertools.pairwise(body.body)
+            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr) and below.value.value
+        }
+
     def walk(model):
-        for name, field in model.model_fields.items():
-            assert field.description, f"{model.__name__}.{name}"
+        assert model.model_fields.keys() - described(model) == set(), model.__name__
+        for field in model.model_fields.values():
             for part in (field.annotation, *getattr(field.annotation, "__args__", ())):
                 if hasattr(part, "model_fields"):
                     walk(part)

@@ -73,7 +73,7 @@ def simulate(settings, progress=None, cell_m=2.0):
         for v in visits
     ]
     return MissionResult(
-        settings, _series(settings, visits, track, error, low, rng, end_s), visits, np.array(track), records,
+        settings, _series(settings, visits, track, error, low, rng, end_s), visits, (np.array(track),), records,
         soil_map, truth, LocalFrame(53.268, -0.5245), TITLES.get(settings.field, settings.field), "time is up",
     )  # fmt: skip
 

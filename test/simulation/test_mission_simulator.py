@@ -6,12 +6,17 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.graph_builders import open_lattice
+from soilmoist_ros.exploration.mission_types import GoTo
+from soilmoist_ros.exploration.strategies import STRATEGIES
 from soilmoist_ros.exploration.topological_map import make_topological_map
+from soilmoist_ros.exploration.travel import polyline_length_m
 from soilmoist_ros.simulation.mission_run import MissionSettings
-from soilmoist_ros.simulation.mission_simulator import simulate_mission
+from soilmoist_ros.simulation.mission_simulator import _Simulation, simulate_mission
 from soilmoist_ros.simulation.surrogate_field import surrogate_field
 
 SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", variogram="matern32", cell_m=2.0)
@@ -19,7 +24,7 @@ SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", variogram="mater
 
 def bits(result):
     """What a mission came to, to compare bit for bit; NaN differs from itself, so as text."""
-    return repr(result.series), repr(result.visits), result.track_xy.tobytes(), repr(result.records)
+    return repr(result.series), repr(result.visits), result.tracks[0].tobytes(), repr(result.records)
 
 
 @pytest.mark.parametrize("strategy", ["greedy", "monte_carlo", "adaptive_sampling", "random", "lattice"])
@@ -104,7 +109,7 @@ def test_missions_over_a_graph_stop_at_its_nodes_and_drive_its_edges(tmp_path):
     nodes = set(graph.names)
     assert {visit.name for visit in result.visits} <= nodes
     corners = {tuple(np.round(xy, 3)) for xy in graph.xy}
-    assert {tuple(np.round(xy, 3)) for xy in result.track_xy[1:-1]} <= corners
+    assert {tuple(np.round(xy, 3)) for xy in result.tracks[0][1:-1]} <= corners
     assert result.series[-1].mse < 0.5
     laid = simulate_mission(replace(SHORT, travel="graph"))
     assert laid.series[-1].samples > 8
@@ -124,6 +129,7 @@ def test_the_cadence_of_the_sensor_is_free():
         ({"hours": 0.0}, "0.0 hours is not possible"),
         ({"graph": "map.yaml"}, "travels freely"),
         ({"cell_m": 500.0}, "cannot be gridded"),
+        ({"robots": 0}, "0 robots is not possible"),
     ],
 )
 def test_bad_settings_are_named(change, message):
@@ -135,3 +141,70 @@ def test_the_log_gives_a_reason_for_every_decision():
     log = simulate_mission(replace(SHORT, hours=0.5)).log
     assert any("highest kriging variance" in line for line in log)
     assert log[-1].split("  ")[-1].startswith("end: ")
+
+
+class Watched(_Simulation):
+    """Writes down at each goal what all robots are about then."""
+
+    def __init__(self, given):
+        super().__init__(given)
+        self.held = []
+
+    def carry_out(self, robot, action):
+        super().carry_out(robot, action)
+        if isinstance(action, GoTo):
+            targets = [each.mission.status.target for each in self.robots]
+            self.held.append([target.name for target in targets if target is not None])
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    strategy=st.sampled_from(STRATEGIES),
+    robots=st.integers(2, 4),
+    seed=st.integers(0, 1000),
+    map_from=st.sampled_from(["stops", "records"]),
+    travel=st.sampled_from(["free", "graph"]),
+)
+def test_two_robots_never_hold_the_same_target(strategy, robots, seed, map_from, travel):
+    mission = Watched(
+        replace(SHORT, hours=0.2, dwell="fmi:60", strategy=strategy, robots=robots, seed=seed, map_from=map_from,
+                travel=travel, cell_m=5.0)
+    )  # fmt: skip
+    result = mission.run(lambda share: None)
+    assert mission.held
+    assert all(len(set(held)) == len(held) for held in mission.held)
+    assert {visit.robot for visit in result.visits} == set(range(1, robots + 1))
+
+
+@pytest.mark.parametrize("map_from", ["stops", "records"])
+def test_several_robots_share_one_map(map_from):
+    base = replace(SHORT, hours=0.5, map_from=map_from, strategy="ivr")
+    one, three = (simulate_mission(replace(base, robots=robots)) for robots in (1, 3))
+    assert three.series[-1].mse < one.series[-1].mse
+    assert len(three.visits) > 2 * len(one.visits)
+    # the error is that of the one map, the distance and the time are of all robots
+    assert np.nanmean((three.soil_map.rate - three.truth_rate) ** 2) == pytest.approx(three.series[-1].mse)
+    assert sum(map(polyline_length_m, three.tracks)) == pytest.approx(three.series[-1].distance_m)
+    assert sum(visit.dwell_s for visit in three.visits) == pytest.approx(three.series[-1].counting_s)
+    assert all(np.array_equal(track[0], one.tracks[0][0]) for track in three.tracks)
+    stamps = [record.stamp_s for record in three.records]
+    assert stamps == sorted(stamps)
+    assert len(stamps) > 2.9 * len(one.records)
+    assert bits(three) == bits(simulate_mission(replace(base, robots=3)))
+
+
+def test_how_each_of_several_robots_ended_is_told():
+    result = simulate_mission(replace(SHORT, hours=0.2, robots=2))
+    assert result.ended.startswith("robot 1: ")
+    assert "; robot 2: " in result.ended
+    assert any("s  robot 2: plan: " in line for line in result.log)
+
+
+def test_a_field_of_its_own_for_each_seed():
+    base = replace(SHORT, field="rough", hours=0.2)
+    same = [simulate_mission(replace(base, seed=seed)).truth_rate for seed in (1, 2)]
+    own = [simulate_mission(replace(base, seed=seed, random_field=True)).truth_rate for seed in (1, 2, 1)]
+    np.testing.assert_array_equal(same[0], same[1])
+    np.testing.assert_array_equal(own[0], own[2])
+    assert np.nanmax(np.abs(own[0] - own[1])) > 0.5
+    assert np.nanmax(np.abs(own[0] - same[0])) > 0.5

@@ -137,7 +137,7 @@ def test_a_generator_draws_another_field():
 
 def test_the_cells_of_the_map_are_nodes_of_the_truth():
     surrogate = surrogate_field("synthetic-high")
-    grid = surrogate.truth
+    grid = surrogate.truth.grid
     for place, value in zip(cells_of(surrogate)[::97], surrogate.rate_at(cells_of(surrogate)[::97]), strict=True):
         column, row = np.searchsorted(grid.x_m, place[0]), np.searchsorted(grid.y_m, place[1])
         assert grid.values[row, column] == pytest.approx(value, rel=1e-12)

@@ -53,7 +53,7 @@ def test_every_shipped_field_with_a_truth_can_be_simulated():
             surrogate = surrogate_field(name)
             cells = FieldGrid.from_polygon(surrogate.polygon, surrogate.field.cell_m).cells
             assert surrogate.rate_at(cells).min() > 0
-            assert surrogate.vwc_at(cells).min() > 0
+            assert surrogate.curve is None or surrogate.vwc_at(cells).min() > 0
             loaded.append(name)
     assert {"airfield_points", "patches"} <= set(loaded)
 

@@ -1,0 +1,103 @@
+#!/usr/bin/env python3
+"""How the cost of a map grows with the samples and the cells: time, peak memory, exponents.
+
+    scripts/bench_growth.py [--workers 2] [--scheduler tcp://host:8786] [--most-samples N] [--most-cells N]
+
+Each map is made in a fresh process. A farm driven in lines 6 m apart, one record of 10 s every 6 m; Matern 3/2 of
+a range of 30 m; maps of up to 2000 samples are exact. Workers are local processes, or those of a Dask cluster.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from itertools import pairwise
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+SPACING_M, RANGE_M, RECORD_S = 6.0, 30.0, 10.0
+
+
+def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> dict[str, float | str]:
+    """Merge, krige; time of each [s] and peak memory of this process [MB]."""
+    import resource
+
+    from soilmoist_ros.map_workers import tile_workers
+    from soilmoist_ros.mapping import FieldGrid, Variogram, make_soil_map, merge_records
+
+    rng = np.random.default_rng(1)
+    side = SPACING_M * np.sqrt(samples)
+    line = np.arange(samples) * SPACING_M
+    xy = np.column_stack([line % side, line // side * SPACING_M]) + rng.normal(0, 0.3, (samples, 2))
+    rate = 4 + 0.5 * np.sin(xy[:, 0] / 40) * np.cos(xy[:, 1] / 50)
+    counts = rng.poisson(rate * RECORD_S)
+    clock = [time.perf_counter()]
+    merged = merge_records(xy, counts, np.full(samples, RECORD_S), 2.5)
+    clock.append(time.perf_counter())
+    corners = np.array([[0, 0], [side, 0], [side, side], [0, side]])
+    grid = FieldGrid.from_polygon(corners, side / np.sqrt(cells))
+    with tile_workers(workers, scheduler) as compute:
+        soil_map = make_soil_map(merged, grid, Variogram("matern32", 0.01, RANGE_M, 0.3), compute=compute)
+    clock.append(time.perf_counter())
+    merging_s, kriging_s = (after - before for before, after in pairwise(clock))
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    kriging = "exact" if soil_map.accuracy is None else f"{soil_map.accuracy.nearest} nearest"
+    return {"merging_s": merging_s, "kriging_s": kriging_s, "memory_mb": memory_mb, "kriging": kriging}
+
+
+def in_fresh_process(*arguments: object) -> dict[str, float | str]:
+    """:func:`measure` in a process of its own, so that the peak of memory is its own."""
+    command = [sys.executable, __file__, "--one", *(str(argument) for argument in arguments)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return dict(json.loads(done.stdout))
+
+
+def table(name: str, cases: list[tuple[int, int]], options: argparse.Namespace) -> None:
+    """One series: what grows is the column that differs."""
+    grows = [samples if name == "samples" else cells for samples, cells in cases]
+    times, memory = [], []
+    print(f"\n{'samples':>9} {'cells':>9} {'merging [s]':>12} {'kriging [s]':>12} {'peak [MB]':>10}  kriging")
+    for samples, cells in cases:
+        row = in_fresh_process(samples, cells, options.workers, options.scheduler or "-")
+        times.append(float(row["kriging_s"]))
+        memory.append(float(row["memory_mb"]))
+        print(
+            f"{samples:9d} {cells:9d} {row['merging_s']:12.2f} {row['kriging_s']:12.2f} {row['memory_mb']:10.0f}  "
+            f"{row['kriging']}",
+            flush=True,
+        )
+    for what, values in (("time", times), ("memory", memory)):
+        slopes = np.diff(np.log(values)) / np.diff(np.log(grows))
+        whole = np.polyfit(np.log(grows), np.log(values), 1)[0]
+        steps = ", ".join(f"{slope:.2f}" for slope in slopes)
+        print(f"{what} grows with {name} to the power {whole:.2f} (from row to row {steps})")
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description="How the cost of a map grows with the samples and the cells.")
+    parser.add_argument("--workers", type=int, default=1, help="local processes (default 1)")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler")
+    parser.add_argument("--most-samples", type=int, default=100_000)
+    parser.add_argument("--most-cells", type=int, default=1_000_000)
+    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        samples, cells, workers, scheduler = options.one
+        one = measure(int(samples), int(cells), int(workers), None if scheduler == "-" else scheduler)
+        print(json.dumps(one))
+        return
+    samples = [10**k for k in range(2, 6) if 10**k <= options.most_samples]
+    cells = [10**k for k in range(4, 7) if 10**k <= options.most_cells]
+    table("samples", [(n, 10_000) for n in samples], options)
+    table("cells", [(samples[-1], g) for g in cells], options)
+
+
+if __name__ == "__main__":
+    main()

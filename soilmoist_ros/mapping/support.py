@@ -1,0 +1,181 @@
+"""The support of samples: counts gathered while driving, or over a footprint, are means over an area.
+
+Of the area only the second moments are kept, the *spread*: the covariance matrix (sxx, sxy, syy) [m^2] of a place
+drawn from it. A straight way of length l along the unit vector u has l^2/12 u u', a Gaussian footprint of standard
+deviation s has s^2 along each axis, and what is independent adds up.
+
+Covariances between supports are averages over both (block kriging; Gotway & Young 2002, Journal of the American
+Statistical Association 97:632-648). Here every support is replaced by a few points with its mean and second
+moments: a line by two (Gauss-Legendre), an area by its centre and two on each principal axis (whose fourth
+moments are then those of a Gaussian as well). The same points stand for a support against samples and targets, so
+the matrix remains positive definite whatever the error. For practical ranges from 30 m, ways up to 10 m and a
+footprint of 10 m the correlations of smooth models are right to 0.012, those of the exponential and the spherical
+model, which have a kink at every point, to 0.05; taken for points they would be wrong by up to 0.4 and 0.5.
+
+The nugget, micro-scale variance, stays with the sample whatever its support.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping.variogram import CorrelationModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+LEAST_SPREAD_M2 = 1.0
+"""Spreads with a smaller trace are taken for points: the noise of positions makes as much where a robot stands."""
+_LEAST_WIDTH_M2 = LEAST_SPREAD_M2 / 2
+"""Areas with a smaller variance across are taken for lines."""
+_LINE_WEIGHT, _LINE_ARM = 1 / 2, 1.0
+_AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
+"""Weight of each point beside the centre, and its distance from there in standard deviations."""
+_LOG_STEP = 0.5
+
+
+def way_spread(along_m: ArrayLike) -> Array:
+    """Spread of counts gathered evenly along straight ways.
+
+    :param along_m: vectors from the beginning to the end, shape (..., 2) [m]
+    :returns: shape (..., 3) [m^2]
+    """
+    x, y = np.moveaxis(np.asarray(along_m, float), -1, 0)
+    return np.stack([x * x, x * y, y * y], axis=-1) / 12
+
+
+def footprint_spread(radius_m: float) -> Array:
+    """Spread of a Gaussian footprint that sends 86 % of the counts from within a radius (two standard deviations).
+
+    :param radius_m: radius [m], >= 0; 0 for a sensor that sees its own place only
+    :returns: shape (3,) [m^2]
+    :raises ValueError: if the radius is negative or not finite
+    """
+    if not (np.isfinite(radius_m) and radius_m >= 0):
+        raise ValueError(f"the radius of a footprint must be >= 0 and finite, got {radius_m}")
+    return np.array([1.0, 0.0, 1.0]) * (radius_m / 2) ** 2
+
+
+def without_noise(spread: Array) -> Array:
+    """Spreads of shape (n, 3) with those set to zero that :data:`LEAST_SPREAD_M2` takes for noise."""
+    return np.where((spread[:, 0] + spread[:, 2] >= LEAST_SPREAD_M2)[:, None], spread, 0.0)
+
+
+class Supports:
+    """Points that stand for the supports of samples: one each, and more where a support has an extent.
+
+    :param xy: centres, shape (n, 2) [m]
+    :param spread: shape (n, 3) [m^2]; all points if ``None``
+
+    Attributes
+    ----------
+    layers : list
+        (samples, points, weights): whose points they are (all, or numbers), the points of shape (m, 2) [m], and
+        their weights, of shape (m,) or one for all; ``None`` for a weight of 1
+    """
+
+    def __init__(self, xy: Array, spread: Array | None = None) -> None:
+        self.layers: list[tuple[slice | Indices, Array, Array | float | None]] = [(slice(None), xy, None)]
+        if spread is None or not spread.any():
+            return
+        variance, axes = np.linalg.eigh(spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2))
+        arms = np.sqrt(np.maximum(variance, 0.0))[:, None] * axes  # of one standard deviation, in the columns
+        area = variance[:, 0] >= _LEAST_WIDTH_M2
+        line = ~area & (variance[:, 1] > 0)
+        arm = np.where(line[:, None], _LINE_ARM * arms[:, :, 1], 0.0)
+        weight = np.select([area, line], [1 - 4 * _AREA_WEIGHT, 1 - _LINE_WEIGHT], 1.0)
+        self.layers[0] = (slice(None), xy + arm, weight)
+        if line.any():
+            has = np.flatnonzero(line)
+            self.layers.append((has, (xy - arm)[has], _LINE_WEIGHT))
+        if area.any():
+            has = np.flatnonzero(area)
+            for step in (_AREA_ARM, -_AREA_ARM):
+                self.layers += [(has, xy[has] + step * arms[has, :, axis], _AREA_WEIGHT) for axis in (0, 1)]
+
+    def average(self, of_points: Callable[[Array], Array]) -> Array:
+        """Averages of a function over the supports.
+
+        :param of_points: takes m points, gives new memory of shape (..., m)
+        :returns: shape (..., n)
+        """
+        return self.combine(of_points(points) for _, points, _ in self.layers)
+
+    def combine(self, of_layers: Iterable[Array]) -> Array:
+        """Averages over the supports of what is known at the points of each layer, as :meth:`average`."""
+        result = np.empty(0)
+        for (samples, _, weight), values in zip(self.layers, of_layers, strict=True):
+            if weight is not None:
+                values *= weight
+            if isinstance(samples, slice):
+                result = values
+            else:
+                result[..., samples] += values
+        return result
+
+
+class SupportCorrelation:
+    """Correlations between all supports as a function of the range, for the fit of a variogram.
+
+    They are computed at a few ranges and interpolated by cubic Hermite polynomials of the logarithm of the range,
+    so that many evaluations cost little; the slope is exactly that of the interpolated correlation.
+
+    :param model: correlation model
+    :param xy: centres, shape (n, 2) [m]
+    :param spread: shape (n, 3) [m^2]
+    :param kept: ranges to keep at most, >= 2; each takes two matrices of shape (n, n)
+    :param plane: matrix, shape (2, 2), that takes places to where the model is isotropic
+    """
+
+    def __init__(
+        self, model: CorrelationModel, xy: Array, spread: Array, kept: int = 8, plane: Array | None = None
+    ) -> None:
+        self._kept = kept
+        self._model = model
+        self._supports = Supports(xy, spread)
+        if plane is not None:
+            self._supports.layers = [
+                (samples, points @ plane, weight) for samples, points, weight in self._supports.layers
+            ]
+        self._known: dict[int, tuple[Array, Array]] = {}
+
+    def at(self, range_m: float) -> tuple[Array, Array]:
+        """Correlation and its derivative with respect to the logarithm of the range, each of shape (n, n)."""
+        position = float(np.log(range_m)) / _LOG_STEP
+        left = int(np.floor(position))
+        u = position - left
+        (low, low_slope), (high, high_slope) = self._node(left), self._node(left + 1)
+        rise = high - low
+        value = low + (u * u * (3 - 2 * u)) * rise
+        value += (u * (1 - u) ** 2 * _LOG_STEP) * low_slope
+        value -= (u * u * (1 - u) * _LOG_STEP) * high_slope
+        slope = (6 * u * (1 - u) / _LOG_STEP) * rise
+        slope += ((1 - u) * (1 - 3 * u)) * low_slope
+        slope += (u * (3 * u - 2)) * high_slope
+        return value, slope
+
+    def _node(self, number: int) -> tuple[Array, Array]:
+        range_m = float(np.exp(number * _LOG_STEP))
+        found = self._known.pop(number, None) or (
+            self._averaged(self._model.correlation, range_m),
+            self._averaged(self._model.log_range_slope, range_m),
+        )
+        self._known[number] = found  # the last used comes last
+        if len(self._known) > self._kept:
+            del self._known[next(iter(self._known))]
+        return found
+
+    def _averaged(self, function: Callable[[Array], Array], range_m: float) -> Array:
+        from scipy.spatial.distance import cdist
+
+        supports = self._supports
+
+        def with_points(points: Array) -> Array:
+            return supports.average(lambda xy: function(cdist(points / range_m, xy / range_m, "sqeuclidean"))).T
+
+        return supports.average(with_points)
