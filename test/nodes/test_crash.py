@@ -220,7 +220,9 @@ def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
 
         samples.clear()
         second = ros.start("recorder", params=bags)
-        ros.start("mapper", params={**field, "start_from": str(recovered)})
+        ros.start("mapper", params={**field, "start_from": str(folder)})  # as launched on the robot
+        ros.wait_for(lambda: samples, message="the map so far")
+        assert samples_from_message(samples[0]).counts.sum() > 0
         again = Planning(ros, tmp_path, journal_dir=str(folder), resume="auto", exit_when_finished=True, **MISSION)
         again.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
         require_progress(first.status, again.status)
