@@ -31,16 +31,14 @@ def raster_by_interpolation(
     """Surfaces on a raster, interpolated from Chebyshev points.
 
     :param evaluate: takes axes (x of shape (p,), y of shape (q,)) and gives the k surfaces there, shape (k, q, p)
-    :param x_m: columns of the raster, shape (nx,) [m]
-    :param y_m: rows, shape (ny,) [m]
+    :param x_m: columns of the raster, shape (nx,), nx >= 1 [m]
+    :param y_m: rows, shape (ny,), ny >= 1 [m]
     :param length_m: length over which the surfaces vary [m], > 0: a start for the search of the number of points
     :param scale: size of each surface, shape (k,), to which :data:`TOLERANCE` is relative
     :param cells: how many cells are wanted in all: what this way must be cheaper than
     :returns: shape (k, ny, nx), or ``None`` if it would take too many points (a length too short for the raster,
         or surfaces that are not smooth enough)
     """
-    if not cells:
-        return None
     boxes = [(float(axis.min()), float(axis.max())) for axis in (x_m, y_m)]
     degrees = [_first_guess((high - low) / length_m) for low, high in boxes]
     spent = 0

@@ -185,37 +185,50 @@ class PoissonKriging:
         wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
         if wanted.shape != (len(y), len(x)):
             raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
-        cells = RasterCells(self.variogram, self._fitted().xy, x, y, wanted, self._places.spread)
+        places = self._fitted()
         rasters = np.full((2, len(y), len(x)), np.nan)
-        smooth = self._interpolated(cells, x, y) if self.variogram.model == "gaussian" else None
-        rasters[:, wanted] = self._predict(cells, progress) if smooth is None else smooth
-        if smooth is not None and progress is not None:
-            progress(1.0)
+        if self.variogram.model == "gaussian" and self._interpolate(rasters, x, y, wanted):
+            if progress is not None:
+                progress(1.0)
+        else:
+            cells = RasterCells(self.variogram, places.xy, x, y, wanted, places.spread)
+            rasters[:, wanted] = self._predict(cells, progress)
         return rasters[0], rasters[1]
 
-    def _interpolated(self, cells: RasterCells, x_m: Array, y_m: Array) -> tuple[Array, Array] | None:
-        """As :meth:`_predict`, by :mod:`~soilmoist_ros.mapping.chebyshev`; ``None`` if that is no gain."""
-        variogram, places = self.variogram, self._places.xy
-        rows, columns = cells.box
+    def _interpolate(self, rasters: Array, x_m: Array, y_m: Array, wanted: NDArray[np.bool_]) -> bool:
+        """Fill the wanted cells by :mod:`~soilmoist_ros.mapping.chebyshev`, if that is a gain.
+
+        :returns: whether it was; if not, nothing is filled in
+        """
+        if not wanted.any():
+            return False
+        variogram, places = self.variogram, self._places
+        rows, columns = (np.flatnonzero(wanted.any(axis=axis)) for axis in (1, 0))
+        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
         def surfaces(x: Array, y: Array) -> Array:
             every = np.ones((len(y), len(x)), bool)
-            nodes = RasterCells(variogram, places, x, y, every, self._places.spread)
+            nodes = RasterCells(variogram, places.xy, x, y, every, places.spread)
             return np.array(self._surfaces(nodes, False, None)).reshape(2, len(y), len(x))
 
         # A product of two Gaussians, as the variance has them, is narrower than one by the root of two;
         # across the longest range, by that of the anisotropy too.
         length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)
         scale = np.array([math.sqrt(variogram.sill), variogram.sill])
-        box = raster_by_interpolation(surfaces, x_m[columns], y_m[rows], length_m, scale, len(cells.xy))
-        if box is None:
-            return None
-        rate, variance = box[:, cells.row - rows.start, cells.column - columns.start]
-        variance += self._target_variance
+        cells = int(np.count_nonzero(wanted))
+        found = raster_by_interpolation(surfaces, x_m[box[1]], y_m[box[0]], length_m, scale, cells)
+        if found is None:
+            return False
+        found[1] += self._target_variance
+        rasters[:, *box] = np.where(wanted[box], found, np.nan)
+        self._clip(rasters[1])
         if self.keep_nugget:  # where a sample is, the surface with its nugget has a needle
-            here, _ = coincident(cells.xy, places)
-            rate[here], variance[here] = self._predict(self._targets(cells.xy[here]), None)
-        return rate, self._clip(variance)
+            near = wanted & np.isin(y_m, places.xy[:, 1])[:, None] & np.isin(x_m, places.xy[:, 0])
+            row, column = np.nonzero(near)
+            here, _ = coincident(np.column_stack([x_m[column], y_m[row]]), places.xy)
+            row, column = row[here], column[here]
+            rasters[:, row, column] = self._predict(self._targets(np.column_stack([x_m[column], y_m[row]])), None)
+        return True
 
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
         """Kriging weights and Lagrange multipliers.
@@ -303,7 +316,7 @@ class PoissonKriging:
         negative = variance < 0
         self.clipped_variances = int(np.count_nonzero(negative))
         if self.clipped_variances:
-            lowest = variance.min()
+            lowest = variance[negative].min()
             rounding = -1e-10 * max(self.variogram.sill, 1e-300)
             level = logging.DEBUG if lowest >= rounding else logging.WARNING
             _log.log(level, "%d negative variances (down to %.3g) set to 0", self.clipped_variances, lowest)

@@ -66,11 +66,6 @@ class RasterCells:
     :param y_m: centres of the rows, shape (ny,) [m]
     :param mask: the cells wanted, shape (ny, nx)
     :param spread: spreads of the samples, shape (p, 3) [m^2]; all points if ``None``
-
-    Attributes
-    ----------
-    row, column : NDArray
-        indices of the cells wanted, shape (g,)
     """
 
     def __init__(
@@ -82,8 +77,8 @@ class RasterCells:
         mask: NDArray[np.bool_],
         spread: Array | None = None,
     ) -> None:
-        self.row, self.column = np.nonzero(mask)
-        self.xy = np.column_stack([x_m[self.column], y_m[self.row]])
+        self._row, self._column = np.nonzero(mask)
+        self.xy = np.column_stack([x_m[self._column], y_m[self._row]])
         self._variogram = variogram
         self._separable = variogram.model == "gaussian"
         self._points = None
@@ -98,18 +93,11 @@ class RasterCells:
             for _, points, _ in self._places.layers
         ]
 
-    @property
-    def box(self) -> tuple[slice, slice]:
-        """Rows and columns between which all cells wanted lie; empty without cells."""
-        if not len(self.xy):
-            return slice(0, 0), slice(0, 0)
-        return slice(self.row.min(), self.row.max() + 1), slice(self.column.min(), self.column.max() + 1)
-
     def correlation(self, tile: slice) -> Array:
         """See :class:`Targets`."""
         if self._points is not None:
             return self._points.correlation(tile)
-        column, row = self.column[tile], self.row[tile]
+        column, row = self._column[tile], self._row[tile]
         return self._places.combine(self._of_tables(x[column], y[row]) for x, y in self._tables)
 
     def _of_tables(self, x: Array, y: Array) -> Array:
