@@ -25,7 +25,7 @@ from soilmoist_ros.errors import IllConditionedError
 from soilmoist_ros.mapping.chebyshev import raster_by_interpolation
 from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.support import Supports
-from soilmoist_ros.mapping.targets import Points, RasterCells, Targets, coincident
+from soilmoist_ros.mapping.targets import Points, RasterCells, Targets, check_raster, coincident
 from soilmoist_ros.mapping.variogram import Variogram
 
 Array = NDArray[np.float64]
@@ -178,13 +178,7 @@ class PoissonKriging:
         :raises ValueError: if an axis is not a finite vector or the mask does not fit
         :raises RuntimeError: before :meth:`fit`
         """
-        x, y = np.asarray(x_m, float), np.asarray(y_m, float)
-        for name, axis in (("x_m", x), ("y_m", y)):
-            if axis.ndim != 1 or not np.isfinite(axis).all():
-                raise ValueError(f"{name} must be a finite vector, got shape {axis.shape}")
-        wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
-        if wanted.shape != (len(y), len(x)):
-            raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
+        x, y, wanted = check_raster(x_m, y_m, mask)
         places = self._fitted()
         rasters = np.full((2, len(y), len(x)), np.nan)
         if self.variogram.model == "gaussian" and self._interpolate(rasters, x, y, wanted):

@@ -26,7 +26,7 @@ from soilmoist_ros.mapping.reml import spatial_blocks
 from soilmoist_ros.mapping.sample_tree import Neighbourhood, SampleTree
 from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.support import Supports
-from soilmoist_ros.mapping.targets import Points, coincident
+from soilmoist_ros.mapping.targets import Points, check_raster, coincident
 from soilmoist_ros.mapping.variogram import Variogram
 
 Array = NDArray[np.float64]
@@ -287,10 +287,10 @@ class TiledKriging:
         :param mask: cells wanted, shape (ny, nx); the others are NaN. All by default
         :param progress: as :meth:`predict`
         :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (ny, nx)
+        :raises ValueError: if an axis is not a finite vector or the mask does not fit
         :raises RuntimeError: before :meth:`fit`
         """
-        x, y = np.asarray(x_m, float), np.asarray(y_m, float)
-        wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
+        x, y, wanted = check_raster(x_m, y_m, mask)
         row, column = np.nonzero(wanted)
         rasters = np.full((2, len(y), len(x)), np.nan)
         rasters[:, wanted] = self.predict(np.column_stack([x[column], y[row]]), progress)
