@@ -171,11 +171,11 @@ def test_a_mission_by_poses_alone_in_a_namespace(ros, tmp_path):
     def take(message):
         world.goal = (message.pose.position.x, message.pose.position.y)
 
-    with World(ros, namespace="/robot_1") as world:
+    with World(ros, rate=20.0, namespace="/robot_1") as world:
         ros.node.create_subscription(PoseStamped, "/robot_1/goal_pose", take, 10)
         planning = Planning(
             ros, tmp_path, "/robot_1", navigator="goal_pose", graph="free", autostart=True, home="r0c0",
-            exit_when_finished=True, hours=0.2,
+            exit_when_finished=True, hours=0.15,
         )  # fmt: skip
         assert planning.process.wait() == 0
         assert planning.status.samples >= 2
@@ -264,7 +264,7 @@ def test_bad_messages_do_no_harm(ros, tmp_path):
 
 def test_a_mission_survives_its_planner(ros, tmp_path):
     journal = {"journal_dir": str(tmp_path / "journal"), "hours": 2.0, "dwell": "fmi:300"}
-    with World(ros, rate=30.0) as world, VirtualNavigation(ros, world) as navigation:
+    with World(ros, rate=5.0) as world, VirtualNavigation(ros, world) as navigation:
         planning = Planning(ros, tmp_path, autostart=True, **journal)
         planning.wait(lambda status: status.phase is Phase.TRAVELLING and status.distance_m > 0)
         target = planning.status.target
