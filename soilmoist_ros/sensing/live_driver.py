@@ -113,10 +113,11 @@ class LiveDriver:
         self._awake.clear()
         # Records wait by steady time: simulated time jumps on while lines are still on their way.
         steady_s = time.monotonic()
-        # Fixes first: a record that came with them need not wait for them.
+        # Fixes first, all of them: a record that came with them need not wait for them.
         gnss_lines = self._lines(GNSS)
         fixes = [fix for line in gnss_lines if (fix := self.survey.take_nmea_line(line)) is not None]
-        logger_lines = self._lines(LOGGER)
+        jammed = len(gnss_lines) == LINES_PER_STEP
+        logger_lines = [] if jammed else self._lines(LOGGER)
         readings = []
         for line in logger_lines:
             reading = self.survey.take_logger_line(line, steady_s)
@@ -124,7 +125,7 @@ class LiveDriver:
                 readings.append(reading)
                 if now_s > 0:
                     self.survey.compare_clocks(reading.stamp_s, now_s)
-        more = LINES_PER_STEP in (len(gnss_lines), len(logger_lines))
+        more = jammed or len(logger_lines) == LINES_PER_STEP
         return Batch(logger_lines, gnss_lines, fixes, readings, self.survey.take_ready(steady_s), more)
 
     def health(self, now_s: float) -> list[Health]:

@@ -161,12 +161,12 @@ def test_any_byte_may_come():
 
 
 def test_a_server_that_hangs_up_at_once_is_asked_ever_more_rarely():
-    with ScriptedServer(lambda client: None) as server, opened(server.uri, Retry(0.02, 60.0)) as source:
+    with ScriptedServer(lambda client: None) as server, opened(server.uri, Retry(0.1, 60.0)) as source:
         read_until(source, lambda: source.status.attempts == 4)
         started = time.process_time()
-        assert source.read_line(0.05) is None
-        assert source.status.attempts == 4  # the next pause is at least 0.08 s
-        assert time.process_time() - started < 0.04  # it waits, it does not spin
+        assert source.read_line(0.1) is None
+        assert source.status.attempts == 4  # the next pause is at least 0.4 s
+        assert time.process_time() - started < 0.08  # it waits, it does not spin
         assert server.clients <= 4
 
 
@@ -290,7 +290,7 @@ def test_recordings_that_share_a_clock_stay_in_step_at_any_speed(tmp_path):
         sources[name] = RecordingSource(tmp_path / name, 2.0, stamp_of, playback)
     played = []
     while len(played) < 6:
-        for name in ("a", "b"):
+        for name in ("a", "b", "a", "b"):
             while (line := sources[name].read_line(0.0)) is not None:
                 played.append((now[0] - 100.0, name, line))
         now[0] += 0.5

@@ -42,9 +42,10 @@ def records(batches):
     return [record for batch in batches for record in batch.records]
 
 
-def test_recordings_of_logger_and_receiver_are_played_in_step(tmp_path):
+@pytest.mark.parametrize("speed", [0, 300])
+def test_recordings_of_logger_and_receiver_are_played_in_step(speed, tmp_path):
     field = write_survey(tmp_path, 3, spacing_m=40.0, dwell_s=60.0)
-    uris = [f"{(tmp_path / name).as_uri()}?speed=200" for name in ("survey.log", "survey.nmea")]
+    uris = [f"{(tmp_path / name).as_uri()}?speed={speed}" for name in ("survey.log", "survey.nmea")]
     settings = DriverSettings(uris[0], FORMAT, uris[1], fix_wait_s=60.0)
     driver = LiveDriver(settings, load_site(tmp_path / "site.yaml"), field.frame)
     log = (tmp_path / "survey.log").read_bytes().splitlines()

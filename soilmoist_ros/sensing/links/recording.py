@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -15,27 +16,59 @@ StampOf = Callable[[bytes], float | None]
 
 
 class PlaybackClock:
-    """Turns the time of recordings into the time of playing; recordings that share one stay in step.
+    """Turns the time of recordings into the time of playing.
+
+    Recordings that share one stay in step however the threads that read them are scheduled: a line goes out only
+    when every line from before has, of whichever recording.
 
     :param clock: monotonic time [s]
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._lock = threading.Lock()
+        self._turn = threading.Condition()
+        self._at_s: list[float] = []
         self._start: tuple[float, float] | None = None
 
-    def wait_s(self, stamp_s: float, speed: float) -> float:
-        """How long to wait until a moment of the recording is due [s]; the first one asked for is due at once.
+    def join(self) -> int:
+        """Take part; gives the number of the recording."""
+        with self._turn:
+            self._at_s.append(-math.inf)  # its first line is not known yet, and the others have to wait for it
+            return len(self._at_s) - 1
 
-        :param stamp_s: time in the recording [s]
-        :param speed: how many times faster than it was, > 0
+    def leave(self, number: int) -> None:
+        """Nothing more comes of a recording."""
+        self._stand_at(number, math.inf)
+
+    def is_due(self, number: int, stamp_s: float, speed: float, timeout_s: float) -> bool:
+        """Whether the next line of a recording is due; waits for it, but not always as long as it may.
+
+        :param number: the recording
+        :param stamp_s: when the line was sent [s since 1970 UTC]; the first of all is due at once
+        :param speed: how many times faster than it was; 0 for as fast as possible
+        :param timeout_s: how long to wait at most [s]
         """
+        self._stand_at(number, stamp_s)
+        with self._turn:
+            wait_s = self._wait_s(number, speed)
+            if wait_s > 0 and timeout_s > 0:
+                self._turn.wait(min(wait_s, timeout_s))
+                wait_s = self._wait_s(number, speed)
+        return wait_s <= 0
+
+    def _stand_at(self, number: int, stamp_s: float) -> None:
+        with self._turn:
+            self._at_s[number] = stamp_s
+            self._turn.notify_all()
+
+    def _wait_s(self, number: int, speed: float) -> float:
+        stamp_s = self._at_s[number]
+        if self._at_s.index(min(self._at_s)) != number:
+            return math.inf
         now_s = self._clock()
-        with self._lock:
-            if self._start is None:
-                self._start = (stamp_s, now_s)
-        return self._start[1] + (stamp_s - self._start[0]) / speed - now_s
+        if self._start is None:
+            self._start = (stamp_s, now_s)
+        return self._start[1] + (stamp_s - self._start[0]) / speed - now_s if speed > 0 else 0.0
 
 
 class RecordingSource:
@@ -60,6 +93,7 @@ class RecordingSource:
         self._speed = speed
         self._stamp_of = stamp_of
         self._playback = playback or PlaybackClock()
+        self._number = self._playback.join()
         self._closed = threading.Event()
         self._next = self._n_bytes = 0
         self._stamp_s: float | None = None
@@ -78,14 +112,12 @@ class RecordingSource:
         if self._closed.is_set():
             return None
         if self._next >= len(self._lines):
+            self._playback.leave(self._number)
             self._closed.wait(timeout_s)
             return None
         line = self._lines[self._next]
-        wait_s = self._wait_s(line)
-        if wait_s > 0:
-            self._closed.wait(min(wait_s, timeout_s))
-            if wait_s > timeout_s or self._closed.is_set():
-                return None
+        if not self._is_due(line, timeout_s) or self._closed.is_set():
+            return None
         self._next += 1
         self._n_bytes += len(line)
         return line
@@ -93,11 +125,14 @@ class RecordingSource:
     def close(self) -> None:
         """Stop playing."""
         self._closed.set()
+        self._playback.leave(self._number)
 
-    def _wait_s(self, line: bytes) -> float:
-        if self._stamp_of is None or self._speed <= 0:
-            return 0.0
+    def _is_due(self, line: bytes, timeout_s: float) -> bool:
+        if self._stamp_of is None:
+            return True
         if self._looked_at != self._next:  # each line once: what tells the time may remember the lines before
             self._looked_at = self._next
             self._stamp_s = self._stamp_of(line)
-        return 0.0 if self._stamp_s is None else self._playback.wait_s(self._stamp_s, self._speed)
+        if self._stamp_s is None:
+            return True
+        return self._playback.is_due(self._number, self._stamp_s, self._speed, timeout_s)
