@@ -22,7 +22,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import assert_never
 
-from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.mission_moves import Moves, after_colon, xy
 from soilmoist_ros.exploration.mission_state import (
     Counting,
@@ -34,7 +33,7 @@ from soilmoist_ros.exploration.mission_state import (
     dwell_rule,
     mission_status,
     shown,
-    state_from_dict,
+    state_from_json,
     state_to_dict,
 )
 from soilmoist_ros.exploration.mission_types import (
@@ -102,11 +101,7 @@ class Mission:
 
         :raises InputError: if the text is not a snapshot
         """
-        try:
-            content = json.loads(snapshot)
-        except ValueError as error:
-            raise InputError(f"the mission's state is not valid JSON: {error}", "start without it") from None
-        return cls(rules, state_from_dict(content))
+        return cls(rules, state_from_json(snapshot))
 
 
 def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[MissionState, tuple[Action, ...]]:

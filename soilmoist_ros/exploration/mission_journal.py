@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
-from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.mission import Mission
-from soilmoist_ros.exploration.mission_state import event_from_dict, event_to_dict, state_from_dict
-from soilmoist_ros.exploration.mission_types import Event, MissionRules, Moved, RecordArrived, Tick
+from soilmoist_ros.exploration.mission_state import event_from_dict, event_to_dict, state_from_json
+from soilmoist_ros.exploration.mission_types import Command, Event, MissionRules, Moved, RecordArrived, Tick, Verb
 from soilmoist_ros.sensing.records import CountRecord
 
 EVENT = "event"
@@ -87,18 +85,20 @@ def interrupted_mission(
 def interrupted_records(snapshot: str | None, events: Iterable[Mapping[str, Any]]) -> list[CountRecord]:
     """What the mission that was under way when its process ended had counted, so that its map can go on.
 
-    :param snapshot: the last state written down, if any
+    :param snapshot: the last state written down, if any. Without one it is what came after the last start, unless
+        that was aborted
     :param events: all events written down, those before the snapshot too
     :returns: its records in their order, none if no mission was under way
     :raises InputError: if something was not written by a mission
     """
+    wanted = {RecordArrived.__name__, Command.__name__}
+    read = [event_from_dict(dict(event)) for event in events if event.get("event") in wanted]
     if snapshot is None:
+        turns = [e for e in read if isinstance(e, Command) and e.verb in (Verb.START, Verb.ABORT)]
+        started_s = turns[-1].now_s if turns and turns[-1].verb is Verb.START else None
+    else:
+        state = state_from_json(snapshot)
+        started_s = state.started_s if state.under_way else None
+    if started_s is None:
         return []
-    try:
-        state = state_from_dict(json.loads(snapshot))
-    except ValueError as error:
-        raise InputError(f"the mission's state is not valid JSON: {error}", "start without it") from None
-    if state.started_s is None or not state.under_way:
-        return []
-    read = [event_from_dict(dict(event)) for event in events if event.get("event") == RecordArrived.__name__]
-    return [e.record for e in read if isinstance(e, RecordArrived) and e.now_s >= state.started_s]
+    return [e.record for e in read if isinstance(e, RecordArrived) and e.now_s >= started_s]

@@ -6,6 +6,7 @@ store them, replay the events, or go on from a stored state.
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -227,6 +228,18 @@ def raw_rate(state: MissionState) -> float:
 def state_to_dict(state: MissionState) -> dict[str, Any]:
     """The state as plain data, fit for JSON."""
     return _plain(state)
+
+
+def state_from_json(text: str) -> MissionState:
+    """The state that a snapshot of a mission holds.
+
+    :raises InputError: if the text is not a snapshot
+    """
+    try:
+        content = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"the mission's state is not valid JSON: {error}", "start without it") from None
+    return state_from_dict(content)
 
 
 def state_from_dict(content: object) -> MissionState:

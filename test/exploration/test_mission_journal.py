@@ -85,8 +85,9 @@ def test_the_records_of_the_interrupted_mission_and_no_others():
         pages.events = []
         found = [r.stamp_s for r in interrupted_records(pages.state, every)]
         assert found == [2.0] * {3.0: 1, 7.0: 1, 8.0: 2}.get(event.now_s, 0)
+        assert interrupted_records(None, every) == interrupted_records(pages.state, every), "a damaged snapshot"
     assert interrupted_records(pages.state, every)[1] == record
-    assert interrupted_records(None, every) == []
+    assert interrupted_records(None, []) == []
 
 
 def test_nothing_was_under_way():
