@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from soilmoist_ros.sensing.logger_format import LoggerFormat, available_formats,
 
 HEADER_LINES = 200
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
+_GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
 _MAGIC = {
     b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
     b"\x1f\x8b": "a gzip archive",
@@ -138,6 +140,8 @@ def other_format(lines: Sequence[bytes]) -> str:
     fitting = matching_formats(lines)
     if fitting:
         return f"this looks like {fitting[0]}: pass --logger {fitting[0]}"
+    if any(_GNSS_SENTENCE.match(line) for line in lines[:HEADER_LINES]):
+        return "this looks like the log of a GNSS receiver: pass it with --nmea, beside the neutron log"
     return (
         f"the shipped formats are {', '.join(available_formats())}; for another logger copy the nearest YAML "
         "file of config/loggers, change the column names, and pass its path with --logger"
