@@ -39,24 +39,58 @@ def raster_by_interpolation(
     :returns: shape (k, ny, nx), or ``None`` if it would take too many points (a length too short for the raster,
         or surfaces that are not smooth enough)
     """
-    boxes = [(float(axis.min()), float(axis.max())) for axis in (x_m, y_m)]
-    degrees = [_first_guess((high - low) / length_m) for low, high in boxes]
+    degrees = first_degrees(x_m, y_m, length_m)
     spent = 0
     while True:
         spent += math.prod(degrees)
         if spent > WORTH_SHARE * cells:
             return None
-        values = evaluate(*(_points(degree, *box) for degree, box in zip(degrees, boxes, strict=True)))
-        coefficients = _coefficients(_coefficients(values).swapaxes(1, 2)).swapaxes(1, 2)
-        size = np.abs(coefficients) / scale[:, None, None]
-        tails = [float(size[:, :, -_TAIL:].max()), float(size[:, -_TAIL:, :].max())]
+        nodes = ChebyshevNodes(x_m, y_m, degrees)
+        coefficients = nodes.coefficients(evaluate(nodes.x_m, nodes.y_m))
+        tails = nodes.tails(coefficients, scale)
         if max(tails) <= TOLERANCE:
-            across, along = (
-                _polynomials(axis, degree, *box)
-                for axis, degree, box in zip((x_m, y_m), degrees, boxes, strict=True)
-            )
-            return np.asarray(along @ coefficients @ across.T)
-        degrees = [math.ceil(d * _growth(tail)) for d, tail in zip(degrees, tails, strict=True)]
+            return nodes.raster(coefficients)
+        degrees = tuple(math.ceil(d * _growth(tail)) for d, tail in zip(degrees, tails, strict=True))
+
+
+class ChebyshevNodes:
+    """Chebyshev points of the box of a raster, and what takes surfaces from there to the cells.
+
+    :param x_m: columns of the raster, shape (nx,), nx >= 1 [m]
+    :param y_m: rows, shape (ny,), ny >= 1 [m]
+    :param degrees: numbers of points (p, q) along x and y
+
+    Attributes
+    ----------
+    x_m, y_m : NDArray
+        axes of the points, shapes (p,) and (q,) [m]
+    """
+
+    def __init__(self, x_m: Array, y_m: Array, degrees: tuple[int, ...]) -> None:
+        boxes = [(float(axis.min()), float(axis.max())) for axis in (x_m, y_m)]
+        self.x_m, self.y_m = (_points(degree, *box) for degree, box in zip(degrees, boxes, strict=True))
+        self._across, self._along = (
+            _polynomials(axis, degree, *box) for axis, degree, box in zip((x_m, y_m), degrees, boxes, strict=True)
+        )
+        self._of_columns, self._of_rows = (_coefficients(np.eye(degree)) for degree in degrees)
+
+    def coefficients(self, values: Array) -> Array:
+        """Chebyshev coefficients of k surfaces from their values at the points, both of shape (k, q, p)."""
+        return np.asarray(self._of_rows.T @ (values @ self._of_columns))
+
+    def tails(self, coefficients: Array, scale: Array) -> tuple[float, float]:
+        """Size of the last coefficients along x and y, relative to the scale of each surface, shape (k,)."""
+        beyond_x, beyond_y = np.abs(coefficients[:, :, -_TAIL:]), np.abs(coefficients[:, -_TAIL:, :])
+        return float((beyond_x.max((1, 2)) / scale).max()), float((beyond_y.max((1, 2)) / scale).max())
+
+    def raster(self, coefficients: Array) -> Array:
+        """The surfaces on the raster, shape (k, ny, nx)."""
+        return np.asarray(self._along @ (coefficients @ self._across.T))
+
+
+def first_degrees(x_m: Array, y_m: Array, length_m: float) -> tuple[int, ...]:
+    """Numbers of points along x and y that may do; parameters as those of :func:`raster_by_interpolation`."""
+    return tuple(_first_guess((float(axis.max()) - float(axis.min())) / length_m) for axis in (x_m, y_m))
 
 
 def _first_guess(lengths: float) -> int:

@@ -101,7 +101,7 @@ class LiveMap:
         :raises IllConditionedError: if the matrix cannot be factored; the map stays as it was
         """
         grid = self.grid
-        kriging = PoissonKriging(fit.variogram, self.keep_nugget)
+        kriging = PoissonKriging(fit.variogram, self.keep_nugget, fit.mean_rate or None)
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask)
         self.samples, self.fit, self.kriging = samples, fit, kriging

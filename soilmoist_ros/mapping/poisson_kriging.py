@@ -215,7 +215,7 @@ class PoissonKriging:
             return False
         found[1] += self._target_variance
         rasters[:, *box] = np.where(wanted[box], found, np.nan)
-        self._clip(rasters[1])
+        self.clipped_variances = clip_negative(rasters[1], variogram.sill)
         if self.keep_nugget:  # where a sample is, the surface with its nugget has a needle
             near = wanted & np.isin(y_m, places.xy[:, 1])[:, None] & np.isin(x_m, places.xy[:, 0])
             row, column = np.nonzero(near)
@@ -272,7 +272,8 @@ class PoissonKriging:
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
         rate, variance = self._surfaces(targets, self.keep_nugget, progress)
         variance += self._target_variance
-        return rate, self._clip(variance)
+        self.clipped_variances = clip_negative(variance, self.variogram.sill)
+        return rate, variance
 
     def _surfaces(self, targets: Targets, nugget: bool, progress: Progress | None) -> tuple[Array, Array]:
         """Rate, and what the samples and the unknown mean add to the variance of the targets (mostly below 0).
@@ -305,17 +306,6 @@ class PoissonKriging:
                 here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
                 covariance[target[here] - start, place[here]] += variogram.nugget
             yield tile, dtrsm(1.0, self._solution.factor, covariance.T, lower=1, overwrite_b=1).T
-
-    def _clip(self, variance: Array) -> Array:
-        negative = variance < 0
-        self.clipped_variances = int(np.count_nonzero(negative))
-        if self.clipped_variances:
-            lowest = variance[negative].min()
-            rounding = -1e-10 * max(self.variogram.sill, 1e-300)
-            level = logging.DEBUG if lowest >= rounding else logging.WARNING
-            _log.log(level, "%d negative variances (down to %.3g) set to 0", self.clipped_variances, lowest)
-            variance[negative] = 0.0
-        return variance
 
     # -- factorisation ---------------------------------------------------------------------------------
 
@@ -389,6 +379,23 @@ class PoissonKriging:
         rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
         mean = float(rate @ ones / (ones @ ones))
         self._solution = _Solution(factor, ones, rate - mean * ones, mean)
+
+
+def clip_negative(variance: Array, sill: float) -> int:
+    """Set negative variances, which come from rounding, to 0; warn if they are more than that.
+
+    :param variance: is changed; may have NaN
+    :param sill: total sill, what rounding is relative to
+    :returns: how many there were
+    """
+    negative = variance < 0
+    count = int(np.count_nonzero(negative))
+    if count:
+        lowest = variance[negative].min()
+        level = logging.DEBUG if lowest >= -1e-10 * max(sill, 1e-300) else logging.WARNING
+        _log.log(level, "%d negative variances (down to %.3g) set to 0", count, lowest)
+        variance[negative] = 0.0
+    return count
 
 
 def _concatenate(first: Samples, second: Samples) -> Samples:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.field_grid import FieldGrid
-from soilmoist_ros.mapping.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.map_follower import MapFollower
+from soilmoist_ros.mapping.poisson_kriging import PoissonKriging, clip_negative
+from soilmoist_ros.mapping.samples import Samples, noise_rate
 from soilmoist_ros.mapping.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.variogram import Variogram
 from soilmoist_ros.mapping.variogram_fit import VariogramFit
@@ -53,7 +55,9 @@ class SoilMap:
     :param fit: how it was fitted; ``None`` if it was given
     :param mean_rate: mean rate m* in the noise of the samples [counts/s]
     :param curve: calibration, ``None`` if the map is of the rate only
-    :param kriging: the fitted kriging, for estimates at other places
+    :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
+    :param made_by: the fitted kriging that made the map; ``None`` if a
+        :class:`~soilmoist_ros.mapping.map_follower.MapFollower` did
     :param undefined_vwc_cells: inside cells whose rate is too low for any soil moisture (rate <= A1 N0);
         0 without a curve
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
@@ -69,7 +73,8 @@ class SoilMap:
     fit: VariogramFit | None
     mean_rate: float
     curve: CalibrationCurve | None
-    kriging: PoissonKriging | TiledKriging
+    keep_nugget: bool
+    made_by: PoissonKriging | TiledKriging | None
     undefined_vwc_cells: int
     clipped_variances: int
 
@@ -78,16 +83,25 @@ class SoilMap:
         """The four rasters together."""
         return Bands(self.rate, self.rate_sd, self.vwc, self.vwc_sd)
 
+    @cached_property
+    def kriging(self) -> PoissonKriging | TiledKriging:
+        """The fitted kriging, for estimates at other places."""
+        if self.made_by is not None:
+            return self.made_by
+        samples = self.samples
+        kriging = PoissonKriging(self.variogram, self.keep_nugget, self.mean_rate)
+        return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
+
     @property
     def unknown_rate_sd(self) -> float:
         """Standard deviation that the model gives the rate far from all samples, about its mean [counts/s]."""
-        sill = self.variogram.sill if self.kriging.keep_nugget else self.variogram.structured_sill
+        sill = self.variogram.sill if self.keep_nugget else self.variogram.structured_sill
         return math.sqrt(sill)
 
     @property
     def accuracy(self) -> Accuracy | None:
         """How far a map made tile by tile is from the exact one; ``None`` if it is exact."""
-        return self.kriging.accuracy if isinstance(self.kriging, TiledKriging) else None
+        return self.made_by.accuracy if isinstance(self.made_by, TiledKriging) else None
 
     def evaluate(self, xy: ArrayLike) -> Bands:
         """The four bands at any points, inside the field or not.
@@ -107,8 +121,12 @@ def make_soil_map(
     progress: Callable[[float], None] | None = None,
     most_exact: int = MOST_EXACT_SAMPLES,
     compute: Compute = map,
+    follower: MapFollower | None = None,
 ) -> SoilMap:
     """Krige the samples onto the cells of a field: exactly, or tile by tile if they are very many.
+
+    The mean rate m* in the noise is that of a fit, if there is one: so the noise of a sample stays as it is until
+    the next fit.
 
     :param samples: at least one
     :param grid: the field
@@ -119,29 +137,42 @@ def make_soil_map(
     :param most_exact: number of samples beyond which it is
         :class:`~soilmoist_ros.mapping.tiled_kriging.TiledKriging` that makes the map
     :param compute: computes the tiles, as there
+    :param follower: of the same grid and nugget, makes the map if it can
     :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
-    kriging: PoissonKriging | TiledKriging
-    if len(samples) <= most_exact:
-        kriging = PoissonKriging(model, keep_nugget)
+    known_rate = (fit.mean_rate or None) if fit is not None else None
+    kriging: PoissonKriging | TiledKriging | None = None
+    rasters = None
+    if follower is not None and 0 < len(samples) <= most_exact:
+        mean_rate = known_rate or noise_rate(samples)
+        rasters = follower.follow(samples, model, mean_rate)
+    if rasters is not None:
+        rate, variance = rasters
+        clipped = clip_negative(variance, model.sill)
     else:
-        kriging = TiledKriging(model, keep_nugget, compute=compute)
-    kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
-    bands = _bands(*kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress), curve)
-    undefined = 0 if curve is None else int(np.count_nonzero(~curve.valid(bands.rate[grid.mask])))
+        if len(samples) <= most_exact:
+            kriging = PoissonKriging(model, keep_nugget, known_rate)
+        else:
+            kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
+        kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
+        rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
+        clipped, mean_rate = kriging.clipped_variances, kriging.noise_mean_rate
+    bands = _bands(rate, variance, curve)
+    undefined = 0 if curve is None else int(np.count_nonzero(np.isnan(bands.vwc) & grid.mask))
     return SoilMap(
         grid,
         *bands,
         samples=samples,
         variogram=model,
         fit=fit,
-        mean_rate=kriging.noise_mean_rate,
+        mean_rate=mean_rate,
         curve=curve,
-        kriging=kriging,
+        keep_nugget=keep_nugget,
+        made_by=kriging,
         undefined_vwc_cells=undefined,
-        clipped_variances=kriging.clipped_variances,
+        clipped_variances=clipped,
     )
 
 
@@ -149,4 +180,4 @@ def _bands(rate: Array, variance: Array, curve: CalibrationCurve | None) -> Band
     rate_sd = np.sqrt(variance)
     if curve is None:
         return Bands(rate, rate_sd, np.full(rate.shape, np.nan), np.full(rate.shape, np.nan))
-    return Bands(rate, rate_sd, curve.vwc(rate), curve.vwc_sd(rate, rate_sd, order=3))
+    return Bands(rate, rate_sd, *curve.vwc_and_sd(rate, rate_sd))

@@ -191,6 +191,7 @@ class TiledKriging:
     :param keep_nugget: as :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`
     :param nearest: number of nearest samples that a tile takes one by one; chosen by :meth:`fit` if ``None``
     :param compute: computes the tiles; by default here, one after the other
+    :param mean_rate: mean rate m* in the noise variances [counts/s], > 0; by default that of the samples
     :raises ValueError: if ``nearest`` is not positive
 
     Attributes
@@ -204,7 +205,12 @@ class TiledKriging:
     """
 
     def __init__(
-        self, variogram: Variogram, keep_nugget: bool = True, nearest: int | None = None, compute: Compute = map
+        self,
+        variogram: Variogram,
+        keep_nugget: bool = True,
+        nearest: int | None = None,
+        compute: Compute = map,
+        mean_rate: float | None = None,
     ) -> None:
         if nearest is not None and nearest < 1:
             raise ValueError(f"nearest must be at least 1, got {nearest}")
@@ -215,6 +221,7 @@ class TiledKriging:
         self.noise_mean_rate = float("nan")
         self._nearest = nearest
         self._compute = compute
+        self._mean_rate = mean_rate
         self._model: _Model | None = None
 
     @property
@@ -239,7 +246,7 @@ class TiledKriging:
         if not len(records):
             raise ValueError("kriging needs at least one sample; wait for the first record")
         places, _ = merge_exactly(records)
-        self.noise_mean_rate = noise_rate(places)
+        self.noise_mean_rate = noise_rate(places) if self._mean_rate is None else self._mean_rate
         nearest = self._nearest or NEAREST[0]
         model = _Model(self.variogram, self.keep_nugget, self.noise_mean_rate, SampleTree(places), nearest)
         model = self._with_mean(model, places)

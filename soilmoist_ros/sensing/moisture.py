@@ -56,8 +56,7 @@ class CalibrationCurve:
         NaN where :meth:`valid` is false. Very dry values below 0 are returned as they are: they say that
         N0 or the water terms are off, which clipping would hide.
         """
-        excess = self._excess(rate_cps)
-        return self.bulk_density_gcm3 * (A0 / excess - A2 - self.lattice_water - self.organic_water)
+        return self._vwc(self._excess(rate_cps))
 
     def rate_cps(self, vwc: ArrayLike) -> NDArray[np.float64]:
         """Corrected rate [counts/s] of a volumetric water content [m^3/m^3]; the inverse of :meth:`vwc`.
@@ -91,18 +90,46 @@ class CalibrationCurve:
             Frontiers in Water 2:10, which is larger where the noise reaches the curve's steep end
         :raises ValueError: for another order
         """
-        sd = np.asarray(rate_sd_cps, float)
-        first = np.abs(self.slope(rate_cps)) * sd
         if order == 1:
-            return np.asarray(first)
+            return np.asarray(np.abs(self.slope(rate_cps)) * np.asarray(rate_sd_cps, float))
         if order != 3:
             raise ValueError(f"order must be 1 or 3, got {order}")
-        ratio = (sd / (self.n0_cps * self._excess(rate_cps))) ** 2
-        return np.asarray(first * np.sqrt(1 + 8 * ratio + 15 * ratio**2))
+        return self.vwc_and_sd(rate_cps, rate_sd_cps)[1]
+
+    def vwc_and_sd(
+        self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """:meth:`vwc`, and its standard deviation of third order as :meth:`vwc_sd`; together they cost less.
+
+        :param rate_cps: corrected rate [counts/s], any shape
+        :param rate_sd_cps: its standard deviation [counts/s], same shape
+        """
+        excess = self._excess(rate_cps)
+        relative = np.asarray(rate_sd_cps, float) / excess
+        relative /= self.n0_cps
+        ratio = relative * relative
+        series = 15.0 * ratio
+        series += 8.0
+        series *= ratio
+        series += 1.0
+        sd = np.sqrt(series)
+        sd *= relative
+        sd /= excess
+        sd *= self.bulk_density_gcm3 * A0
+        return self._vwc(excess), np.asarray(sd)
+
+    def _vwc(self, excess: NDArray[np.float64]) -> NDArray[np.float64]:
+        vwc = np.asarray(A0 / excess)
+        vwc -= A2 + self.lattice_water + self.organic_water
+        vwc *= self.bulk_density_gcm3
+        return vwc
 
     def _excess(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        ratio = np.asarray(rate_cps, float) / self.n0_cps
-        return np.where(ratio > A1, ratio - A1, np.nan)
+        excess = np.array(rate_cps, float)
+        excess /= self.n0_cps
+        excess -= A1
+        excess[~(excess > 0)] = np.nan
+        return excess
 
 
 def n0_from_calibration(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.errors import IllConditionedError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.mapping.poisson_kriging import clip_negative
 from soilmoist_ros.mapping.variogram import MODELS
 
 MODEL = Variogram("matern32", 0.02, 40.0, 0.3)
@@ -356,12 +357,12 @@ def test_a_hopeless_matrix_gets_jitter_and_says_so(caplog):
 
 
 def test_negative_variances_are_clipped_counted_and_reported(caplog):
-    kriging = PoissonKriging(MODEL).fit(*survey())
+    variance = np.array([0.1, -1e-3, 0.2, -1e-17])
     with caplog.at_level(logging.WARNING):
-        clipped = kriging._clip(np.array([0.1, -1e-3, 0.2, -1e-17]))
-    np.testing.assert_array_equal(clipped, [0.1, 0, 0.2, 0])
-    assert kriging.clipped_variances == 2
+        assert clip_negative(variance, 0.3) == 2
+    np.testing.assert_array_equal(variance, [0.1, 0, 0.2, 0])
     assert "2 negative variances" in caplog.text
+    kriging = PoissonKriging(MODEL).fit(*survey())
     kriging.predict(targets())
     assert kriging.clipped_variances == 0
 

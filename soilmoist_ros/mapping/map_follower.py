@@ -1,0 +1,124 @@
+"""The cells of one field kriged again and again, while samples are added or grow."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.chebyshev import TOLERANCE, WORTH_SHARE, ChebyshevNodes, first_degrees
+from soilmoist_ros.mapping.field_grid import FieldGrid
+from soilmoist_ros.mapping.kriging_rows import KrigingRows
+from soilmoist_ros.mapping.samples import Samples, merge_exactly
+from soilmoist_ros.mapping.variogram import Variogram
+
+Array = NDArray[np.float64]
+
+_FINER = 1.15
+"""How many times more Chebyshev points along each axis are tried where the surfaces are not resolved."""
+
+
+class MapFollower:
+    """Maps one set of samples after the other; quick where they have most in common.
+
+    The maps are those of :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging` but for rounding. Each
+    depends on its samples and variogram alone, bit for bit, whatever was mapped before; see
+    :mod:`~soilmoist_ros.mapping.kriging_rows`, which keeps the rows: for Gaussian variograms those of Chebyshev
+    points, from which the map is interpolated, for others those of the cells. Not for two threads at a time.
+
+    :param grid: the field
+    :param keep_nugget: as :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`
+    """
+
+    def __init__(self, grid: FieldGrid, keep_nugget: bool) -> None:
+        self.grid = grid
+        self.keep_nugget = keep_nugget
+        self._cells: KrigingRows | None = None
+        self._levels: list[tuple[ChebyshevNodes, KrigingRows]] = []
+        self._levels_of: Variogram | None = None
+        rows, columns = (np.flatnonzero(grid.mask.any(axis=axis)) for axis in (1, 0))
+        self._outside = ~grid.mask
+        self._box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+    def follow(self, samples: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+        """Rate [counts/s] and kriging variance [(counts/s)^2], the variance not yet clipped at 0.
+
+        :param samples: at least one
+        :param variogram: variogram of the latent rate
+        :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], > 0
+        :returns: shape (2, ny, nx), NaN outside the field; ``None`` if there is too much to keep or the matrix is
+            too near to singular for this way: which is the case or not whatever was mapped before
+        """
+        places = samples if _are_distinct(samples.xy) else merge_exactly(samples)[0]
+        found = self._interpolated(places, variogram, mean_rate) if variogram.model == "gaussian" else None
+        if found is None:
+            found = self._dense(places, variogram, mean_rate)
+        if found is not None:
+            found[1] += variogram.sill if self.keep_nugget else variogram.structured_sill
+        return found
+
+    def _dense(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+        if self._cells is None:
+            self._cells = KrigingRows(self.grid.cells, self.keep_nugget)
+        surfaces = self._cells.follow(places, variogram, mean_rate)
+        if surfaces is None:
+            return None
+        rasters = np.full((2, *self.grid.shape), np.nan)
+        for raster, surface in zip(rasters, surfaces, strict=True):
+            raster[self.grid.mask] = surface
+        return rasters
+
+    def _interpolated(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+        """Both surfaces from as few Chebyshev points as resolve them; ``None`` if that is no gain."""
+        grid, box = self.grid, self._box
+        if variogram != self._levels_of:
+            self._levels, self._levels_of = [], variogram
+        if variogram.structured_sill == 0:
+            return None
+        x_m, y_m = grid.x_m[box[1]], grid.y_m[box[0]]
+        length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)  # as in PoissonKriging
+        first, spent = first_degrees(x_m, y_m, length_m), 0
+        for level in itertools.count():
+            degrees = tuple(math.ceil(degree * _FINER**level) for degree in first)
+            spent += math.prod(degrees)
+            if spent > WORTH_SHARE * np.count_nonzero(grid.mask):
+                return None
+            if level == len(self._levels):
+                nodes = ChebyshevNodes(x_m, y_m, degrees)
+                x, y = np.meshgrid(nodes.x_m, nodes.y_m)
+                self._levels.append((nodes, KrigingRows(np.column_stack([x.ravel(), y.ravel()]), False)))
+            nodes, rows = self._levels[level]
+            surfaces = rows.follow(places, variogram, mean_rate)
+            if surfaces is None:
+                return None
+            coefficients = nodes.coefficients(np.array(surfaces).reshape(2, len(nodes.y_m), len(nodes.x_m)))
+            scale = np.array([math.sqrt(variogram.sill), variogram.sill])
+            if max(nodes.tails(coefficients, scale)) <= TOLERANCE:
+                break
+        rasters = nodes.raster(coefficients)
+        if rasters.shape[1:] != grid.shape:
+            inside, rasters = rasters, np.empty((2, *grid.shape))
+            rasters[:, *box] = inside
+        if self._outside.any():
+            rasters[:, self._outside] = np.nan
+        if self.keep_nugget:
+            self._add_needles(rasters, places, rows)
+        return rasters
+
+    def _add_needles(self, rasters: Array, places: Samples, rows: KrigingRows) -> None:
+        """Where a sample is, the surface with its nugget has a needle."""
+        grid = self.grid
+        x, y = places.xy.T
+        column, row = (
+            np.minimum(np.searchsorted(axis, values), len(axis) - 1)
+            for axis, values in ((grid.x_m, x), (grid.y_m, y))
+        )
+        here = np.flatnonzero((grid.x_m[column] == x) & (grid.y_m[row] == y) & grid.mask[row, column])
+        if len(here):
+            rasters[:, row[here], column[here]] = np.array(rows.at_samples(here))
+
+
+def _are_distinct(xy: Array) -> bool:
+    return len(set(map(tuple, xy.tolist()))) == len(xy)
