@@ -14,6 +14,7 @@ two may share out a product differently from one time to the next.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,8 @@ MOST_ELEMENTS = 32_000_000
 """Numbers in all rows of W (256 MB): 450 samples and 70,000 targets."""
 LEAST_PIVOT = 1e-6
 """Share of a sample's variance that those before must leave unexplained; the inverse of L is too inexact below."""
+_PART = 256
+"""Elements of a row of L that are computed at a time, a multiple of :data:`BLOCK`."""
 _AT_ONCE = 16384
 """Covariances computed at a time: what comes between stays in the cache."""
 _TILE = 4096
@@ -140,14 +143,18 @@ class KrigingRows:
 
         :returns: whether the matrix is well-conditioned enough
         """
-        factor, inverse, rate = self._factor, self._inverse, samples[:, 6].copy()
+        factor, inverse = self._factor, self._inverse
+        data = np.column_stack([samples[:, 6], np.ones(len(samples))])
         covariance = _between(self._variogram, samples, first) if first < len(samples) else np.empty((0, 0))
         for i in range(first, len(samples)):
             right = covariance[i - first]
             row = factor[i, :i]
-            for start in range(0, i, BLOCK):
-                stop = min(start + BLOCK, i)
-                row[start:stop] = inverse[start:stop, :stop] @ right[:stop]
+            # In parts, so that what belongs to full blocks is made without the samples of the tail, whichever
+            # of the last two ends of blocks that may begin at.
+            middle = max(0, i // BLOCK - 1) * BLOCK
+            for start, stop in pairwise([*range(0, middle, _PART), middle, min(middle + BLOCK, i), i]):
+                if start < stop:
+                    row[start:stop] = inverse[start:stop, :stop] @ right[:stop]
             total = right[i] + samples[i, 5]
             pivot = total - row @ row
             if not pivot >= LEAST_PIVOT * total:
@@ -156,8 +163,7 @@ class KrigingRows:
             inverse[i, :i] = row @ inverse[:i, :i]
             inverse[i, :i] /= -diagonal
             inverse[i, i] = 1 / diagonal
-            self._data[0, i] = inverse[i, : i + 1] @ rate[: i + 1]
-            self._data[1, i] = inverse[i, : i + 1].sum()
+            self._data[:, i] = inverse[i, : i + 1] @ data[: i + 1]
         return True
 
     # -- W ---------------------------------------------------------------------------------------------

@@ -103,7 +103,7 @@ class MapFollower:
             rasters[:, *box] = inside
         if self._outside.any():
             rasters[:, self._outside] = np.nan
-        if self.keep_nugget:
+        if self.keep_nugget and variogram.nugget > 0:
             self._add_needles(rasters, places, rows)
         return rasters
 
@@ -121,4 +121,4 @@ class MapFollower:
 
 
 def _are_distinct(xy: Array) -> bool:
-    return len(set(map(tuple, xy.tolist()))) == len(xy)
+    return len(np.unique(xy[:, 0] + 1j * xy[:, 1])) == len(xy)
