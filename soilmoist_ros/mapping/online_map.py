@@ -23,6 +23,9 @@ from soilmoist_ros.sensing.records import CountRecord
 
 REFIT_GROWTH = 0.02
 """The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
+LATER_REFIT_GROWTH, MANY_SAMPLES = 0.05, 100
+"""The same from so many samples on. In 48 simulated missions of 4 h that changed the mean squared error of the maps
+by (0.2 +- 0.4) % against a fit after every record, and the coverage of the 95 % interval by less than 0.1 %."""
 HIGHEST_RATE_CPS = 1e4
 """Rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]."""
 LONGEST_RECORD_S = 86400.0
@@ -275,6 +278,5 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
 
 def _has_grown(fitted: Samples, samples: Samples) -> bool:
     """Whether a new fit pays. A rule of the records alone: it must not matter which maps were computed."""
-    return len(samples) > (1 + REFIT_GROWTH) * len(fitted) or float(samples.exposure_s.sum()) > (
-        1 + REFIT_GROWTH
-    ) * float(fitted.exposure_s.sum())
+    factor = 1 + (LATER_REFIT_GROWTH if len(fitted) >= MANY_SAMPLES else REFIT_GROWTH)
+    return len(samples) > factor * len(fitted) or bool(samples.exposure_s.sum() > factor * fitted.exposure_s.sum())

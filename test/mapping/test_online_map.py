@@ -1,5 +1,6 @@
 import dataclasses
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -7,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import FieldGrid, estimate_variogram, make_soil_map
-from soilmoist_ros.mapping.online_map import RECENT, REFIT_GROWTH, OnlineMap, OnlineSettings, Skip
+from soilmoist_ros.mapping.online_map import (
+    LATER_REFIT_GROWTH,
+    MANY_SAMPLES,
+    RECENT,
+    REFIT_GROWTH,
+    OnlineMap,
+    OnlineSettings,
+    Skip,
+)
 from soilmoist_ros.mapping.sample_merger import DrivenWays, SampleMerger
 from soilmoist_ros.mapping.support import LEAST_SPREAD_M2, footprint_spread, way_spread
 from soilmoist_ros.sensing.moisture import CalibrationCurve
@@ -175,6 +184,36 @@ def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, da
     assert found.variogram == expected.variogram
 
 
+def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
+    rng = np.random.default_rng(3)
+    the_map = online(merge_radius_m=0.0)
+    for x_m, y_m in rng.uniform((0, 0), (60, 50), (MANY_SAMPLES + 10, 2)).tolist():
+        the_map.take(record(x_m, y_m, raw_counts=int(rng.poisson(40))))
+    first = the_map.compute(the_map.state)
+    the_map.take(record(30.0, 30.0, raw_counts=90))
+    second = the_map.compute(the_map.state)
+    assert second.fit is first.fit
+    assert second.mean_rate == first.mean_rate == first.fit.mean_rate
+    samples = the_map.state.samples
+    exact = make_soil_map(samples, GRID, second.fit, CURVE)
+    for band, wanted in zip(second.bands, exact.bands, strict=True):
+        np.testing.assert_allclose(band, wanted, rtol=1e-9)
+    fresh = online(merge_radius_m=0.0)
+    assert fresh.compute(the_map.state).rate.tobytes() == second.rate.tobytes()
+
+
+def test_threads_may_map_different_states_at_a_time():
+    the_map = online(merge_radius_m=0.0)
+    states = []
+    for number in range(24):
+        the_map.take(record(2.0 * number, 10.0 + number, raw_counts=30 + number))
+        states.append(the_map.state)
+    expected = [online().compute(state).rate.tobytes() for state in states]
+    with ThreadPoolExecutor(4) as pool:
+        found = [soil_map.rate.tobytes() for soil_map in pool.map(the_map.compute, states)]
+    assert found == expected
+
+
 def test_a_state_stays_as_it_was_while_records_come_in():
     the_map = online()
     the_map.take(record())
@@ -206,6 +245,19 @@ def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
         fits.append(the_map.state.fit_samples)
     assert len(set(fits[:49])) == 49
     assert len(set(fits[500:])) <= 1 + math.log(2) / math.log(1 + REFIT_GROWTH)
+
+
+def test_from_many_samples_on_the_variogram_is_fitted_less_often():
+    the_map = online(merge_radius_m=0.0)
+    fitted = []
+    for number in range(2 * MANY_SAMPLES):
+        the_map.take(record(number % 50, number // 50, stamp_s=100.0 * number))
+        fitted.append(len(the_map.state.fit_samples))
+    numbers = np.unique(fitted)
+    few, many = numbers[numbers <= MANY_SAMPLES], numbers[numbers >= MANY_SAMPLES]
+    assert np.diff(few).max() <= math.ceil(REFIT_GROWTH * MANY_SAMPLES) + 1
+    assert (np.diff(many) > LATER_REFIT_GROWTH * many[:-1]).all()
+    assert many[-1] >= len(the_map.state.samples) / (1 + LATER_REFIT_GROWTH)
 
 
 def test_soft_l1_waits_for_two_places():
