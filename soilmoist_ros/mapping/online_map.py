@@ -24,7 +24,7 @@ from soilmoist_ros.sensing.records import CountRecord
 REFIT_GROWTH = 0.02
 """The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
 LATER_REFIT_GROWTH, MANY_SAMPLES = 0.05, 100
-"""The same from so many samples on. In 48 simulated missions of 4 h that changed the mean squared error of the maps
+"""The same from so many samples on. In 48 simulated missions of 4 h this changed the mean squared error of maps
 by (0.2 +- 0.4) % against a fit after every record, and the coverage of the 95 % interval by less than 0.1 %."""
 HIGHEST_RATE_CPS = 1e4
 """Rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]."""
