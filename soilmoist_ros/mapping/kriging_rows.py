@@ -235,11 +235,11 @@ class KrigingRows:
             before[:] = self._of_blocks
             count = self._full
         while count < n - 1:
-            self._add_row(count, before)
+            self._add_row(count, before, before)
             count += 1
         self._before = before, count
-        sums = before.copy()
-        self._add_row(count, sums)
+        sums = np.empty_like(before)
+        self._add_row(count, before, sums)
         return self._finished(sums.reshape(3, -1)[:, : self._count])
 
     def _finished(self, sums: Array) -> Surfaces:
@@ -265,12 +265,12 @@ class KrigingRows:
         of_data = self._data[:, :n] @ solved
         return self._finished(np.stack([*of_data, np.einsum("ij,ij->j", solved, solved)]))
 
-    def _add_row(self, number: int, sums: Array) -> None:
+    def _add_row(self, number: int, sums: Array, out: Array) -> None:
         """Add a row of the tail to sums."""
         row, scratch = self._tail[:, number - self._full], self._scratch
         rate, ones = self._data[:, number].tolist()
-        for total, factor in zip(sums, (rate, ones, row), strict=True):
-            total += np.multiply(row, factor, out=scratch)
+        for total, factor, result in zip(sums, (rate, ones, row), out, strict=True):
+            np.add(total, np.multiply(row, factor, out=scratch), out=result)
 
     def _covariance(self, points: _Points, samples: Array, tiles: slice, out: Array) -> None:
         """Covariance of samples with the targets of tiles, shape (samples, targets)."""
