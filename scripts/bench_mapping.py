@@ -483,7 +483,7 @@ def write(
         "",
         "## On line: a map after each record, each with a new sample",
         "",
-        f"{cells} cells, CPU time of one core, medians of three runs. libKriging computes each map anew; timed after "
+        f"{cells} cells, CPU time of one core, medians of three runs. libKriging makes each map anew, timed after "
         + ", ".join(f"{share:.0%}" for share in LIBKRIGING_SHARES)
         + " of the records and its total summed up by linear interpolation. One update with all samples, median "
         f"of {LAST}: with a new sample, with the last one moved and grown, or only grown; anew: all rows changed. "
