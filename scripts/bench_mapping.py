@@ -7,9 +7,6 @@ variance leaves the mean's uncertainty out. libKriging's kernels are products ov
 Gaussian is the same model; its other kernels are timed for the same number of samples. It cannot take
 70,000 cells at once (matrix too large): it gets 1000 at a time.
 
-On line, a map follows each record: this package goes on from the map before (MapFollower), which is compared with
-libKriging computing each anew. That is timed for some numbers of samples, and summed up by interpolation.
-
 The floor is the time that the machine's dtrsm alone needs for one triangular solve per cell, which every dense
 method pays; ``floors`` is the time in units of it. It is measured in the same run, as are dgemm and the memory.
 
@@ -29,8 +26,8 @@ import resource
 import statistics
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -41,8 +38,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.map_follower import MapFollower
+from soilmoist_ros.mapping import PoissonKriging, Variogram
 
 PATIENCE_S = 30.0
 """What takes longer in all is not repeated further."""
@@ -51,15 +47,6 @@ COLUMNS = (
     "model", "n", "package", "seconds", "slowest_s", "ratio", "floors", "rate_difference", "variance_difference"
 )  # fmt: skip
 EXTRA_COLUMNS = ("memory_mb", "remark")
-ONLINE_COLUMNS = (
-    "model", "records", "total_s", "libkriging_total_s", "ratio", "new_sample_ms", "moved_sample_ms",
-    "grown_sample_ms", "anew_ms", "memory_mb", "rate_difference", "variance_difference",
-)  # fmt: skip
-LIBKRIGING_SHARES = (1 / 30, 1 / 3, 2 / 3, 1.0)
-"""Shares of the records after which libKriging is timed."""
-ON_LINE_MODELS = ("gaussian", "exponential", "matern32")
-LAST = 20
-"""Last new samples, of which one update is the median; and records that join the last sample afterwards."""
 
 
 @dataclass(frozen=True)
@@ -79,14 +66,9 @@ class Task:
         return self.counts / self.exposure_s
 
     @property
-    def mean_rate(self) -> float:
-        """Mean rate of all [counts/s]."""
-        return float(self.counts.sum() / self.exposure_s.sum())
-
-    @property
     def noise(self) -> np.ndarray:
         """Variances of the rates [(counts/s)^2]."""
-        return self.mean_rate / self.exposure_s
+        return self.counts.sum() / self.exposure_s.sum() / self.exposure_s
 
     @property
     def cells(self) -> np.ndarray:
@@ -97,18 +79,6 @@ class Task:
         """The same places with one exposure for all."""
         exposure_s = np.full(len(self.xy), self.exposure_s.mean())
         return Task(self.model, self.xy, np.rint(self.rate * exposure_s), exposure_s, self.x_m, self.y_m)
-
-    def first(self, n: int) -> Task:
-        """The task with the first samples only."""
-        return replace(self, xy=self.xy[:n], counts=self.counts[:n], exposure_s=self.exposure_s[:n])
-
-    def after_record(self, number: int, shift_m: float) -> Task:
-        """The task after another record at one sample, which moves it."""
-        xy, counts, exposure_s = self.xy.copy(), self.counts.copy(), self.exposure_s.copy()
-        xy[number] += shift_m
-        counts[number] += 30
-        exposure_s[number] += 10
-        return replace(self, xy=xy, counts=counts, exposure_s=exposure_s)
 
 
 def make_task(model: str, n: int, cells: int) -> Task:
@@ -272,23 +242,19 @@ def _peak_mb() -> float:
     return int(status.partition("VmHWM:")[2].split()[0]) / 1024
 
 
-def _memory_child(model: str, n: int, cells: int, on_line: bool, connection: object) -> None:
-    follow(make_task(model, 30, 500))
+def _memory_child(model: str, n: int, cells: int, connection: object) -> None:
     ours(make_task(model, 30, 500))()  # libraries loaded
     task = make_task(model, n, cells)
     before = _peak_mb()
-    if on_line:
-        follow(task)
-    else:
-        ours(task)()
+    ours(task)()
     connection.send(_peak_mb() - before)  # type: ignore[attr-defined]
 
 
-def memory_mb(model: str, n: int, cells: int, on_line: bool = False) -> float:
-    """Growth of the peak memory of a fresh process, fit and map together, or all maps on line [MB]."""
+def memory_mb(model: str, n: int, cells: int) -> float:
+    """Growth of the peak memory of a fresh process, fit and map together [MB]."""
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    child = context.Process(target=_memory_child, args=(model, n, cells, on_line, sender))
+    child = context.Process(target=_memory_child, args=(model, n, cells, sender))
     child.start()
     growth = float(receiver.recv())
     child.join()
@@ -361,75 +327,6 @@ def compare(model: str, n: int, cells: int, repeats: int, packages: list[str] | 
     return rows
 
 
-# -- on line ------------------------------------------------------------------------------------------------
-
-
-def follow(task: Task) -> tuple[list[float], MapFollower, np.ndarray]:
-    """CPU times of the maps after each record [s], what made them, and the last."""
-    everywhere = np.ones((len(task.y_m), len(task.x_m)), bool)
-    follower = MapFollower(FieldGrid(task.x_m, task.y_m, 1.0, everywhere, ()), keep_nugget=True)
-    times = []
-    for n in range(1, len(task.xy) + 1):
-        seconds, found = followed(follower, task.first(n), task.mean_rate)
-        times.append(seconds)
-    return times, follower, found
-
-
-def followed(follower: MapFollower, task: Task, mean_rate: float) -> tuple[float, np.ndarray]:
-    """CPU time of one map [s], and the map."""
-    start = time.process_time()
-    samples = Samples(task.xy, task.counts, task.exposure_s)
-    found = follower.follow(samples, Variogram(task.model, 0.0, RANGE_M, SILL), mean_rate)
-    seconds = time.process_time() - start
-    assert found is not None
-    return seconds, found
-
-
-def compare_on_line(model: str, records: int, cells: int) -> dict[str, object]:
-    task = make_task(model, records, cells)
-    runs = []
-    for _ in range(4):
-        follower = None  # its memory is free for the next
-        times, follower, found = follow(task)
-        runs.append(times)
-    new = np.median(runs[1:], axis=0)  # the first loads libraries and gets memory from the system
-    kriging = PoissonKriging(Variogram(model, 0.0, RANGE_M, SILL))
-    expected = kriging.fit(task.xy, task.counts, task.exposure_s).predict_grid(task.x_m, task.y_m)
-    difference = [float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True)]
-    standing = task
-    grown, moved, anew = [], [], []
-    for _ in range(LAST):
-        for shift_m, seconds in ((0.0, grown), (0.1, moved)):
-            standing = standing.after_record(-1, shift_m)
-            seconds.append(followed(follower, standing, task.mean_rate)[0])
-    for _ in range(3):
-        standing = standing.after_record(0, 0.1)
-        anew.append(followed(follower, standing, task.mean_rate)[0])
-    row: dict[str, object] = {"model": model, "records": records, "total_s": f"{new.sum():.2f}"}
-    if importlib.util.find_spec("pylibkriging") is not None:
-        sizes = [max(2, round(records * share)) for share in LIBKRIGING_SHARES]
-        seconds = [libkriging_s(task.first(n)) for n in sizes]
-        total = float(np.interp(np.arange(1, records + 1), sizes, seconds).sum())
-        row |= {"libkriging_total_s": f"{total:.1f}", "ratio": f"{total / new.sum():.0f}"}
-    for name, some in (("new", new[-LAST:]), ("moved", moved), ("grown", grown)):
-        row[f"{name}_sample_ms"] = f"{1e3 * statistics.median(some):.2f}"
-    row["anew_ms"] = f"{1e3 * statistics.median(anew):.0f}"
-    row["memory_mb"] = f"{memory_mb(model, records, cells, on_line=True):.0f}"
-    return row | {"rate_difference": f"{difference[0]:.1e}", "variance_difference": f"{difference[1]:.1e}"}
-
-
-def libkriging_s(task: Task) -> float:
-    """CPU time of one map by libKriging [s], the median of three."""
-    run = pylibkriging(task)
-    assert run is not None
-    times = []
-    for _ in range(3):
-        start = time.process_time()
-        run()
-        times.append(time.process_time() - start)
-    return statistics.median(times)
-
-
 def _row(
     model: str,
     n: int,
@@ -457,16 +354,13 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def write(
-    rows: list[dict[str, object]], on_line: list[dict[str, object]], folder: Path, cells: int, repeats: int
-) -> None:
+def write(rows: list[dict[str, object]], folder: Path, cells: int, repeats: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     columns = [*COLUMNS, *EXTRA_COLUMNS]
-    for name, names, content in (("mapping", columns, rows), ("mapping_on_line", ONLINE_COLUMNS, on_line)):
-        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, names)
-            table.writeheader()
-            table.writerows(content)
+    with (folder / "mapping.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, columns)
+        table.writeheader()
+        table.writerows(rows)
     packages = ["numpy", "scipy", *(peer.distribution for peer in PEERS if importlib.util.find_spec(peer.module))]
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
     lines = [
@@ -479,28 +373,11 @@ def write(
         "",
         f"Python {platform.python_version()}, {versions}. Processor: {_processor()}: {roofline()}.",
         "",
-        *_table(columns, rows),
-        "",
-        "## On line: a map after each record, each with a new sample",
-        "",
-        f"{cells} cells, CPU time of one core, medians of three runs. libKriging makes each map anew, timed after "
-        + ", ".join(f"{share:.0%}" for share in LIBKRIGING_SHARES)
-        + " of the records and its total summed up by linear interpolation. One update with all samples, median "
-        f"of {LAST}: with a new sample, with the last one moved and grown, or only grown; anew: all rows changed. "
-        "Memory: growth of the peak of a fresh process that makes all maps. Differences are those of the last map "
-        "from PoissonKriging.",
-        "",
-        *_table(ONLINE_COLUMNS, on_line),
-    ]
-    (folder / "mapping.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _table(columns: Sequence[str], rows: list[dict[str, object]]) -> list[str]:
-    return [
         "| " + " | ".join(columns) + " |",
         "|" + "---|" * len(columns),
         *("| " + " | ".join(str(row.get(column, "")) for column in columns) + " |" for row in rows),
     ]
+    (folder / "mapping.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def main() -> int:
@@ -509,26 +386,18 @@ def main() -> int:
     parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
     parser.add_argument("--sizes", type=int, nargs="+", help="numbers of samples (default 72 300 1000)")
-    parser.add_argument("--records", type=int, help="records of the maps on line (default 300; 0 for none)")
     parser.add_argument("--packages", nargs="+", help="compare with these only (names as in the table)")
     parser.add_argument("--out", type=Path, default=ROOT / "bench", help="folder for mapping.csv and mapping.md")
     arguments = parser.parse_args()
-    cells, sizes, records, repeats = 70_000, (72, 300, 1000), 300, max(1, arguments.repeats)
+    cells, sizes, repeats = 70_000, (72, 300, 1000), max(1, arguments.repeats)
     if arguments.quick:
-        cells, sizes, records, repeats = 7_000, (72, 300), 100, 1
+        cells, sizes, repeats = 7_000, (72, 300), 1
     sizes = arguments.sizes or sizes
-    records = records if arguments.records is None else arguments.records
     if importlib.util.find_spec("threadpoolctl") is not None:
         from threadpoolctl import threadpool_limits
 
         threadpool_limits(1)
     rows: list[dict[str, object]] = []
-    on_line: list[dict[str, object]] = []
-    for model in arguments.models if records else ():
-        if model in ON_LINE_MODELS:
-            on_line.append(compare_on_line(model, records, cells))
-            print("  ".join(f"{column} {value}" for column, value in on_line[-1].items()), flush=True)
-            write(rows, on_line, arguments.out, cells, repeats)
     for model in arguments.models:
         for n in sizes:
             for row in compare(model, n, cells, repeats, arguments.packages):
@@ -536,8 +405,8 @@ def main() -> int:
                 print(
                     "  ".join(f"{row.get(column, '')!s:>13}" for column in [*COLUMNS, *EXTRA_COLUMNS]), flush=True
                 )
-            write(rows, on_line, arguments.out, cells, repeats)  # what is done is kept if the rest is cut short
-    print(f"wrote mapping.csv, mapping_on_line.csv and mapping.md in {arguments.out}")
+            write(rows, arguments.out, cells, repeats)  # what is done is kept if the rest is cut short
+    print(f"wrote {arguments.out / 'mapping.csv'} and {arguments.out / 'mapping.md'}")
     return 0
 
 

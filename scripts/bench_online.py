@@ -1,0 +1,189 @@
+"""Time of maps on line: mean and variance of 70,000 cells after each of 300 records, against libKriging.
+
+Every record begins a new sample. This package goes on from the map before (MapFollower); libKriging computes each
+anew, the fastest of the packages that bench_mapping.py compares. It is timed for a few numbers of samples, and its
+total summed up by linear interpolation. Samples and fixed covariance parameters are those of bench_mapping.py;
+nothing is fitted. One BLAS thread, CPU time, medians of three runs.
+
+Usage: python scripts/bench_online.py [--quick] [--models NAME ...] [--records N] [--cells N] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib.util
+import multiprocessing
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import bench_mapping  # limits the threads before numpy is imported
+import numpy as np
+from bench_mapping import RANGE_M, ROOT, SILL, Task, make_task
+
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram
+from soilmoist_ros.mapping.map_follower import MapFollower
+
+LIBKRIGING_SHARES = (1 / 30, 1 / 3, 2 / 3, 1.0)
+"""Shares of the records after which libKriging is timed."""
+LAST = 20
+"""Last new samples of which one update is the median, and records that join the last sample afterwards."""
+COLUMNS = (
+    "model", "records", "total_s", "libkriging_total_s", "ratio", "new_sample_ms", "slowest_ms", "moved_sample_ms",
+    "grown_sample_ms", "anew_ms", "memory_mb", "rate_difference", "variance_difference",
+)  # fmt: skip
+
+
+def first(task: Task, n: int) -> Task:
+    """The task with the first samples only."""
+    return replace(task, xy=task.xy[:n], counts=task.counts[:n], exposure_s=task.exposure_s[:n])
+
+
+def after_record(task: Task, number: int, shift_m: float) -> Task:
+    """The task after another record at one sample, which moves it."""
+    xy, counts, exposure_s = task.xy.copy(), task.counts.copy(), task.exposure_s.copy()
+    xy[number] += shift_m
+    counts[number] += 30
+    exposure_s[number] += 10
+    return replace(task, xy=xy, counts=counts, exposure_s=exposure_s)
+
+
+def mean_rate(task: Task) -> float:
+    return float(task.counts.sum() / task.exposure_s.sum())
+
+
+def follow(task: Task) -> tuple[list[float], MapFollower, np.ndarray]:
+    """CPU times of the maps after each record [s], what made them, and the last."""
+    everywhere = np.ones((len(task.y_m), len(task.x_m)), bool)
+    follower = MapFollower(FieldGrid(task.x_m, task.y_m, 1.0, everywhere, ()), keep_nugget=True)
+    times = []
+    for n in range(1, len(task.xy) + 1):
+        seconds, found = followed(follower, first(task, n), mean_rate(task))
+        times.append(seconds)
+    return times, follower, found
+
+
+def followed(follower: MapFollower, task: Task, mean_rate_cps: float) -> tuple[float, np.ndarray]:
+    """CPU time of one map [s], and the map."""
+    start = time.process_time()
+    samples = Samples(task.xy, task.counts, task.exposure_s)
+    found = follower.follow(samples, Variogram(task.model, 0.0, RANGE_M, SILL), mean_rate_cps)
+    seconds = time.process_time() - start
+    assert found is not None
+    return seconds, found
+
+
+def cpu_s(run: Callable[[], object]) -> float:
+    """CPU time of a run [s], the median of three."""
+    times = []
+    for _ in range(3):
+        start = time.process_time()
+        run()
+        times.append(time.process_time() - start)
+    return statistics.median(times)
+
+
+def _memory_child(model: str, records: int, cells: int, connection: object) -> None:
+    follow(make_task(model, 30, 500))  # libraries loaded
+    task = make_task(model, records, cells)
+    before = bench_mapping._peak_mb()
+    follow(task)
+    connection.send(bench_mapping._peak_mb() - before)  # type: ignore[attr-defined]
+
+
+def memory_mb(model: str, records: int, cells: int) -> float:
+    """Growth of the peak memory of a fresh process that makes all maps [MB]."""
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    child = context.Process(target=_memory_child, args=(model, records, cells, sender))
+    child.start()
+    sender.close()  # so that a child that dies ends the wait
+    growth = float(receiver.recv())
+    child.join()
+    return growth
+
+
+def compare(model: str, records: int, cells: int) -> dict[str, object]:
+    task = make_task(model, records, cells)
+    runs = []
+    for _ in range(4):
+        follower = None  # its memory is free for the next
+        times, follower, found = follow(task)
+        runs.append(times)
+    new = np.median(runs[1:], axis=0)  # the first loads libraries and gets memory from the system
+    kriging = PoissonKriging(Variogram(model, 0.0, RANGE_M, SILL))
+    expected = kriging.fit(task.xy, task.counts, task.exposure_s).predict_grid(task.x_m, task.y_m)
+    difference = [float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True)]
+    standing, rate = task, mean_rate(task)
+    grown, moved, anew = [], [], []
+    for _ in range(LAST):
+        for shift_m, seconds in ((0.0, grown), (0.1, moved)):
+            standing = after_record(standing, -1, shift_m)
+            seconds.append(followed(follower, standing, rate)[0])
+    for _ in range(3):
+        standing = after_record(standing, 0, 0.1)
+        anew.append(followed(follower, standing, rate)[0])
+    row: dict[str, object] = {"model": model, "records": records, "total_s": f"{new.sum():.2f}"}
+    if importlib.util.find_spec("pylibkriging") is not None:
+        sizes = [max(2, round(records * share)) for share in LIBKRIGING_SHARES]
+        seconds = [cpu_s(bench_mapping.pylibkriging(first(task, n))) for n in sizes]
+        total = float(np.interp(np.arange(1, records + 1), sizes, seconds).sum())
+        row |= {"libkriging_total_s": f"{total:.1f}", "ratio": f"{total / new.sum():.0f}"}
+    for name, some in (("new", new[-LAST:]), ("moved", moved), ("grown", grown)):
+        row[f"{name}_sample_ms"] = f"{1e3 * statistics.median(some):.2f}"
+    row |= {"slowest_ms": f"{1e3 * new.max():.0f}", "anew_ms": f"{1e3 * statistics.median(anew):.0f}"}
+    row["memory_mb"] = f"{memory_mb(model, records, cells):.0f}"
+    return row | {"rate_difference": f"{difference[0]:.1e}", "variance_difference": f"{difference[1]:.1e}"}
+
+
+def write(rows: list[dict[str, object]], folder: Path, cells: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "online.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, COLUMNS)
+        table.writeheader()
+        table.writerows(rows)
+    shares = ", ".join(f"{share:.0%}" for share in LIBKRIGING_SHARES)
+    lines = [
+        "# Maps on line: time of mean and variance after each record",
+        "",
+        f"{cells} cells, every record a new sample, fixed covariance parameters, CPU time of one core, medians of "
+        f"three runs. libKriging computes each map anew; it is timed after {shares} of the records and its total "
+        "summed up by linear interpolation. One update with all samples: a new sample (and the slowest of all, "
+        "where a block of rows is filled), the last one moved and grown, only grown, all rows anew. Memory is the "
+        "growth of the peak of a fresh process that makes all maps. Differences are those of the last map from "
+        "PoissonKriging [counts/s], [(counts/s)^2].",
+        "",
+        f"Processor: {bench_mapping._processor()}: {bench_mapping.roofline()}.",
+        "",
+        "| " + " | ".join(COLUMNS) + " |",
+        "|" + "---|" * len(COLUMNS),
+        *("| " + " | ".join(str(row.get(column, "")) for column in COLUMNS) + " |" for row in rows),
+    ]
+    (folder / "online.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a tenth of the cells, 100 records")
+    parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "matern32"])
+    parser.add_argument("--records", type=int, help="number of records (default 300)")
+    parser.add_argument("--cells", type=int, help="number of cells (default 70,000)")
+    parser.add_argument("--out", type=Path, default=ROOT / "bench", help="folder for online.csv and online.md")
+    arguments = parser.parse_args()
+    records = arguments.records or (100 if arguments.quick else 300)
+    cells = arguments.cells or (7_000 if arguments.quick else 70_000)
+    rows = []
+    for model in arguments.models:
+        rows.append(compare(model, records, cells))
+        print("  ".join(f"{column} {value}" for column, value in rows[-1].items()), flush=True)
+        write(rows, arguments.out, cells)  # what is done is kept if the rest is cut short
+    print(f"wrote {arguments.out / 'online.csv'} and {arguments.out / 'online.md'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
