@@ -87,7 +87,8 @@ class Explorer:
         self.factor = 1.0
         self._xy = np.array([(stop.x_m, stop.y_m) for stop in stops], dtype=float).reshape(-1, 2)
         grid = live_map.grid
-        self._stops_are_cells = np.array_equal(self._xy, grid.cells)
+        self._map_xy = grid.cells
+        self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
         self._cells = spread_cells(grid.mask, MOST_CELLS)[grid.mask]
         self._weighed = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
@@ -117,11 +118,11 @@ class Explorer:
         the others are about to count seems counted.
         """
         live_map = foreseen(self.live_map, others)
-        ruled_out = set(request.blacklisted)
         free = ~taken(self._xy, others, live_map.grid.cell_m)
-        kept = np.array(
-            [index for index, stop in enumerate(self.stops) if free[index] and stop.name not in ruled_out], np.intp
-        )
+        if request.blacklisted:
+            ruled_out = set(request.blacklisted)
+            free &= np.array([stop.name not in ruled_out for stop in self.stops], bool)
+        kept = np.flatnonzero(free)
         candidates = tuple(self.stops[index] for index in kept) if len(kept) < len(self.stops) else self.stops
         travel_s = self.travel.travel_s(position_xy, candidates)
         fits = travel_s + self.min_dwell_s + self._home_s[kept] <= request.budget_left_s
@@ -130,9 +131,10 @@ class Explorer:
         place = (float(position_xy[0]), float(position_xy[1]))
         return Situation(
             candidates=candidates,
+            candidates_xy=self._xy[kept],
             variance=self._variance(live_map, kept),
             map_variance=live_map.variance if known_rate else np.ones(len(live_map.variance)),
-            map_xy=live_map.grid.cells,
+            map_xy=self._map_xy,
             cell_m=live_map.grid.cell_m,
             position_xy=np.asarray(position_xy, float),
             measured_xy=live_map.samples.xy,

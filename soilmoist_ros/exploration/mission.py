@@ -19,7 +19,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import assert_never
 
 from soilmoist_ros.exploration.mission_moves import Moves, after_colon, xy
@@ -32,6 +31,7 @@ from soilmoist_ros.exploration.mission_state import (
     blacklisted,
     dwell_rule,
     mission_status,
+    replace,
     shown,
     state_from_json,
     state_to_dict,
@@ -114,7 +114,7 @@ def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[Missio
     if not math.isfinite(event.now_s):
         raise ValueError(f"the time of an event must be finite, got {event!r}")
     now_s = event.now_s if state.now_s is None else max(state.now_s, event.now_s)
-    turn = _Turn(rules, replace(state, now_s=now_s))
+    turn = _Turn(rules, state if now_s == state.now_s else replace(state, now_s=now_s))
     turn.handle(event)
     turn.meet_deadlines()
     if shown(turn.state) != shown(state):
@@ -217,10 +217,10 @@ class _Turn(Moves):
         began_s = ended_s - record.exposure_s
         if newest_s is not None and ended_s - newest_s < 2 * record.exposure_s:
             began_s = min(began_s, newest_s)  # the live time is shorter than the interval when a tube is missing
-        self.state = replace(state, last_stamp_s=ended_s)
+        raw_counts, exposure_s = state.raw_counts, state.exposure_s
         if state.under_way:
-            raw_counts, exposure_s = state.raw_counts + record.raw_counts, state.exposure_s + record.exposure_s
-            self.state = replace(self.state, raw_counts=raw_counts, exposure_s=exposure_s)
+            raw_counts, exposure_s = raw_counts + record.raw_counts, exposure_s + record.exposure_s
+        self.state = replace(state, last_stamp_s=ended_s, raw_counts=raw_counts, exposure_s=exposure_s)
         counting = state.counting
         if state.phase is Phase.COUNTING and counting is not None and counting.since_s is not None:
             away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import assert_never
 
 from soilmoist_ros.exploration.mission_state import (
@@ -18,6 +17,7 @@ from soilmoist_ros.exploration.mission_state import (
     blacklisted,
     dwell_rule,
     raw_rate,
+    replace,
 )
 from soilmoist_ros.exploration.mission_types import (
     Action,

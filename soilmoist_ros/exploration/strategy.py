@@ -34,6 +34,7 @@ class Situation:
     """All that a strategy may know when it chooses.
 
     :param candidates: stops that may be chosen; those the mission has ruled out (blacklisted) are not among them
+    :param candidates_xy: their places [m], shape (k, 2)
     :param variance: kriging variance at each candidate [(counts/s)^2], shape (k,)
     :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,)
     :param map_xy: centres of these cells [m], shape (g, 2)
@@ -49,6 +50,7 @@ class Situation:
     """
 
     candidates: tuple[Stop, ...]
+    candidates_xy: Array
     variance: Array
     map_variance: Array
     map_xy: Array

@@ -58,10 +58,13 @@ def away_from(situation: Situation, distance_m: float) -> NDArray[np.bool_]:
     measured = np.asarray(situation.measured_xy, float).reshape(-1, 2)
     if distance_m <= 0 or not len(measured) or not situation.candidates:
         return np.ones(len(situation.candidates), bool)
-    from scipy.spatial import KDTree
+    from scipy.spatial.distance import cdist
 
-    nearest, _ = KDTree(measured).query(places(situation))
-    return np.asarray(nearest >= distance_m * (1 - 1e-9))
+    away = np.ones(len(situation.candidates), bool)
+    for start in range(0, len(measured), 100):  # of many, some at a time
+        distances = cdist(situation.candidates_xy, measured[start : start + 100])
+        away &= distances.min(axis=1) >= distance_m * (1 - 1e-9)
+    return away
 
 
 def eligible(situation: Situation, preset: Preset) -> Indices:
@@ -69,11 +72,6 @@ def eligible(situation: Situation, preset: Preset) -> Indices:
     allowed = reachable(situation)
     allowed &= away_from(situation, preset.keep_away_cells * situation.cell_m)
     return np.flatnonzero(allowed & np.isfinite(situation.variance))
-
-
-def places(situation: Situation) -> Array:
-    """Places of the candidates, shape (k, 2) [m]."""
-    return np.array([(stop.x_m, stop.y_m) for stop in situation.candidates], float).reshape(-1, 2)
 
 
 def weighted_order(weight: Array, rng: np.random.Generator) -> Indices:

@@ -14,7 +14,6 @@ from soilmoist_ros.exploration.strategy_rules import (
     UNIT,
     Preset,
     eligible,
-    places,
     reachable,
     times_mean,
     weighted_order,
@@ -206,7 +205,7 @@ def _snapped(centres: Array, situation: Situation, possible: Indices) -> Indices
     """The reachable candidates nearest to the centres, each once."""
     from scipy.spatial import KDTree
 
-    _, nearest = KDTree(places(situation)[possible]).query(centres)
+    _, nearest = KDTree(situation.candidates_xy[possible]).query(centres)
     return np.unique(possible[nearest])
 
 

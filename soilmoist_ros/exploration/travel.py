@@ -144,6 +144,7 @@ class FreeTravel(_Model):
         self.motion = motion
         self._area = DrivableArea(polygons, no_go) if len(polygons) else None
         self._seen: dict[tuple[float, float], Array] = {}
+        self._asked: tuple[tuple[Stop, ...], Array, NDArray[np.bool_]] = ((), np.empty((0, 2)), np.empty(0, bool))
 
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """See :class:`TravelModel`."""
@@ -164,17 +165,27 @@ class FreeTravel(_Model):
         return np.array([*lead, start, *corners, end])
 
     def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
-        places = np.array([(stop.x_m, stop.y_m) for stop in stops])
+        places, inside = self._places(stops)
         if self._area is None:
             return np.asarray(np.hypot(*(places - from_xy).T))
         start = self._area.nearest(from_xy)
         lengths = np.hypot(*(places - start).T)
-        straight = self._area.contains(places) if self._area.is_convex else self._area.allows(start, places)
+        straight = inside if self._area.is_convex else self._area.allows(start, places)
         if not straight.all():
             reach = (self._to_corners(start)[:, None] + self._corner_ways[0]).min(axis=0, initial=np.inf)
             around = [(reach + self._to_corners(place)).min(initial=np.inf) for place in places[~straight]]
             lengths[~straight] = around
         return np.asarray(lengths + np.hypot(*(start - from_xy)))
+
+    def _places(self, stops: Sequence[Stop]) -> tuple[Array, NDArray[np.bool_]]:
+        """Places of stops, and whether each is inside the field; remembered of the tuple asked for last."""
+        if stops is self._asked[0]:
+            return self._asked[1:]
+        places = np.array([(stop.x_m, stop.y_m) for stop in stops])
+        inside = np.ones(len(places), bool) if self._area is None else self._area.contains(places)
+        if isinstance(stops, tuple):
+            self._asked = stops, places, inside
+        return places, inside
 
     def _to_corners(self, place: Array) -> Array:
         """Straight distance from a place to each corner that can be seen from it, inf to others, shape (c,)."""

@@ -72,8 +72,9 @@ class LiveMap:
     @property
     def ready(self) -> bool:
         """Whether there are samples enough for a map: at two places for soft-L1, at one for REML."""
-        places = len(np.unique(self.samples.xy, axis=0))
-        return places >= (2 if self.method == "soft_l1" else 1)
+        if self.method == "soft_l1":
+            return bool((self.samples.xy != self.samples.xy[:1]).any())
+        return len(self.samples) > 0
 
     def update(self) -> None:
         """Fit the variogram and krige the map from all samples.

@@ -95,6 +95,8 @@ def check_xy(xy: ArrayLike) -> Array:
 def _check_spread(spread: ArrayLike, n: int) -> Array:
     """Spreads as a new array of shape (n, 3); covariance matrices but for the rounding of 32 bits."""
     moments = np.array(spread, float)
+    if not moments.any() and moments.shape in ((3,), (n, 3)):
+        return np.zeros((n, 3))
     if moments.shape == (3,):
         moments = np.tile(moments, (n, 1))
     if moments.shape != (n, 3):
@@ -121,6 +123,9 @@ def merge_exactly(samples: Samples) -> tuple[Samples, NDArray[np.intp]]:
     :returns: one sample per distinct place, in the order of first appearance; and the number of the
         place of each record, shape (n,)
     """
+    order = np.lexsort(samples.xy.T)  # quicker than np.unique, and mostly there is nothing to merge
+    if (np.diff(samples.xy[order], axis=0) != 0).any(axis=1).all():
+        return samples, np.arange(len(samples))
     _, first, place = np.unique(samples.xy, axis=0, return_index=True, return_inverse=True)
     rank = np.empty_like(first)
     rank[np.argsort(first)] = np.arange(len(first))

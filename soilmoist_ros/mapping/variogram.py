@@ -287,7 +287,9 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_cla
     """
     from scipy.spatial.distance import pdist
 
-    places = np.unique(np.asarray(xy, float).reshape(-1, 2), axis=0)
+    places = np.asarray(xy, float).reshape(-1, 2)
+    places = places[np.lexsort(places.T[::-1])]
+    places = np.delete(places, 1 + np.flatnonzero((np.diff(places, axis=0) == 0).all(axis=1)), axis=0)
     if len(places) < 2:
         raise ValueError("distance classes need samples at two or more distinct places")
     distances = pdist(places[:: -(-len(places) // 2000)])

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.reml import maximise_reml
 from soilmoist_ros.mapping.samples import Samples, as_samples, merge_exactly, noise_rate
+from soilmoist_ros.mapping.soft_l1 import fit_soft_l1
 from soilmoist_ros.mapping.variogram import (
-    MODELS,
     ModelName,
     Variogram,
     check_model,
@@ -185,11 +185,8 @@ def _fit_soft_l1(places: Samples, model: ModelName, bins: _Bins) -> VariogramFit
     """Soft-L1 least squares of nugget, range and structured sill on the classes that are not empty.
 
     In units of the mean absolute semivariance and of the largest lag, so that the unit of time does not
-    matter; residuals above a quarter of the former count as outliers. The structured sill is kept above
-    (1 % of the mean rate)^2, below which nothing could be mapped.
+    matter. The structured sill is kept above (1 % of the mean rate)^2, below which nothing could be mapped.
     """
-    from scipy.optimize import least_squares
-
     lag_m, gamma, weight, _ = bins.columns
     if len(places) < 2 or not weight.any():
         raise ValueError(
@@ -201,31 +198,17 @@ def _fit_soft_l1(places: Samples, model: ModelName, bins: _Bins) -> VariogramFit
     unit = max(float(np.mean(np.abs(gamma))), floor)
     longest = float(lag_m.max())
 
-    def residuals(parameters: Array) -> Array:
-        nugget, range_, structured = parameters
-        correlation = MODELS[model].correlation((lag_m / (range_ * longest)) ** 2)
-        return np.asarray(nugget + structured * (1 - correlation) - gamma / unit)
-
-    practical = MODELS[model].practical
-    lower, upper = np.array([0.0, 0.01, floor / unit]), np.array([10.0, 3.0, 20.0])
-    upper[2] = max(upper[2], 2 * lower[2])
-    starts = [np.array([0.1, reach / practical, 1.0]) for reach in (0.3, 0.6, 1.2)]
-    found = [
-        least_squares(residuals, np.clip(start, lower, upper), bounds=(lower, upper), loss="soft_l1", f_scale=0.25)
-        for start in starts
-    ]
-    best = min(found, key=lambda result: float(result.cost))
-    nugget, range_, structured = best.x
-    nugget = nugget if nugget > 1e-9 * structured else 0.0  # the bound, which the optimiser only approaches
+    found = fit_soft_l1(lag_m / longest, gamma / unit, model, floor / unit)
+    nugget, structured = found.nugget * unit, found.structured * unit
     return VariogramFit(
-        Variogram(model, nugget * unit, range_ * longest, (nugget + structured) * unit),
+        Variogram(model, nugget, found.range_ * longest, nugget + structured),
         "soft_l1",
         places.mean_rate_cps,
         len(places),
-        float(best.cost),
+        found.cost,
         None,
         (0.0, 0.0, 0.0),
-        bool(best.success),
-        str(best.message),
+        found.converged,
+        "converged" if found.converged else "no convergence",
         *bins.columns,
     )

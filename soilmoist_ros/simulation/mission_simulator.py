@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,7 @@ class _Robot:
         self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
         self.records = 0
         self.ended = ""
+        self.deadline_s = math.inf  # as of the last next_s()
 
     @property
     def record_s(self) -> float:
@@ -111,7 +113,9 @@ class _Robot:
         if self.ended:
             return math.inf
         arrival_s = self.goal[0] if self.goal else math.inf
-        return min(self.record_s, arrival_s, max(self.mission.next_deadline_s or math.inf, now_s))
+        deadline_s = self.mission.next_deadline_s
+        self.deadline_s = math.inf if deadline_s is None else max(deadline_s, now_s)
+        return min(self.record_s, arrival_s, self.deadline_s)
 
 
 class _Simulation:
@@ -145,6 +149,8 @@ class _Simulation:
             for number in range(settings.robots)
         ]
         self.truth = field.rate_at(self.grid.cells)
+        # From the places of a record to its end.
+        self.before_s = settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
         self.now_s = 0.0
         self.records: list[CountRecord] = []
         self.visits: list[Visit] = []
@@ -219,7 +225,6 @@ class _Simulation:
 
     def advance(self, robot: _Robot) -> None:
         """Let what is due happen to a robot."""
-        deadline_s = robot.mission.next_deadline_s
         if self.now_s == robot.record_s:
             self.give(robot, Moved(self.now_s, *self.reported(robot, robot.body.at(self.now_s))))
             self.give(robot, RecordArrived(self.now_s, self.record(robot)))
@@ -228,7 +233,7 @@ class _Simulation:
             robot.goal = None
             place = self.reported(robot, robot.body.at(self.now_s))
             self.give(robot, GoalReached(self.now_s, goal.goal_id, *place))
-        if deadline_s is not None and self.now_s >= deadline_s:
+        if self.now_s >= robot.deadline_s:
             self.give(robot, Tick(self.now_s))
 
     def give(self, robot: _Robot, event: Event) -> None:
@@ -303,8 +308,7 @@ class _Simulation:
 
     def record(self, robot: _Robot) -> CountRecord:
         """The record of the interval that ends now."""
-        inside = self.now_s - self.settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
-        places = robot.body.places(inside)
+        places = robot.body.places(self.now_s - self.before_s)
         middle = places[PLACES_PER_RECORD // 2]
         reported = self.reported(robot, (float(middle[0]), float(middle[1])))
         record = robot.sensor.record(self.now_s, places, reported)
@@ -376,7 +380,7 @@ def mission_grid(field: SurrogateField, cell_m: float | None = None) -> FieldGri
     width, height = np.ptp(field.polygon, axis=0).tolist()
     chosen = cell_m or field.field.cell_m or default_cell_m((width, height))
     try:
-        return FieldGrid.from_polygon(field.polygon, chosen, field.field.no_go)
+        return _grid(field, chosen)
     except ValueError as error:
         raise InputError(f"the field {field.name!r} cannot be gridded: {error}", "change the cell size") from None
 
@@ -389,9 +393,18 @@ def travel_and_stops(
     :raises InputError: if the graph cannot be used
     """
     if settings.travel == "free":
-        return FreeTravel(motion, (field.polygon,), field.no_go), cell_stops(grid)
+        return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
     graph = mission_map(field, grid, settings.graph).graph
     return GraphTravel(graph, motion), graph.stops
+
+
+@lru_cache(maxsize=4)
+def _grid(field: SurrogateField, cell_m: float) -> FieldGrid:
+    """A campaign has the same field again and again."""
+    return FieldGrid.from_polygon(field.polygon, cell_m, field.field.no_go)
+
+
+_cell_stops = lru_cache(maxsize=4)(cell_stops)
 
 
 def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
@@ -410,7 +423,8 @@ def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> Topo
 
 def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
     """Where a mission begins: the stop nearest to the first corner of the field."""
-    return min(stops, key=lambda stop: math.dist((stop.x_m, stop.y_m), field.polygon[0]))
+    places = np.array([(stop.x_m, stop.y_m) for stop in stops])
+    return stops[int(np.argmin(((places - field.polygon[0]) ** 2).sum(axis=1)))]
 
 
 def _nominal_rate(field: SurrogateField) -> float:

@@ -55,12 +55,15 @@ class VirtualRobot:
 
     def at(self, now_s: float) -> tuple[float, float]:
         """Place at a time of the current way [m]."""
-        x, y = self.places(np.array([now_s]))[0]
+        if self._stands(now_s):
+            x, y = self._way[-1]
+        else:
+            x, y = self.places(np.array([now_s]))[0]
         return float(x), float(y)
 
     def places(self, times_s: Array) -> Array:
-        """Places at times of the current way, shape (n, 2) [m]."""
-        if self._drive_s <= 0:
+        """Places at times of the current way, in order of time or against it, shape (n, 2) [m]."""
+        if self._stands(float(min(times_s[0], times_s[-1]))):
             return np.repeat(self._way[-1:], len(times_s), axis=0)
         # Limited before it is divided: a way may be almost without length, and its quotient then no number.
         share = np.clip(times_s - self._start_s, 0.0, self._drive_s) / self._drive_s
@@ -70,6 +73,10 @@ class VirtualRobot:
     def distance_m(self, now_s: float) -> float:
         """Distance driven since the beginning [m]."""
         return self._before_m + self._length_at(now_s)
+
+    def _stands(self, now_s: float) -> bool:
+        """Whether it is at the end of its way."""
+        return self._drive_s <= 0 or now_s - self._start_s >= self._drive_s
 
     def _length_at(self, now_s: float) -> float:
         if self._drive_s <= 0:

@@ -46,6 +46,7 @@ class VirtualSensor:
         self.cadence_s = cadence_s
         self.weather = weather
         self._corrections = Corrections()
+        self._stood: tuple[tuple[float, ...], float] = (), math.nan  # the last place and rate without motion
         self._offsets, self._weights = _gaussian_footprint(footprint_m)
 
     def rate_at(self, xy: Array) -> Array:
@@ -62,9 +63,15 @@ class VirtualSensor:
         :param path_xy: places at evenly spaced times within the interval, shape (m, 2) [m]
         :param reported_xy: place at its middle as the GNSS reports it [m]
         """
-        # Standing still, every place of the path is the same one.
-        path = path_xy[:1] if np.array_equal(path_xy[0], path_xy[-1]) else path_xy
-        rate = float(self.rate_at(path).mean())
+        # Standing still, every place of the path is the same one, and often that of the record before.
+        begin, end = (tuple(path_xy[index].tolist()) for index in (0, -1))
+        if begin != end:
+            rate = float(self.rate_at(path_xy).mean())
+        elif begin == self._stood[0]:
+            rate = self._stood[1]
+        else:
+            rate = float(self.rate_at(path_xy[:1]).mean())
+            self._stood = begin, rate
         f_pressure, f_humidity = warming_morning(end_s).factors(self._corrections) if self.weather else (1.0, 1.0)
         factor = f_pressure * f_humidity
         return CountRecord(

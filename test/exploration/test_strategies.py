@@ -33,6 +33,7 @@ def situation(
     model = FreeTravel(RobotMotion())
     return Situation(
         candidates=stops,
+        candidates_xy=places,
         variance=np.asarray(variance, float),
         map_variance=np.asarray(variance if len(variance) == len(PLACES) else HILLS, float),
         map_xy=PLACES,
