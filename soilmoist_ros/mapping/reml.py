@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.mapping.newton import minimise
+from soilmoist_ros.mapping.packed import Packed
 from soilmoist_ros.mapping.samples import Samples, noise_rate
 from soilmoist_ros.mapping.support import SupportCorrelation
 from soilmoist_ros.mapping.variogram import MODELS, ModelName, Variogram, isotropic_plane
@@ -44,6 +47,8 @@ _DIRECTED_PLACES = 150
 """Directions are ranked by the likelihood of so many places."""
 _LARGEST_STEP = 5.0
 """Parameters are sought within so many prior standard deviations."""
+_TOLERANCE = 1e-4
+"""To about so many prior standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -155,8 +160,14 @@ class RestrictedLikelihood:
         self._plane = plane
         blocks = [np.arange(len(places))] if blocks is None else blocks
         kept = 8 if len(blocks) == 1 else 2  # many blocks fill the memory
+        sizes = {len(block): Packed(len(block)) for block in blocks}
         self._blocks = [
-            (self._distances(places.xy[b], places.spread[b], kept), places.rate_cps[b], m / places.exposure_s[b])
+            _Block(
+                sizes[len(b)],
+                self._correlation(places.xy[b], places.spread[b], kept, sizes[len(b)]),
+                places.rate_cps[b],
+                m / places.exposure_s[b],
+            )
             for b in blocks
         ]
 
@@ -166,58 +177,79 @@ class RestrictedLikelihood:
 
     def value_and_gradient(self, log_parameters: Array) -> tuple[float, Array]:
         """Log-likelihood and its exact gradient with respect to the log-parameters."""
-        total, gradient = 0.0, np.zeros(3)
+        return self.expand(log_parameters)[:2]
+
+    def expand(self, log_parameters: Array) -> tuple[float, Array, Array]:
+        """Log-likelihood, its gradient, and the average information of the log-parameters, shape (3, 3).
+
+        It is the mean of the observed and the expected information, about minus the Hessian, and costs no more
+        than solving for three vectors: Gilmour, Thompson & Cullis (1995), Biometrics 51:1440-1450.
+        """
+        total, gradient, information = 0.0, np.zeros(3), np.zeros((3, 3))
         for block in self._blocks:
-            value, slopes = self._block(block, np.exp(log_parameters), True)
+            value, slopes, average = self._block(block, np.exp(log_parameters), True)
             total += value
             gradient += slopes
-        return total, gradient
+            information += average
+        return total, gradient, information
 
-    def _distances(self, xy: Array, spread: Array, kept: int) -> Array | SupportCorrelation:
-        """Squared distances of points; of areas, what knows the correlations between them."""
+    def _correlation(self, xy: Array, spread: Array, kept: int, packed: Packed) -> Array | SupportCorrelation:
+        """Squared distances of points, packed; of areas, what knows the correlations between them."""
         if spread.any():
-            return SupportCorrelation(self._model, xy, spread, kept, self._plane)
-        return _squared_distances(xy if self._plane is None else xy @ self._plane)
+            return SupportCorrelation(self._model, xy, spread, kept, self._plane, packed.pack)
+        return packed.pack(_squared_distances(xy if self._plane is None else xy @ self._plane))
 
-    def _block(
-        self, block: tuple[Array | SupportCorrelation, Array, Array], parameters: Array, slope: bool
-    ) -> tuple[float, Array]:
+    def _block(self, block: _Block, parameters: Array, slope: bool) -> tuple[float, Array, Array]:
+        from scipy.linalg.blas import dsyr
         from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
-        distances, rate, noise = block
+        packed, distances, rate, noise = block
         structured, range_m, nugget = parameters
-        n = len(rate)
+        n, nothing = len(rate), (np.zeros(3), np.zeros((3, 3)))
         if isinstance(distances, SupportCorrelation):
             R, dR = distances.at(range_m)
+        elif slope:
+            R, dR = self._model.with_slope(distances / range_m**2)
         else:
-            R, dR = self._model.correlation(distances / range_m**2), None
+            R = dR = self._model.correlation(distances / range_m**2)
         K = structured * R
-        K[np.diag_indices(n)] += nugget + noise
-        factor, info = dpotrf(K, lower=1, clean=1)
+        K[packed.diagonal] += nugget + noise
+        factor, info = dpotrf(packed.unpack(K), lower=1, clean=0, overwrite_a=1)
         if info:  # cannot happen within the bounds unless the noise is absurdly small
-            return -1e300, np.zeros(3)
+            return -1e300, *nothing
         b = dpotrs(factor, np.ones(n), lower=1)[0]
         mean = b @ rate / b.sum()
         q = dpotrs(factor, rate - mean, lower=1)[0]
         log_determinant = 2 * np.log(np.diag(factor)).sum() + np.log(b.sum())
-        value = -0.5 * (log_determinant + q @ (rate - mean) + (n - 1) * np.log(2 * np.pi))
+        value = float(-0.5 * (log_determinant + q @ (rate - mean) + (n - 1) * np.log(2 * np.pi)))
         if not slope:
-            return float(value), np.zeros(3)
-        # d(value)/d(parameter) = -<P - q q', dK>/2 with P = K^-1 - b b'/sum(b): the inverse's elements are
-        # needed for the trace, so here it is formed (from the factor, lower triangle only).
+            return value, *nothing
+        # With P = K^-1 - b b'/sum(b), q = P rate: the information is q' dK_i P dK_j q / 2.
+        moved = np.column_stack(
+            [rate - mean - (nugget + noise) * q, structured * packed.times(dR, q), nugget * q]
+        )  # dK q
+        turned = dpotrs(factor, moved, lower=1)[0] - np.outer(b, b @ moved / b.sum())
+        # d(value)/d(parameter) = -<P - q q', dK>/2: the inverse's elements are needed for the trace, so here it is
+        # formed (from the factor, lower triangle only).
         inverse = dpotri(factor, lower=1, overwrite_c=1)[0]
-        diagonal = np.diag(inverse).copy()
-        if not isinstance(distances, SupportCorrelation):
-            dR = self._model.log_range_slope(distances / range_m**2)
-        assert dR is not None
+        inverse = dsyr(-1 / b.sum(), b, a=inverse, lower=1, overwrite_a=1)
+        inverse = dsyr(-1.0, q, a=inverse, lower=1, overwrite_a=1)
+        P = packed.pack(inverse)
+        slopes = [
+            structured * packed.inner(P, R),
+            structured * packed.inner(P, dR),
+            nugget * P[packed.diagonal].sum(),
+        ]
+        return value, -0.5 * np.array(slopes), 0.5 * moved.T @ turned
 
-        def contract(D: Array) -> float:
-            trace = 2 * np.vdot(inverse.T, D) - (np.diag(D) * diagonal).sum()
-            return float(trace - b @ D @ b / b.sum() - q @ D @ q)
 
-        d_nugget = diagonal.sum() - b @ b / b.sum() - q @ q
-        slopes = [structured * contract(R), structured * contract(dR), nugget * d_nugget]
-        return float(value), -0.5 * np.array(slopes)
+class _Block(NamedTuple):
+    """A block: how its matrices are packed, squared distances or correlations, rates, noise variances."""
+
+    packed: Packed
+    correlation: Array | SupportCorrelation
+    rate: Array
+    noise: Array
 
 
 def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy: bool = True) -> RemlEstimate:
@@ -251,7 +283,7 @@ def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy
         directed = _Peak.climb(places, model, prior, [best.u], _direction(places, model, prior, best.u))
         if directed.cost < best.cost - ANISOTROPY_PENALTY:
             best = directed
-    covariance = _laplace_covariance(best.slope, best.u, best.slope(best.u))
+    covariance = _laplace_covariance(best.slope, best.u, best.gradient)
     structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.u)
     mean = np.exp(0.5 * prior.log_sd**2 * covariance)  # of a log-normal variable, in units of its median
     return RemlEstimate(
@@ -261,7 +293,7 @@ def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy
         _three(prior.log_sd * np.sqrt(covariance)),
         _three(np.clip(covariance, 0, 1)),
         best.converged,
-        best.message,
+        "converged" if best.converged else "the optimiser did not come to rest",
     )
 
 
@@ -271,18 +303,18 @@ class _Peak:
 
     :param u: where, in prior standard deviations from the prior's medians, shape (3,)
     :param cost: what was minimised: minus the logarithm of likelihood and prior
+    :param gradient: its gradient there, shape (3,)
     :param slope: its gradient at any u
     :param direction: anisotropy and angle [deg]
-    :param converged: whether the optimiser says so
-    :param message: what it says
+    :param converged: whether the gradient is next to nothing, but for bounds
     """
 
     u: Array
     cost: float
+    gradient: Array
     slope: Callable[[Array], Array]
     direction: tuple[float, float]
     converged: bool
-    message: str
 
     @classmethod
     def climb(
@@ -294,23 +326,18 @@ class _Peak:
         direction: tuple[float, float] = ISOTROPIC,
     ) -> _Peak:
         """The highest peak found from these starts."""
-        from scipy.optimize import minimize
-
         plane = None if direction == ISOTROPIC else isotropic_plane(*direction)
         likelihood = RestrictedLikelihood(places, model, _likelihood_blocks(places.xy), plane)
+        scale = np.outer(prior.log_sd, prior.log_sd)
 
-        def cost(u: Array) -> tuple[float, Array]:
-            value, gradient = likelihood.value_and_gradient(prior.log_median + prior.log_sd * u)
-            return float(0.5 * u @ u) - value, u - prior.log_sd * gradient
+        def expand(u: Array) -> tuple[float, Array, Array]:
+            value, gradient, information = likelihood.expand(prior.log_median + prior.log_sd * u)
+            return float(0.5 * u @ u) - value, u - prior.log_sd * gradient, np.eye(3) + scale * information
 
-        bounds = [(-_LARGEST_STEP, _LARGEST_STEP)] * 3
-        options = {"ftol": 1e-12, "gtol": 1e-4, "maxiter": 200}  # to 1e-4 prior standard deviations
-        found = [
-            minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options) for start in starts
-        ]
-        best = min(found, key=lambda result: float(result.fun))
-        success, message = bool(best.success), str(best.message)
-        return cls(best.x, float(best.fun), lambda u: cost(u)[1], direction, success, message)
+        best = min(
+            (minimise(expand, start, _LARGEST_STEP, _TOLERANCE) for start in starts), key=lambda found: found.value
+        )
+        return cls(best.at, best.value, best.gradient, lambda u: expand(u)[1], direction, best.converged)
 
 
 def _direction(places: Samples, model: ModelName, prior: Prior, u: Array) -> tuple[float, float]:
@@ -354,18 +381,21 @@ def spatial_blocks(
 
 
 def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
-    """Where to start from, in prior standard deviations: the best of a few, or the two best.
+    """Where to start from, in prior standard deviations: the best of a few ranges, or the three best.
 
     They are ranked by the likelihood of some of the places as points: more would cost more than it saves.
     """
-    candidates = [np.array([0.0, range_, nugget]) for range_ in (-1.5, -0.75, 0.0, 0.75) for nugget in (-0.5, 1.5)]
     likelihood = RestrictedLikelihood(_some(places, _FEW_PLACES), model)
 
     def badness(u: Array) -> float:
         return float(0.5 * u @ u) - likelihood.value(prior.log_median + prior.log_sd * u)
 
+    of_ranges = [
+        min((np.array([0.0, range_, nugget]) for nugget in (-0.5, 1.5)), key=badness)
+        for range_ in (-1.5, -0.75, 0.0, 0.75, 1.5)
+    ]
     one = len(places) > _FEW_PLACES and model in _ONE_PEAK
-    return sorted(candidates, key=badness)[: 1 if one else 2]
+    return sorted(of_ranges, key=badness)[: 1 if one else 3]
 
 
 def _some(places: Samples, most: int) -> Samples:

@@ -37,6 +37,8 @@ _LINE_WEIGHT, _LINE_ARM = 1 / 2, 1.0
 _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
 """Weight of each point beside the centre, and its distance from there in standard deviations."""
 _LOG_STEP = 0.5
+_FEW_ELEMENTS = 30_000
+"""Larger temporary matrices are slower: their memory is asked for anew each time."""
 
 
 def way_spread(along_m: ArrayLike) -> Array:
@@ -130,12 +132,20 @@ class SupportCorrelation:
     :param spread: shape (n, 3) [m^2]
     :param kept: ranges to keep at most, >= 2; each takes two matrices of shape (n, n)
     :param plane: matrix, shape (2, 2), that takes places to where the model is isotropic
+    :param pack: what to make of the matrices; they are left as they are by default
     """
 
     def __init__(
-        self, model: CorrelationModel, xy: Array, spread: Array, kept: int = 8, plane: Array | None = None
+        self,
+        model: CorrelationModel,
+        xy: Array,
+        spread: Array,
+        kept: int = 8,
+        plane: Array | None = None,
+        pack: Callable[[Array], Array] = lambda matrix: matrix,
     ) -> None:
         self._kept = kept
+        self._pack = pack
         self._model = model
         self._supports = Supports(xy, spread)
         if plane is not None:
@@ -145,7 +155,7 @@ class SupportCorrelation:
         self._known: dict[int, tuple[Array, Array]] = {}
 
     def at(self, range_m: float) -> tuple[Array, Array]:
-        """Correlation and its derivative with respect to the logarithm of the range, each of shape (n, n)."""
+        """Correlation and its derivative with respect to the logarithm of the range, shape (n, n) or packed."""
         position = float(np.log(range_m)) / _LOG_STEP
         left = int(np.floor(position))
         u = position - left
@@ -161,21 +171,41 @@ class SupportCorrelation:
 
     def _node(self, number: int) -> tuple[Array, Array]:
         range_m = float(np.exp(number * _LOG_STEP))
-        found = self._known.pop(number, None) or (
-            self._averaged(self._model.correlation, range_m),
-            self._averaged(self._model.log_range_slope, range_m),
-        )
+        found = self._known.pop(number, None)
+        if found is None:
+            value, slope = self._averaged(range_m)
+            found = self._pack(value), self._pack(slope)
         self._known[number] = found  # the last used comes last
         if len(self._known) > self._kept:
             del self._known[next(iter(self._known))]
         return found
 
-    def _averaged(self, function: Callable[[Array], Array], range_m: float) -> Array:
+    def _averaged(self, range_m: float) -> tuple[Array, Array]:
+        """Correlation and its slope at a range, each of shape (n, n): sums over all pairs of layers of points."""
         from scipy.spatial.distance import cdist
 
-        supports = self._supports
+        n = len(self._supports.layers[0][1])
+        value, slope = np.zeros((2, n, n))
+        layers = [
+            (np.arange(n)[samples], points / range_m, np.full(len(points), 1.0 if weight is None else weight))
+            for samples, points, weight in self._supports.layers
+        ]
+        for number, (rows, points, weight) in enumerate(layers):
+            for columns, others, their_weight in layers[number:]:
+                step = max(1, _FEW_ELEMENTS // len(columns))
+                for some in (slice(start, start + step) for start in range(0, len(rows), step)):
+                    weights = np.outer(weight[some], their_weight)
+                    found = self._model.with_slope(cdist(points[some], others, "sqeuclidean"))
+                    for total, part in zip((value, slope), found, strict=True):
+                        part *= weights
+                        total[_index(rows[some], columns)] += part
+                        if others is not points:
+                            total[_index(columns, rows[some])] += part.T
+        return value, slope
 
-        def with_points(points: Array) -> Array:
-            return supports.average(lambda xy: function(cdist(points / range_m, xy / range_m, "sqeuclidean"))).T
 
-        return supports.average(with_points)
+def _index(rows: Indices, columns: Indices) -> tuple[slice, slice] | tuple[Indices, Indices]:
+    """Index of the elements in these rows and columns; a view, if all of them follow each other."""
+    if rows[-1] - rows[0] == len(rows) - 1 and columns[-1] - columns[0] == len(columns) - 1:
+        return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return rows[:, None], columns[None, :]

@@ -22,14 +22,18 @@ class CorrelationModel(NamedTuple):
     """A correlation function of the squared distance in units of the range, ``q = (h / range_m)**2``.
 
     :param correlation: q -> correlation; may overwrite q, which is a float array of any shape
-    :param log_range_slope: q -> d(correlation) / d(log range); may overwrite q
+    :param with_slope: q -> correlation and d(correlation) / d(log range); may overwrite q
     :param practical: distance, in units of the range, at which 95 % of the structured variance is reached
         (spherical: all of it, as is usual)
     """
 
     correlation: Callable[[Array], Array]
-    log_range_slope: Callable[[Array], Array]
+    with_slope: Callable[[Array], tuple[Array, Array]]
     practical: float
+
+    def log_range_slope(self, q: Array) -> Array:
+        """d(correlation) / d(log range); may overwrite q."""
+        return self.with_slope(q)[1]
 
 
 def _gaussian(q: Array) -> Array:
@@ -37,8 +41,11 @@ def _gaussian(q: Array) -> Array:
     return q
 
 
-def _gaussian_slope(q: Array) -> Array:
-    return 2 * q * np.exp(-q)
+def _gaussian_both(q: Array) -> tuple[Array, Array]:
+    value = np.exp(-q)
+    q *= 2
+    q *= value
+    return value, q
 
 
 def _exponential(q: Array) -> Array:
@@ -46,9 +53,11 @@ def _exponential(q: Array) -> Array:
     return _gaussian(q)
 
 
-def _exponential_slope(q: Array) -> Array:
-    u = np.sqrt(q, out=q)
-    return u * np.exp(-u)
+def _exponential_both(q: Array) -> tuple[Array, Array]:
+    np.sqrt(q, out=q)
+    value = np.exp(-q)
+    q *= value
+    return value, q
 
 
 def _spherical(q: Array) -> Array:
@@ -61,9 +70,9 @@ def _spherical(q: Array) -> Array:
     return cubic
 
 
-def _spherical_slope(q: Array) -> Array:
-    u: Array = np.minimum(np.sqrt(q, out=q), 1.0, out=q)
-    return 1.5 * u * (1 - u * u)
+def _spherical_both(q: Array) -> tuple[Array, Array]:
+    u: Array = np.minimum(np.sqrt(q), 1.0)
+    return _spherical(q), 1.5 * u * (1 - u * u)
 
 
 def _matern32(q: Array) -> Array:
@@ -74,9 +83,14 @@ def _matern32(q: Array) -> Array:
     return a
 
 
-def _matern32_slope(q: Array) -> Array:
-    a = np.sqrt(3 * q)
-    return a * a * np.exp(-a)
+def _matern32_both(q: Array) -> tuple[Array, Array]:
+    q *= 3.0
+    a = np.sqrt(q)
+    decay = np.exp(-a)
+    q *= decay
+    a += 1.0
+    a *= decay
+    return a, q
 
 
 def _matern52(q: Array) -> Array:
@@ -90,17 +104,25 @@ def _matern52(q: Array) -> Array:
     return polynomial
 
 
-def _matern52_slope(q: Array) -> Array:
-    a: Array = np.sqrt(5 * q)
-    return a * a * (1 + a) / 3 * np.exp(-a)
+def _matern52_both(q: Array) -> tuple[Array, Array]:
+    q *= 5.0
+    a = np.sqrt(q)
+    decay = np.exp(-a)
+    q /= 3.0
+    a += 1.0
+    value = a + q
+    value *= decay
+    q *= a
+    q *= decay
+    return value, q
 
 
 MODELS: dict[str, CorrelationModel] = {
-    "gaussian": CorrelationModel(_gaussian, _gaussian_slope, 1.7308183826022854),
-    "exponential": CorrelationModel(_exponential, _exponential_slope, 2.995732273553991),
-    "spherical": CorrelationModel(_spherical, _spherical_slope, 1.0),
-    "matern32": CorrelationModel(_matern32, _matern32_slope, 2.73887145669191),
-    "matern52": CorrelationModel(_matern52, _matern52_slope, 2.64690045466485),
+    "gaussian": CorrelationModel(_gaussian, _gaussian_both, 1.7308183826022854),
+    "exponential": CorrelationModel(_exponential, _exponential_both, 2.995732273553991),
+    "spherical": CorrelationModel(_spherical, _spherical_both, 1.0),
+    "matern32": CorrelationModel(_matern32, _matern32_both, 2.73887145669191),
+    "matern52": CorrelationModel(_matern52, _matern52_both, 2.64690045466485),
 }
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime
+from scipy.optimize import approx_fprime, minimize
 from scipy.spatial.distance import cdist
 from scipy.stats import multivariate_normal
 
@@ -135,3 +135,49 @@ def test_intervals_of_the_latent_rate_cover_what_they_promise():
     assert 0.94 < of_truth < 0.96
     assert 0.93 < of_fit < 0.97
     assert (covered.std(axis=0) / 10 < 0.005).all()  # so the figures above mean something
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_information_is_as_defined(model):
+    """q' dK_i P dK_j q / 2 with P = K^-1 - K^-1 1 1' K^-1 / (1' K^-1 1) and q = P rate, by whole matrices."""
+    samples, (structured, range_m, nugget) = some_samples(20), (0.35, 40.0, 0.05)
+    variogram = Variogram(model, nugget, range_m, structured + nugget)
+    h = cdist(samples.xy, samples.xy)
+    K = variogram.covariance(h) + np.diag(samples.mean_rate_cps / samples.exposure_s)
+    b = np.linalg.solve(K, np.ones(20))
+    P = np.linalg.inv(K) - np.outer(b, b) / b.sum()
+    slopes = [
+        structured * variogram.correlation(h),
+        structured * MODELS[model].log_range_slope((h / range_m) ** 2),
+        nugget * np.eye(20),
+    ]
+    moved = np.column_stack([slope @ P @ samples.rate_cps for slope in slopes])
+    found = RestrictedLikelihood(samples, model).expand(np.log([structured, range_m, nugget]))[2]
+    np.testing.assert_allclose(found, moved.T @ P @ moved / 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_no_climb_from_elsewhere_finds_a_higher_peak(seed):
+    """Against plain L-BFGS-B from many starts; the spherical model has many small peaks beside each other."""
+    model = list(MODELS)[seed % 5]
+    rng = np.random.default_rng(seed)
+    n, side = int(rng.choice([2, 3, 6, 12, 25, 50])), rng.choice([60.0, 280.0])
+    exposure_s = rng.choice([20.0, 120.0, 600.0], n)
+    xy = rng.uniform(0, side, (n, 2))
+    truth = Variogram("matern32", rng.choice([0.0, 0.02, 0.2]), 10 ** rng.uniform(0.5, 2.2), 0.3)
+    rate = 4 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(n)
+    radius_m2 = rng.choice([0.0, 25.0])
+    samples = Samples(xy, rng.poisson(np.maximum(rate, 0.1) * exposure_s), exposure_s, [radius_m2, 0, radius_m2])
+    prior, likelihood = Prior.of(samples, model, side), RestrictedLikelihood(samples, model)
+
+    def cost(u):
+        value, gradient = likelihood.value_and_gradient(prior.log_median + prior.log_sd * u)
+        return 0.5 * u @ u - value, u - prior.log_sd * gradient
+
+    starts = [(sill, range_, nugget) for sill in (-1, 1) for range_ in (-1.5, 0, 1.5) for nugget in (-1, 1)]
+    plain = [minimize(cost, start, jac=True, method="L-BFGS-B", bounds=[(-5, 5)] * 3) for start in starts]
+    found = maximise_reml(samples, model, side, anisotropy=False)
+    mode = np.log([found.mode.structured_sill, found.mode.range_m, found.mode.nugget])
+    at = (mode - prior.log_median) / prior.log_sd
+    assert cost(at)[0] == pytest.approx(0.5 * at @ at - found.log_likelihood, abs=1e-6)
+    assert cost(at)[0] < min(each.fun for each in plain) + (0.2 if model == "spherical" else 1e-4)

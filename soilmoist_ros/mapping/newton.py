@@ -1,0 +1,75 @@
+"""Minimisation by damped Newton steps within a box, for a few parameters and a function that costs much."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Expansion = tuple[float, Array, Array]
+
+_LEAST_CURVATURE = 0.1
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e8
+
+
+class Minimum(NamedTuple):
+    """Where a function is lowest.
+
+    :param at: place, shape (p,)
+    :param value: value there
+    :param gradient: gradient there, shape (p,)
+    :param converged: whether the gradient is small there, as far as the bounds allow
+    """
+
+    at: Array
+    value: float
+    gradient: Array
+    converged: bool
+
+
+def minimise(
+    expand: Callable[[Array], Expansion], start: Array, bound: float, tolerance: float, most_steps: int = 100
+) -> Minimum:
+    """The minimum that a descent from a start ends in.
+
+    The matrix that comes with the gradient need not be the Hessian: what it lacks is learned from the gradients by
+    symmetric secant updates (as Dennis, Gay & Welsch 1981, ACM Transactions on Mathematical Software 7:348-368, do
+    for least squares).
+
+    :param expand: place -> value, gradient (p,), and about the Hessian (p, p), symmetric and positive definite
+    :param start: where to begin, shape (p,)
+    :param bound: each parameter is kept within plus and minus this
+    :param tolerance: largest component of the gradient at the end, bounds left out
+    :param most_steps: evaluations at most
+    """
+    at = np.clip(start, -bound, bound)
+    value, gradient, hessian = expand(at)
+    learned = np.zeros_like(hessian)
+    damping = _FIRST_DAMPING
+    for _ in range(most_steps):
+        free = ~(((at <= -bound) & (gradient > 0)) | ((at >= bound) & (gradient < 0)))
+        if np.abs(gradient[free]).max(initial=0.0) <= tolerance:
+            return Minimum(at, value, gradient, True)
+        if damping > _MOST_DAMPING:
+            break
+        curvature, axes = np.linalg.eigh((hessian + learned)[np.ix_(free, free)])
+        curvature = np.maximum(curvature, _LEAST_CURVATURE)
+        tried = at.copy()
+        tried[free] -= axes @ (axes.T @ gradient[free] / (curvature * (1 + damping)))
+        tried = np.clip(tried, -bound, bound)
+        then = expand(tried)
+        if not then[0] < value:
+            damping = max(10 * damping, 1.0)
+            continue
+        step = tried - at
+        at, change = tried, then[1] - gradient
+        value, gradient, hessian = then
+        damping = max(damping / 10, _LEAST_DAMPING)
+        square = step @ step
+        missing = change - (hessian + learned) @ step
+        learned = learned + (np.outer(missing, step) + np.outer(step, missing)) / square
+        learned -= (missing @ step) / square**2 * np.outer(step, step)
+    return Minimum(at, value, gradient, False)
