@@ -124,7 +124,8 @@ def merge_exactly(samples: Samples) -> tuple[Samples, NDArray[np.intp]]:
         place of each record, shape (n,)
     """
     order = np.lexsort(samples.xy.T)  # quicker than np.unique, and mostly there is nothing to merge
-    if (np.diff(samples.xy[order], axis=0) != 0).any(axis=1).all():
+    sorted_xy = samples.xy[order]
+    if (sorted_xy[1:] != sorted_xy[:-1]).any(axis=1).all():
         return samples, np.arange(len(samples))
     _, first, place = np.unique(samples.xy, axis=0, return_index=True, return_inverse=True)
     rank = np.empty_like(first)

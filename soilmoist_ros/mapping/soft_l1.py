@@ -38,6 +38,7 @@ _MOST_STEPS = 100
 _CONVERGED = 1e-8
 _LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e12
 _LOG_STEP = 1e-4
+_LITTLE_SHORTER = math.exp(-2 * _LOG_STEP)
 _DIAGONAL = np.arange(3)
 
 
@@ -83,7 +84,14 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
             system[:, _DIAGONAL, _DIAGONAL] += held
             slope = np.where(held, 0.0, gradient)
         tried = at - np.linalg.solve(system, slope[:, :, None])[:, :, 0]
-        tried = np.minimum(np.maximum(tried, lower), upper)
+        kept = np.minimum(np.maximum(tried, lower), upper)
+        if (over := kept != tried).any():  # go to the bound, and as far with the others as is best then
+            system[over] = 0.0
+            system[:, _DIAGONAL, _DIAGONAL] += over
+            right = np.where(over, at - kept, slope)
+            tried = at - np.linalg.solve(system, right[:, :, None])[:, :, 0]
+            kept = np.minimum(np.maximum(tried, lower), upper)
+        tried = kept
         promised = (np.abs(tried - at) * np.abs(slope)).sum(axis=1)
         then = _expand(tried, lag, gamma, correlation)
         gain = cost - then[0]
@@ -136,12 +144,12 @@ def _expand(at: Array, lag: Array, gamma: Array, model: CorrelationModel) -> tup
     """Cost, gradient, Hessian and the scale of each parameter at points (nugget, log range, structured sill)."""
     nugget, log_range, structured = at.T[:, :, None]
     square = (lag * np.exp(-log_range)) ** 2
-    slope = model.log_range_slope(square.copy())
-    bend = (model.log_range_slope(square * math.exp(-2 * _LOG_STEP)) - slope) / _LOG_STEP
+    (value, _), (slope, next_slope) = model.with_slope(np.stack([square, square * _LITTLE_SHORTER]))
+    bend = (next_slope - slope) / _LOG_STEP
     slopes = np.empty((*square.shape, 3))
     slopes[:, :, 0] = 1.0
     slopes[:, :, 1] = -structured * slope
-    slopes[:, :, 2] = 1 - model.correlation(square)
+    slopes[:, :, 2] = 1 - value
     residual = nugget + structured * slopes[:, :, 2] - gamma
     root = np.sqrt(1 + (residual / OUTLIER) ** 2)
     pull = (residual / root)[:, None, :]

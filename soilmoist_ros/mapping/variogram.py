@@ -311,7 +311,7 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_cla
 
     places = np.asarray(xy, float).reshape(-1, 2)
     places = places[np.lexsort(places.T[::-1])]
-    places = np.delete(places, 1 + np.flatnonzero((np.diff(places, axis=0) == 0).all(axis=1)), axis=0)
+    places = places[np.append(True, (places[1:] != places[:-1]).any(axis=1))[: len(places)]]
     if len(places) < 2:
         raise ValueError("distance classes need samples at two or more distinct places")
     distances = pdist(places[:: -(-len(places) // 2000)])

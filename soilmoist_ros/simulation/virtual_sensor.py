@@ -7,10 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.corrections import Corrections
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.weather import warming_morning
+from soilmoist_ros.simulation.weather import morning_factors
 
 Array = NDArray[np.float64]
 
@@ -45,7 +44,6 @@ class VirtualSensor:
         self.rng = rng
         self.cadence_s = cadence_s
         self.weather = weather
-        self._corrections = Corrections()
         self._stood: tuple[tuple[float, ...], float] = (), math.nan  # the last place and rate without motion
         self._offsets, self._weights = _gaussian_footprint(footprint_m)
 
@@ -72,7 +70,7 @@ class VirtualSensor:
         else:
             rate = float(self.rate_at(path_xy[:1]).mean())
             self._stood = begin, rate
-        f_pressure, f_humidity = warming_morning(end_s).factors(self._corrections) if self.weather else (1.0, 1.0)
+        f_pressure, f_humidity = morning_factors(end_s) if self.weather else (1.0, 1.0)
         factor = f_pressure * f_humidity
         return CountRecord(
             stamp_s=end_s,

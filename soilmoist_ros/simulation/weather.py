@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 from soilmoist_ros.sensing.corrections import Corrections
 
@@ -37,6 +38,15 @@ def warming_morning(elapsed_s: float) -> Weather:
         temperature_degc=round(14.0 + 3.0 * min(hours, 5.0), 1),
         relative_humidity=round(0.75 - 0.08 * min(hours, 5.0), 3),
     )
+
+
+@lru_cache(maxsize=10_000)
+def morning_factors(elapsed_s: float) -> tuple[float, float]:
+    """Correction factors of :func:`warming_morning` for pressure and humidity by the default corrections [-].
+
+    Kept, because the records of all missions of a campaign end at the same times.
+    """
+    return warming_morning(elapsed_s).factors(Corrections())
 
 
 def neutral_weather(elapsed_s: float) -> Weather:

@@ -1,0 +1,72 @@
+"""Time of fitting a variogram to samples at random places, on one thread, in milliseconds of processor time.
+
+Restricted maximum likelihood with one range for all directions, with the search for a direction, and with that of
+samples that have a footprint; and the published soft-L1 fit of the binned semivariogram.
+
+usage: .venv/bin/python scripts/bench_variogram.py [--sizes 72 300 1000] [--repeats 5] [--model matern32]
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping.support import footprint_spread
+from soilmoist_ros.mapping.variogram import MODELS
+from soilmoist_ros.mapping.variogram_fit import estimate_variogram
+
+SIDE_M = 280.0
+SPREAD = footprint_spread(radius_m=10.0)
+TRUTH = Variogram("matern32", nugget=0.02, range_m=45.0, sill=0.35)
+
+
+def survey(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places, counts and exposures of a survey of a random field."""
+    rng = np.random.default_rng(n)
+    xy = rng.uniform(0, SIDE_M, (n, 2))
+    rate = 4 + np.linalg.cholesky(TRUTH.covariance(cdist(xy, xy))) @ rng.standard_normal(n)
+    exposure_s = rng.choice([60.0, 120.0, 300.0], n)
+    return xy, rng.poisson(np.maximum(rate, 0.1) * exposure_s), exposure_s
+
+
+def median_ms(work: Callable[[], object], repeats: int) -> float:
+    work()
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()
+        work()
+        times.append(time.process_time() - start)
+    return 1000 * statistics.median(times)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[72, 300, 1000], help="numbers of places")
+    parser.add_argument("--repeats", type=int, default=5, help="the median of so many runs counts")
+    parser.add_argument("--model", default="matern32", choices=MODELS)
+    arguments = parser.parse_args()
+    print(f"{'places':>6} {'one range':>10} {'directions':>10} {'footprints':>10} {'soft_l1':>10}   [ms]")
+    for n in arguments.sizes:
+        data = survey(n)
+        fits: list[Callable[[], object]] = [
+            lambda data=data: estimate_variogram(*data, arguments.model, anisotropy=False, extent_m=SIDE_M),
+            lambda data=data: estimate_variogram(*data, arguments.model, extent_m=SIDE_M),
+            lambda data=data: estimate_variogram(*data, arguments.model, extent_m=SIDE_M, spread=SPREAD),
+            lambda data=data: estimate_variogram(*data, arguments.model, "soft_l1"),
+        ]
+        print(f"{n:6} " + " ".join(f"{median_ms(fit, arguments.repeats):10.1f}" for fit in fits), flush=True)
+
+
+if __name__ == "__main__":
+    main()
