@@ -13,7 +13,6 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import argparse
 import cProfile
 import csv
-import io
 import pstats
 import statistics
 import time
@@ -43,26 +42,36 @@ FITS = {
 }
 
 
-def median_s(work: Callable[[], object], repeats: int) -> float:
+PARTS = {
+    "fit of the variogram": ("variogram_fit.py", "estimate_variogram"),
+    "kriging": ("live_map.py", "take"),
+    "planning": ("explorer.py", "plan"),
+    "mission logic": ("mission.py", "step"),
+    "records": ("mission_simulator.py", "record"),
+    "map errors": ("map_errors.py", "map_errors"),
+}
+"""Where the time of a mission may go: file and function."""
+
+
+def median_s(work: Callable[[], object], repeats: int, clock: Callable[[], float] = time.perf_counter) -> float:
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = clock()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return statistics.median(times)
 
 
 def mission_rows(repeats: int) -> list[dict[str, object]]:
-    """Seconds for a 2 h mission on the airfield of 3000 cells."""
+    """Seconds of one core for a 2 h mission on the airfield of 3000 cells."""
     rows = []
     for strategy in STRATEGIES:
         for label, (model, fit) in FITS.items():
             settings = replace(AIRFIELD, strategy=strategy, variogram=model, fit=fit)
             simulate_mission(settings)  # imports, and the field
-            seconds = median_s(lambda settings=settings: simulate_mission(settings), repeats)
-            rows.append(
-                {"what": "2 h mission, 3000 cells", "strategy": strategy, "map": label, "seconds": seconds}
-            )
+            seconds = median_s(lambda settings=settings: simulate_mission(settings), repeats, time.process_time)
+            row = {"what": "2 h mission, 3000 cells", "strategy": strategy, "map": label, "seconds": seconds}
+            rows.append({**row, "missions per second": 1 / seconds, "where the time goes": where(settings)})
     return rows
 
 
@@ -102,13 +111,15 @@ def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
     return rows
 
 
-def profile(lines: int = 15) -> str:
-    """Where the time of a greedy mission goes."""
+def where(settings: MissionSettings) -> str:
+    """Where the time of a mission goes, by the profiler, which makes small functions dearer than they are."""
     profiler = cProfile.Profile()
-    profiler.runcall(simulate_mission, AIRFIELD)
-    text = io.StringIO()
-    pstats.Stats(profiler, stream=text).strip_dirs().sort_stats("cumulative").print_stats(lines)
-    return text.getvalue()
+    profiler.runcall(simulate_mission, settings)
+    cumulative: dict[tuple[str, str], float] = {}
+    for (file, _, function), (*_, seconds, _) in pstats.Stats(profiler).strip_dirs().stats.items():
+        cumulative[file, function] = max(seconds, cumulative.get((file, function), 0.0))
+    total = cumulative["mission_simulator.py", "simulate_mission"]
+    return ", ".join(f"{name} {cumulative.get(part, 0.0) / total:.0%}" for name, part in PARTS.items())
 
 
 def main() -> None:
@@ -121,12 +132,14 @@ def main() -> None:
     rows = mission_rows(repeats) + decision_rows(repeats)
     width = max(len(str(row["what"])) for row in rows)
     for row in rows:
-        planning = f"   (planning {row['of which planning']:.3f})" if "of which planning" in row else ""
-        print(f"{row['what']:{width}}  {row['strategy']:18} {row['map']:30} {row['seconds']:8.3f} s{planning}")
-    print("\nprofile of a greedy mission\n" + profile())
+        note = f"   (planning {row['of which planning']:.3f})" if "of which planning" in row else ""
+        if "where the time goes" in row:
+            note = f"   {row['missions per second']:5.1f} per second and core; {row['where the time goes']}"
+        print(f"{row['what']:{width}}  {row['strategy']:18} {row['map']:30} {row['seconds']:8.3f} s{note}")
     arguments.out.mkdir(parents=True, exist_ok=True)
     with (arguments.out / "simulation.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, ["what", "strategy", "map", "seconds", "of which planning"])
+        extra = ["missions per second", "where the time goes", "of which planning"]
+        writer = csv.DictWriter(file, ["what", "strategy", "map", "seconds", *extra])
         writer.writeheader()
         writer.writerows(rows)
     print(f"wrote {arguments.out / 'simulation.csv'}")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 class Packed:
@@ -22,10 +25,8 @@ class Packed:
     """
 
     def __init__(self, n: int) -> None:
-        column, row = np.triu_indices(n)
         self.n = n
-        self.positions = column * n + row
-        self.diagonal = np.flatnonzero(column == row)
+        self.positions, self.diagonal = _positions(n)
         self._memory = np.empty(n * n)
 
     def pack(self, matrix: Array) -> Array:
@@ -47,3 +48,13 @@ class Packed:
         from scipy.linalg.blas import dspmv
 
         return np.asarray(dspmv(self.n, 1.0, a, vector, lower=1))
+
+
+@lru_cache(maxsize=4)
+def _positions(n: int) -> tuple[Indices, Indices]:
+    """Positions and diagonal of :class:`Packed`; kept, for many likelihoods are of the same number of places."""
+    column, row = np.triu_indices(n)
+    found = column * n + row, np.flatnonzero(column == row)
+    for indices in found:
+        indices.setflags(write=False)
+    return found
