@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 Expansion = tuple[float, Array, Array]
 
 _LEAST_CURVATURE = 0.1
+_ROUNDING = 1e-11
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e8
 
 
@@ -50,8 +51,9 @@ def minimise(
     learned = np.zeros_like(hessian)
     damping = _FIRST_DAMPING
     for _ in range(most_steps):
-        free = ~(((at <= -bound) & (gradient > 0)) | ((at >= bound) & (gradient < 0)))
-        if np.abs(gradient[free]).max(initial=0.0) <= tolerance:
+        free = _free(at, gradient, bound)
+        steepest = np.abs(gradient[free]).max(initial=0.0)
+        if steepest <= tolerance:
             return Minimum(at, value, gradient, True)
         if damping > _MOST_DAMPING:
             break
@@ -61,7 +63,9 @@ def minimise(
         tried[free] -= axes @ (axes.T @ gradient[free] / (curvature * (1 + damping)))
         tried = np.clip(tried, -bound, bound)
         then = expand(tried)
-        if not then[0] < value:
+        # So near to the minimum that values differ by rounding only, a flatter place is a better one.
+        flatter = np.abs(then[1][_free(tried, then[1], bound)]).max(initial=0.0) < steepest
+        if not (then[0] < value or (flatter and then[0] <= value + _ROUNDING * abs(value))):
             damping = max(10 * damping, 1.0)
             continue
         step = tried - at
@@ -73,3 +77,8 @@ def minimise(
         learned = learned + (np.outer(missing, step) + np.outer(step, missing)) / square
         learned -= (missing @ step) / square**2 * np.outer(step, step)
     return Minimum(at, value, gradient, False)
+
+
+def _free(at: Array, gradient: Array, bound: float) -> NDArray[np.bool_]:
+    """Parameters that are not held at a bound."""
+    return ~(((at <= -bound) & (gradient > 0)) | ((at >= bound) & (gradient < 0)))

@@ -47,7 +47,7 @@ _DIRECTED_PLACES = 150
 """Directions are ranked by the likelihood of so many places."""
 _LARGEST_STEP = 5.0
 """Parameters are sought within so many prior standard deviations."""
-_TOLERANCE = 1e-4
+_TOLERANCE = 1e-5
 """To about so many prior standard deviations."""
 
 

@@ -46,6 +46,19 @@ def test_a_bent_valley_is_followed():
     np.testing.assert_allclose(found.at, 1.0, atol=1e-5)
 
 
+def test_rounding_does_not_end_the_search_early():
+    """Beside a large constant the value says nothing any more where the gradient still does."""
+    expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, 0.5 * CURVATURE)
+
+    def rounded(x):
+        value, gradient, pretended = expand(x)
+        return 1e5 + value, gradient, pretended
+
+    found = minimise(rounded, np.zeros(3), 5.0, 1e-8)
+    assert found.converged
+    np.testing.assert_allclose(found.at, [1.0, -2.0, 0.5], atol=1e-8)
+
+
 def test_a_start_outside_is_moved_inside():
     found = minimise(quadratic(np.zeros(3), CURVATURE, CURVATURE), np.full(3, 40.0), 5.0, 1e-8)
     np.testing.assert_allclose(found.at, 0.0, atol=1e-7)
