@@ -49,6 +49,11 @@ from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
               "another is going or counting, and they do not get in each other's way.")  # fmt: skip
 @click.option("--random-field", is_flag=True,
               help="Draw what is random in the field (patches, random fields) from the seed as well.")  # fmt: skip
+@click.option("--also", default="", help="Field of a second property that the robot counts and maps beside: "
+              "built-in, or a field file with a truth, on the same ground. Default: none.")  # fmt: skip
+@click.option("--also-weight", type=click.FloatRange(min=0), default=1.0, show_default=True,
+              help="What a share of its variation is worth to the planner, one of the first property's being 1; "
+              "0: it is mapped, not planned for.")  # fmt: skip
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
 @told_plainly
 def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
@@ -87,6 +92,9 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
         click.echo(f"rate       MSE {last.mse:.4f} (counts/s)2, {covered}")
         rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
         click.echo(f"moisture   {rmse if result.soil_map.curve else 'not mapped: the field has no calibration'}")
+        if result.also is not None and result.also.soil_map is not None:
+            covered = f"{100 * last.also_coverage95:.0f} % of the cells within their 95 % interval"
+            click.echo(f"also       MSE {last.also_mse:.4f} (counts/s)2, {covered}")
         if (plan := mission_efficiency(result)) is not None:
             click.echo(f"efficiency {100 * plan.reached:.0f} % of what any plan could have done in the time")
     for path in written:

@@ -28,6 +28,7 @@ _EXAMPLES = (
 )
 _ROUNDING = 1e-9
 """Relative error that sums of exposures may have collected."""
+_HALVINGS = 50
 
 
 class DwellRule(Protocol):
@@ -182,12 +183,14 @@ class MarginalValue:
 
     After t seconds the integrated variance has fallen by ``A t / (B t + n)``, n being the rate times the
     correction factor, so counting on pays while ``A n / (B t + n)^2 > price``. The rate is that counted here.
+    Where further properties are counted at once, their terms join the sum, each with the noise expected of it.
 
     :param gain: A: weighted sum over the cells of the squared posterior covariance with the stop
     :param variance: B: posterior variance at the stop, nugget included [(counts/s)^2], > 0
     :param price: fall of the integrated variance per second that the time is worth elsewhere, >= 0
     :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
     :param longest_s: counting ends after this time in any case [s]
+    :param beside: A, B and n of each further property
     """
 
     gain: float
@@ -195,6 +198,7 @@ class MarginalValue:
     price: float
     factor: float = 1.0
     longest_s: float = LONGEST_DWELL_S
+    beside: tuple[tuple[float, float, float], ...] = ()
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
         """Whether counting on is worth less than its price, or the longest dwell is over."""
@@ -225,13 +229,22 @@ class MarginalValue:
         """Dwell after which the marginal value has fallen to the price [s]."""
         if not math.isfinite(noise):
             return self.longest_s
+        terms = ((self.gain, self.variance, noise), *self.beside)
         if self.price <= 0:
-            return self.longest_s if self.gain > 0 else 0.0
-        best_s = (math.sqrt(self.gain * noise / self.price) - noise) / self.variance
-        return min(max(best_s, 0.0), self.longest_s)
+            return self.longest_s if any(gain > 0 for gain, _, _ in terms) else 0.0
+        # The sum falls with time, and reaches the price no sooner than any of its terms.
+        best_s = max((math.sqrt(gain * n / self.price) - n) / variance for gain, variance, n in terms)
+        low = best_s = min(max(best_s, 0.0), self.longest_s)
+        high = self.longest_s
+        for _ in range(_HALVINGS if self.beside else 0):
+            best_s = (low + high) / 2
+            marginal = sum(gain * n / (variance * best_s + n) ** 2 for gain, variance, n in terms)
+            low, high = (best_s, high) if marginal > self.price else (low, best_s)
+        return best_s
 
     def __str__(self) -> str:
-        return f"value:{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}"
+        beside = "".join(f";{gain!r},{variance!r},{noise!r}" for gain, variance, noise in self.beside)
+        return f"value:{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}{beside}"
 
 
 def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
@@ -241,7 +254,8 @@ def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
     back as the same rule.
 
     :param text: ``fmi:SECONDS``, ``ami:THRESHOLD``, ``ami:PERCENT%`` or ``optimal``; upper case and spaces do
-        not matter. (``value:A,B,PRICE,FACTOR`` is what ``optimal`` becomes at a stop.)
+        not matter. (``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each further property, is what ``optimal``
+        becomes at a stop.)
     :param longest_s: counting by ``ami`` or ``optimal`` ends after this time in any case [s], > 0
     :raises InputError: if the text is not a rule; it says what would be one
     """
@@ -289,13 +303,22 @@ def _adaptive(number: str, longest_s: float) -> DwellRule:
 
 
 def _of_stop(numbers: str, longest_s: float) -> DwellRule:
+    own, *others = numbers.split(";")
+    beside: list[tuple[float, float, float]] = []
     try:
-        gain, variance, price, factor = (float(number) for number in numbers.split(","))
+        gain, variance, price, factor = (float(number) for number in own.split(","))
+        for other in others:
+            a, b, n = (float(number) for number in other.split(","))
+            beside.append((a, b, n))
     except ValueError:
-        raise InputError(f"'value:{numbers}' is not A,B,PRICE,FACTOR", _EXAMPLES) from None
-    if not (0 <= gain < math.inf and 0 < variance < math.inf and 0 <= price < math.inf and 0 < factor < math.inf):
+        raise InputError(f"'value:{numbers}' is not A,B,PRICE,FACTOR or that with ;A,B,N", _EXAMPLES) from None
+    positive = [variance, factor, *(value for _, b, n in beside for value in (b, n))]
+    not_negative = [gain, price, *(a for a, _, _ in beside)]
+    if not (
+        all(0 < value < math.inf for value in positive) and all(0 <= value < math.inf for value in not_negative)
+    ):
         raise InputError(f"'value:{numbers}' is out of range", _EXAMPLES)
-    return MarginalValue(gain, variance, price, factor, longest_s)
+    return MarginalValue(gain, variance, price, factor, longest_s, tuple(beside))
 
 
 _RULES: dict[str, Callable[[str, float], DwellRule]] = {

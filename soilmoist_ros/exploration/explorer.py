@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.mission_types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning_model import PlanningModel, spread_cells
+from soilmoist_ros.exploration.properties import Property, variation
 from soilmoist_ros.exploration.prospect import MOST_CELLS, MOST_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategy import Choice, Situation, Stop, Strategy
 from soilmoist_ros.exploration.team import Errand, foreseen, taken
@@ -54,6 +55,7 @@ class Explorer:
     :param rng: source of all randomness
     :param counting: when the robot counts
     :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
+    :param properties: what is mapped beside, and is to be known as well
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class Explorer:
         counting: Counting = _ON_THE_WAY_TOO,
         curve: CalibrationCurve | None = None,
         kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
+        properties: Sequence[Property] = (),
     ) -> None:
         self.live_map = live_map
         self.stops = stops
@@ -84,6 +87,7 @@ class Explorer:
         self.home = home
         self.counting = counting
         self.curve = curve
+        self.properties = tuple(properties)
         self.factor = 1.0
         self._xy = np.array([(stop.x_m, stop.y_m) for stop in stops], dtype=float).reshape(-1, 2)
         grid = live_map.grid
@@ -129,11 +133,16 @@ class Explorer:
         known_rate = live_map.fit is not None
         weighed = kept[self._weighed[kept]]
         place = (float(position_xy[0]), float(position_xy[1]))
+        beside = self._beside(live_map, others)
         return Situation(
             candidates=candidates,
             candidates_xy=self._xy[kept],
-            variance=self._variance(live_map, kept),
-            map_variance=live_map.variance if known_rate else np.ones(len(live_map.variance)),
+            variance=sum(
+                (p.weight * self._variance(p.live_map, kept) for p in beside), self._variance(live_map, kept)
+            ),
+            map_variance=sum((p.weight * p.live_map.variance for p in beside), live_map.variance)
+            if known_rate
+            else np.ones(len(live_map.variance)),
             map_xy=self._map_xy,
             cell_m=live_map.grid.cell_m,
             position_xy=np.asarray(position_xy, float),
@@ -144,12 +153,29 @@ class Explorer:
             expected_dwell_s=self.dwell.expected_s(
                 float(live_map.rate.mean()) if known_rate else self.nominal_rate_cps
             ),
-            prospect=cache(lambda: self._prospect(live_map, weighed, place, request)),
+            prospect=cache(lambda: self._prospect(live_map, beside, weighed, place, request)),
         )
+
+    def _beside(self, live_map: LiveMap, others: Sequence[Errand]) -> list[Property]:
+        """The further properties that matter, as far as there are maps, weighed in units of the first's variance.
+
+        What other robots are about to count seems counted.
+        """
+        if live_map.fit is None:
+            return []
+        cells = live_map.grid.cells[self._cells]
+        found = []
+        for each in self.properties:
+            varies = 0.0 if each.live_map.fit is None else variation(each.live_map.fit.variogram, cells)
+            if each.weight > 0 and varies > 0:
+                unit = variation(live_map.fit.variogram, cells) / varies
+                found.append(Property(foreseen(each.live_map, others), each.weight * unit))
+        return found
 
     def _prospect(
         self,
         live_map: LiveMap,
+        beside: Sequence[Property],
         numbers: NDArray[np.intp],
         position_xy: tuple[float, float],
         request: RequestPlan,
@@ -159,7 +185,14 @@ class Explorer:
         if kriging is None:
             return None
         stops = tuple(self.stops[number] for number in numbers.tolist())
-        model = PlanningModel(kriging, cells, self._weights(kriging, cells), self._xy[numbers], self.factor)
+        weights, stops_xy = self._weights(kriging, cells), self._xy[numbers]
+        even = np.full(len(cells), weights.mean())
+        models = [
+            PlanningModel(each.live_map.kriging, cells, each.weight * even, stops_xy)
+            for each in beside
+            if each.live_map.kriging is not None
+        ]
+        model = PlanningModel(kriging, cells, weights, stops_xy, self.factor, models)
         travel_s = self.travel.travel_s(position_xy, stops)
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
@@ -173,7 +206,8 @@ class Explorer:
             chosen = next(number for number, other in enumerate(self.stops) if other.name == stop.name)
             numbers = np.union1d(np.flatnonzero(self._weighed), [chosen])
             live_map = foreseen(self.live_map, others)
-            prospect = self._prospect(live_map, numbers, (*situation.position_xy.tolist(),), request)
+            beside = self._beside(live_map, others)
+            prospect = self._prospect(live_map, beside, numbers, (*situation.position_xy.tolist(),), request)
         rule = None if prospect is None else prospect.dwell(stop)
         return "" if rule is None else str(rule)
 

@@ -29,12 +29,10 @@ class VarianceReduction:
         worth = prospect.worth
         best = int(np.argmax(worth.value))
         stop = prospect.stops[int(prospect.reachable[best])]
-        fall = worth.on_way[best] + worth.gain[best] * worth.dwell_s[best] / (
-            worth.variance[best] * worth.dwell_s[best] + prospect.model.factor * worth.rate[best]
-        )
-        share = fall / max(prospect.model.integrated_variance, 1e-300)
         time_s = worth.travel_s[best] + worth.dwell_s[best]
-        reason = f"most variance less per second: {100 * share:.2g} % of the map's in {time_s:.0f} s"
+        share = worth.value[best] * time_s / max(prospect.model.integrated_variance, 1e-300)
+        whose = "maps'" if worth.beside else "map's"
+        reason = f"most variance less per second: {100 * share:.2g} % of the {whose} in {time_s:.0f} s"
         return Choice(stop, reason)
 
 

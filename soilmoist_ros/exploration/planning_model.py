@@ -6,12 +6,15 @@ posterior covariance C and a sample of t seconds at x, whose noise is ``rate / t
 
     IV falls by  A t / (B t + rate),    A = sum_g omega_g C(g, x)^2,    B = C(x, x) + nugget
 
-and joint counts at several places S lower it by ``sum_g omega_g C_gS (C_SS + N)^-1 C_Sg``.
+and joint counts at several places S lower it by ``sum_g omega_g C_gS (C_SS + N)^-1 C_Sg``. Where several
+properties are counted at once (:mod:`~soilmoist_ros.exploration.properties`), each has its model, and the falls
+add up.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,6 +30,7 @@ LOWEST_RATE_CPS = 1e-3
 """Rates predicted lower than this are taken for this [counts/s]: kriging may undershoot."""
 _SAME_M = 1e-9
 _NO_TIME_S = 1e-15
+_HALVINGS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,7 @@ class Worth:
     :param travel_s: time of the trip, stop overhead included [s]
     :param dwell_s: dwell with the highest value [s], 0 if counting on the way is worth more
     :param value: fall of the integrated variance per second of trip and dwell, at that dwell
+    :param beside: A, B and noise n of each further property; the fall and the value are those of all together
     """
 
     on_way: Array
@@ -49,6 +54,7 @@ class Worth:
     travel_s: Array
     dwell_s: Array
     value: Array
+    beside: tuple[tuple[Array, Array, Array], ...] = ()
 
 
 class PlanningModel:
@@ -61,6 +67,8 @@ class PlanningModel:
     :param weight: omega of each cell, shape (g,): ``1/g`` for a map of the rate
     :param stops_xy: candidates, shape (k, 2) [m]
     :param factor: product of the correction factors now: ``raw rate = rate / factor`` [-]
+    :param beside: models of further properties over the same cells and stops, their weights such that the
+        integrated variances add up
     """
 
     def __init__(
@@ -70,6 +78,7 @@ class PlanningModel:
         weight: Array,
         stops_xy: Array,
         factor: float = 1.0,
+        beside: Sequence[PlanningModel] = (),
     ) -> None:
         from scipy.spatial import KDTree
 
@@ -83,12 +92,14 @@ class PlanningModel:
         self.covariance = kriging.covariance(self._nodes)
         self.nugget = kriging.variogram.nugget
         self.factor = factor
+        self.beside = tuple(beside)
         self.rate = np.maximum(kriging.predict(self._nodes)[0], LOWEST_RATE_CPS)
 
     @property
     def integrated_variance(self) -> float:
         """Weighted sum of the variances of the cells."""
-        return float(self.weight @ np.diag(self.covariance)[: self._cells])
+        own = float(self.weight @ np.diag(self.covariance)[: self._cells])
+        return own + sum(model.integrated_variance for model in self.beside)
 
     @cached_property
     def gram(self) -> Array:
@@ -112,7 +123,8 @@ class PlanningModel:
         :param exposure_s: exposure at each [s]
         """
         noisy = self.covariance[np.ix_(nodes, nodes)] + np.diag(self.noise(nodes, exposure_s))
-        return float(np.trace(np.linalg.solve(noisy, self.gram[np.ix_(nodes, nodes)])))
+        own = float(np.trace(np.linalg.solve(noisy, self.gram[np.ix_(nodes, nodes)])))
+        return own + sum(model.fall(nodes, exposure_s) for model in self.beside)
 
     def worth(
         self,
@@ -135,6 +147,27 @@ class PlanningModel:
         node = self.stop_nodes[stops]
         nodes = np.column_stack([ways, node])
         seconds = np.column_stack([exposure_s, np.full(len(node), overhead_s)])
+        each = [model._at_stops(node, nodes, seconds) for model in (self, *self.beside)]
+        on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
+        dwell_s, value = best_dwell(on_way, gain, variance, noise, travel_s, longest_s)
+        return Worth(
+            on_way.sum(axis=0),
+            gain[0],
+            variance[0],
+            self.rate[node],
+            travel_s,
+            dwell_s,
+            value,
+            tuple(zip(gain[1:], variance[1:], noise[1:], strict=True)),
+        )
+
+    def _at_stops(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array, Array]:
+        """For stops after counts on the way to each: the fall by these, and then A, B and noise n of the stop.
+
+        :param node: nodes of the stops, shape (k,)
+        :param nodes: nodes at which is counted before, the stop's own last, shape (k, m)
+        :param seconds: exposure at each of these, shape (k, m) [s]
+        """
         noisy = self.covariance[nodes[:, :, None], nodes[:, None, :]]
         places = np.arange(nodes.shape[1])
         noisy[:, places, places] += self.noise(nodes, seconds)
@@ -147,11 +180,9 @@ class PlanningModel:
         gain = self.gram[node, node] - 2 * (v * self.gram[nodes, node[:, None]]).sum(axis=1)
         gain = np.maximum(gain + np.einsum("ki,kij,kj->k", v, gram, v), 0.0)
         variance = np.maximum(self.covariance[node, node] - (across * v).sum(axis=1), 0.0) + self.nugget
-        rate = self.rate[node]
         # A place that is known for certain (no variance, no gain) must not divide by nothing.
-        variance = np.maximum(variance, 1e-12 * rate)
-        dwell_s, value = best_dwell(on_way, gain, variance, self.factor * rate, travel_s, longest_s)
-        return Worth(on_way, gain, variance, rate, travel_s, dwell_s, value)
+        variance = np.maximum(variance, 1e-12 * self.rate[node])
+        return on_way, gain, variance, self.factor * self.rate[node]
 
 
 def best_dwell(
@@ -160,9 +191,11 @@ def best_dwell(
     """The dwell that makes the most of the time of a trip (marginal value theorem, Charnov 1976), and its value.
 
     With D counted on the way, ``(D + A t/(B t + n)) / (T + t)`` is largest where
-    ``(D B^2 + A B) t^2 + 2 D B n t + D n^2 - A n T = 0``; for D = 0 that is ``t = sqrt(n T / B)``.
+    ``(D B^2 + A B) t^2 + 2 D B n t + D n^2 - A n T = 0``; for D = 0 that is ``t = sqrt(n T / B)``. The sum over
+    several properties is largest at a time between the best of each.
 
-    :param on_way: D, fall of the integrated variance on the way
+    :param on_way: D, fall of the integrated variance on the way; as A, B and n of shape (k,), or (p, k) for p
+        properties
     :param gain: A
     :param variance: B [(counts/s)^2], > 0
     :param rate: n, rate times correction factor [counts/s], > 0
@@ -176,10 +209,35 @@ def best_dwell(
     root = np.sqrt(np.maximum(half**2 - square * constant, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         dwell_s = np.where((constant < 0) & (square > 0), (root - half) / square, 0.0)
+    if dwell_s.ndim > 1:
+        dwell_s = _best_of_all(on_way, gain, variance, rate, travel_s, dwell_s)
     dwell_s = np.clip(dwell_s, 0.0, np.maximum(longest_s, 0.0))
     fall = on_way + gain * dwell_s / (variance * dwell_s + rate)
+    if fall.ndim > 1:
+        fall = fall.sum(axis=0)
     time_s = travel_s + dwell_s
     return dwell_s, np.divide(fall, time_s, out=np.zeros_like(fall), where=time_s > 0)
+
+
+def _best_of_all(
+    on_way: Array, gain: Array, variance: Array, rate: Array, travel_s: Array, each_s: Array
+) -> Array:
+    """The dwell that makes the most of the time of a trip for several properties together, shape (k,) [s].
+
+    It is where ``sum_p [A n (T + t)/(B t + n)^2 - A t/(B t + n) - D]`` passes zero. Each term falls with t and is
+    zero at the best dwell of its property, so the root lies between these; it is found by bisection.
+
+    The other arguments are those of :func:`best_dwell`.
+
+    :param each_s: best dwell of each property alone, shape (p, k) [s]
+    """
+    low, high = each_s.min(axis=0), each_s.max(axis=0)
+    for _ in range(_HALVINGS if (low < high).any() else 0):
+        middle = (low + high) / 2
+        total = variance * middle + rate
+        rising = (gain * (rate * (travel_s + middle) / total - middle) / total - on_way).sum(axis=0) > 0
+        low, high = np.where(rising, middle, low), np.where(rising, high, middle)
+    return np.asarray((low + high) / 2)
 
 
 def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:

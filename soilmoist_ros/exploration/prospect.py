@@ -91,8 +91,10 @@ class Prospect:
         """Dwell rule of a stop at the price of time, ``None`` if it is not among the candidates."""
         for row, number in enumerate(self.reachable.tolist()):
             if self.stops[number].name == stop.name:
-                gain, variance = float(self.worth.gain[row]), float(self.worth.variance[row])
-                return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor)
+                worth = self.worth
+                gain, variance = float(worth.gain[row]), float(worth.variance[row])
+                beside = tuple((float(a[row]), float(b[row]), float(n[row])) for a, b, n in worth.beside)
+                return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor, beside=beside)
         return None
 
     @property

@@ -45,6 +45,8 @@ NAMES = {
     "weather": "weather: {}",
     "robots": "robots: {}",
     "random_field": "a field per seed: {}",
+    "also": "second property: {}",
+    "also_weight": "its weight: {}",
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,9 +91,33 @@ def mission_part(run: MapRun) -> MissionPart | None:
                 "measurement was finished.",
             )
         )  # fmt: skip
+    sections += _also(run)
     shown = tuple(mission.visits[:MOST_VISITS])
     hidden = len(mission.visits) - len(shown)
     return MissionPart(_text(mission), tuple(sections), shown, hidden, len(mission.tracks) > 1)
+
+
+def _also(run: MapRun) -> list[Section]:
+    """The maps of a second property."""
+    also = run.mission.also if run.mission is not None else None
+    if also is None or also.soil_map is None:
+        return []
+    second = replace(run, soil_map=also.soil_map, truth_rate=also.truth_rate)
+    about = f"of the second property ({also.field_title})"
+    return [
+        Section(
+            f"also-{key}", title, picture(maps.band_map(second, band, values), f"Map of the {what} {about}"),
+            caption,
+        )
+        for key, title, band, values, what, caption in (
+            ("rate", "Second property", maps.RATE, None, "count rate",
+             f"The count rate {about}, which was counted and mapped beside."),
+            ("rate-sd", "Uncertainty of the second property", maps.RATE_SD, None, "standard deviation of the rate",
+             "One standard deviation of its true rate, given all its counts."),
+            ("truth", "True rate of the second property", maps.RATE, also.truth_rate, "true count rate",
+             "What its map should show, in the same colours."),
+        )
+    ]  # fmt: skip
 
 
 def _text(mission: MissionResult) -> str:
@@ -121,6 +145,17 @@ def _text(mission: MissionResult) -> str:
             if np.isfinite(end.vwc_rmse):
                 sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
             sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
+    if mission.also is not None:
+        told = (
+            f"planned for with the weight {settings.also_weight:g}" if settings.also_weight else "not planned for"
+        )
+        sentences.append(f"A second property ({mission.also.field_title}) was mapped beside, {told}")
+        if mission.series and np.isfinite(mission.series[-1].also_mse):
+            end = mission.series[-1]
+            sentences[-1] += (
+                f": its map has a mean squared error of {number(end.also_mse)} (counts/s)², and the truth lies in "
+                f"the 95 % interval on {percent(end.also_coverage95)} of the field"
+            )
     if (plan := mission_efficiency(mission)) is not None:
         sentences.append(
             f"It reached {percent(plan.reached)} of what any plan could have done in this time: no division of it "

@@ -11,8 +11,12 @@ from soilmoist_ros.simulation.mission_run import MissionResult, SeriesRow, Visit
 
 
 def write_series(path: Path, mission: MissionResult) -> Path:
-    """Write the state over time, one row per entry; returns ``path``. What is not defined is empty."""
-    return _write(path, SeriesRow._fields, mission.series)
+    """Write the state over time, one row per entry; returns ``path``. What is not defined is empty.
+
+    The columns of a second property are there only if the mission has one.
+    """
+    names = [name for name in SeriesRow._fields if mission.also is not None or not name.startswith("also_")]
+    return _write(path, names, (row[: len(names)] for row in mission.series))
 
 
 def write_visits(path: Path, mission: MissionResult) -> Path:

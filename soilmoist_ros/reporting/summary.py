@@ -27,7 +27,7 @@ from soilmoist_ros.reporting.wording import doubts
 from soilmoist_ros.simulation.mission_efficiency import mission_efficiency
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.mission_run import MissionResult
+    from soilmoist_ros.simulation.mission_run import Mapped, MissionResult
 
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
@@ -151,6 +151,25 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
         "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
         "efficiency": _efficiency(mission),
         "final": mission.series[-1]._asdict() if mission.series else None,
+        "also": None if mission.also is None else _also(mission.also),
+    }
+
+
+def _also(mapped: Mapped) -> dict[str, Any]:
+    """The map of a second property."""
+    about: dict[str, Any] = {"field": mapped.field_title, "n_records": len(mapped.records), "map": None}
+    soil_map = mapped.soil_map
+    if soil_map is None:
+        return about
+    score = truth_score(soil_map, mapped.truth_rate)
+    return {
+        **about,
+        "variogram": model_parameters(soil_map),
+        "map": {
+            "rate_cps": asdict(band_statistics(soil_map.rate)),
+            "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
+        },
+        "truth": {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95},
     }
 
 

@@ -137,6 +137,10 @@ class Choices(Section):
     """Numbers of robots that share one map."""
     random_field: Many[bool] | None = None
     """Whether what is random in the field is drawn anew for each seed."""
+    also: Many[Name] | None = None
+    """Fields whose rate is a second property, counted and mapped beside (paths start at the campaign file)."""
+    also_weight: Many[NotNegative] | None = None
+    """What a share of its variation is worth, that of the first property being 1; 0: not planned for."""
 
 
 class Experiment(Choices):
@@ -254,7 +258,11 @@ def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None
     """
     values = asdict(settings)
     digests = {} if digests is None else digests
-    paths = {"field": _field_file(settings.field), "graph": Path(settings.graph) if settings.graph else None}
+    paths = {
+        "field": _field_file(settings.field),
+        "graph": Path(settings.graph) if settings.graph else None,
+        "also": _field_file(settings.also),
+    }
     for name, path in paths.items():
         if path is not None:
             if str(path) not in digests:
@@ -288,6 +296,7 @@ def _with_whole_paths(choices: Any, folder: Path) -> Any:
     update = {
         "field": choices.field and tuple(_whole_path(name, folder) for name in choices.field),
         "graph": choices.graph and tuple(str((folder / name).resolve()) for name in choices.graph),
+        "also": choices.also and tuple(_whole_path(name, folder) for name in choices.also),
     }
     return choices.model_copy(update=update)
 
@@ -346,13 +355,14 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
 
     names: list[str] = []
     for place, part in zip(places, [defaults, *experiments], strict=True):
-        for field in _texts(part.get("field")):
-            try:
-                faults = list(_faults_of_field(field, path.parent))
-            except InputError as error:
-                yield from error.mistakes
-            else:
-                yield from (mistake(place, "field", *fault) for fault in faults)
+        for key in ("field", "also"):
+            for field in _texts(part.get(key)):
+                try:
+                    faults = list(_faults_of_field(field, path.parent))
+                except InputError as error:
+                    yield from error.mistakes
+                else:
+                    yield from (mistake(place, key, *fault) for fault in faults)
         for graph in _texts(part.get("graph")):
             if not (path.parent / graph).is_file():
                 remedy = "give a path that starts at the campaign file; `soilmoist graph` makes one"

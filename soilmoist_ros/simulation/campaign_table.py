@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.simulation.campaign_file import Campaign, Mission
+from soilmoist_ros.simulation.mission_run import SeriesRow
 from soilmoist_ros.simulation.mission_store import StoredMission
 
 if TYPE_CHECKING:
@@ -23,9 +24,11 @@ Finished = Sequence[tuple[Mission, StoredMission]]
 
 SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "target",
             "travel", "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m",
-            "footprint_m", "position_sd_m", "weather", "robots", "random_field")  # fmt: skip
+            "footprint_m", "position_sd_m", "weather", "robots", "random_field", "also",
+            "also_weight")  # fmt: skip
 """Columns that say which mission a row belongs to."""
-METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
+METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share", "also_mse",
+           "also_coverage95")  # fmt: skip
 
 
 def require_pandas() -> Any:
@@ -126,26 +129,19 @@ def time_grid(hours: float, every_s: float) -> Array:
 
 def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, Array]:
     """The metrics of a mission at any times: the state as last entered."""
-    entered = np.array(stored.series, float).reshape(-1, 8)
-    start = np.array([[0, 0, 0, np.nan, np.nan, np.nan, np.nan, 0]])
+    start = np.array([SeriesRow(0, 0, 0, np.nan, np.nan, np.nan, np.nan, 0)], float)
+    entered = np.array(stored.series, float).reshape(-1, start.shape[1])
     rows = np.vstack([start, entered])
     last = (
         np.searchsorted(entered[:, 0], times_s + 1e-6, side="right")
         if len(entered)
         else np.zeros(len(times_s), int)
     )
-    time_s, distance, samples, mse, mse_10s, vwc_rmse, coverage, counting = rows[last].T
+    state = SeriesRow(*rows[last].T)
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.where(time_s > 0, counting / (time_s * stored.settings.robots), np.nan)
-    return {
-        "distance_m": distance,
-        "samples": samples.astype(int),
-        "mse": mse,
-        "mse_10s": mse_10s,
-        "vwc_rmse": vwc_rmse,
-        "coverage95": coverage,
-        "counting_share": share,
-    }
+        share = np.where(state.time_s > 0, state.counting_s / (state.time_s * stored.settings.robots), np.nan)
+    same = {name: getattr(state, name) for name in METRICS if name != "counting_share"}
+    return {**same, "samples": rows[last, 2].astype(int), "counting_share": share}
 
 
 def border_share(stored: StoredMission) -> float:
@@ -165,4 +161,5 @@ def border_share(stored: StoredMission) -> float:
 def _settings(mission: Mission) -> dict[str, Any]:
     values = asdict(mission.settings)
     values["graph"] = values["graph"] or "default"
+    values["also"] = values["also"] or "none"
     return {name: values[name] for name in SETTINGS}

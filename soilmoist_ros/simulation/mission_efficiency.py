@@ -37,13 +37,14 @@ class Efficiency:
 
 @lru_cache(maxsize=2)
 def mission_efficiency(mission: MissionResult) -> Efficiency | None:
-    """Efficiency of a mission, ``None`` without a map or without time spent.
+    """Efficiency of a mission, ``None`` without a map or without time spent, or if it was for two properties.
 
     It judges the plan, not the map: the variogram is taken to be the truth, and so is the map's rate.
     """
     soil_map = mission.soil_map
     time_s = mission.series[-1].time_s if mission.series else 0.0
-    if soil_map is None or not time_s > 0:
+    both = mission.settings.also and mission.settings.also_weight > 0
+    if soil_map is None or both or not time_s > 0:
         return None
     grid = soil_map.grid
     cells = grid.cells[spread_cells(grid.mask, CELLS)[grid.mask]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -50,6 +51,10 @@ class MissionSettings:
     :param robots: number of robots; they begin at the same place and share one map
     :param random_field: draw what is random in the field (patches, random fields) from the seed as well: each seed
         has a field of its own
+    :param also: a second property that the robots count beside, and map of its own: the field whose rate is its
+        truth, on the same ground; none if empty
+    :param also_weight: what a share of its variation is worth, that of the first property being 1; with 0 it is
+        mapped, but not planned for
     """
 
     field: str = "synthetic-high"
@@ -75,6 +80,8 @@ class MissionSettings:
     series_every_s: float = 60.0
     robots: int = 1
     random_field: bool = False
+    also: str = ""
+    also_weight: float = 1.0
 
 
 class SeriesRow(NamedTuple):
@@ -89,6 +96,8 @@ class SeriesRow(NamedTuple):
         volume; NaN without a calibration curve
     :param coverage95: share of cells whose true rate lies in the 95 % interval of the map
     :param counting_s: time spent counting at stops so far, of all robots together [s]
+    :param also_mse: mean squared error of the second property's rate [(counts/s)^2]; NaN without
+    :param also_coverage95: share of cells whose true rate of it lies in the 95 % interval
     """
 
     time_s: float
@@ -99,6 +108,8 @@ class SeriesRow(NamedTuple):
     vwc_rmse: float
     coverage95: float
     counting_s: float
+    also_mse: float = math.nan
+    also_coverage95: float = math.nan
 
 
 class Visit(NamedTuple):
@@ -125,6 +136,22 @@ class Visit(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class Mapped:
+    """A property that was mapped beside the first.
+
+    :param field_title: name of its field for reports
+    :param records: all records of its sensors in order of time
+    :param soil_map: final map of its rate, ``None`` if the mission ended before the first
+    :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside
+    """
+
+    field_title: str
+    records: Sequence[CountRecord]
+    soil_map: SoilMap | None
+    truth_rate: Array
+
+
+@dataclass(frozen=True, eq=False)
 class MissionResult:
     """What a simulated mission leaves.
 
@@ -138,6 +165,8 @@ class MissionResult:
     :param frame: plane of the field
     :param field_title: name of the field for reports
     :param ended: why the mission ended
+    :param log: what happened, line by line
+    :param also: the second property, if there was one
     """
 
     settings: MissionSettings
@@ -151,3 +180,4 @@ class MissionResult:
     field_title: str = ""
     ended: str = ""
     log: Sequence[str] = field(default_factory=tuple)
+    also: Mapped | None = None

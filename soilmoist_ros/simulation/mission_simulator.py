@@ -35,6 +35,7 @@ from soilmoist_ros.exploration.mission_types import (
     Tick,
     Verb,
 )
+from soilmoist_ros.exploration.properties import Property
 from soilmoist_ros.exploration.prospect import Counting
 from soilmoist_ros.exploration.strategies import make_strategy, warm_up
 from soilmoist_ros.exploration.strategy import Stop
@@ -43,12 +44,10 @@ from soilmoist_ros.exploration.topological_map import TopologicalMap, make_topol
 from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_grid import FieldGrid, default_cell_m
-from soilmoist_ros.mapping.live_map import LiveMap
-from soilmoist_ros.mapping.online_map import OnlineMap, OnlineSettings
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.map_errors import map_errors
+from soilmoist_ros.simulation.channel import Channel, mission_fields
 from soilmoist_ros.simulation.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
-from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
+from soilmoist_ros.simulation.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.virtual_sensor import VirtualSensor
 
@@ -58,7 +57,6 @@ LATTICE_NODES = 300
 """About so many nodes has the lattice that is laid when travel follows a graph and none is given."""
 PLACES_PER_RECORD = 10
 """Places at which the rate of one record is taken, evenly over its time."""
-_FIELD_STREAM = 1
 _LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -79,7 +77,7 @@ class _Robot:
     :param mission: its state machine
     :param explorer: chooses its stops
     :param body: where it is
-    :param sensor: what it counts with
+    :param sensors: what it counts with, one for each property
     :param gnss_rng: source of the noise of its positions
     """
 
@@ -89,24 +87,24 @@ class _Robot:
         mission: Mission,
         explorer: Explorer,
         body: VirtualRobot,
-        sensor: VirtualSensor,
+        sensors: Sequence[VirtualSensor],
         gnss_rng: np.random.Generator,
     ) -> None:
         self.number = number
         self.mission = mission
         self.explorer = explorer
         self.body = body
-        self.sensor = sensor
+        self.sensors = sensors
         self.gnss_rng = gnss_rng
         self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
-        self.records = 0
+        self.records: list[list[CountRecord]] = []  # one of each sensor, in order of time
         self.ended = ""
         self.deadline_s = math.inf  # as of the last next_s()
 
     @property
     def record_s(self) -> float:
         """When the next record ends [s]."""
-        return (self.records + 1) * self.sensor.cadence_s
+        return (len(self.records) + 1) * self.sensors[0].cadence_s
 
     def next_s(self, now_s: float) -> float:
         """When something happens to it next [s]; never, once it has ended."""
@@ -124,8 +122,7 @@ class _Simulation:
     def __init__(self, settings: MissionSettings) -> None:
         _check(settings)
         self.settings = settings
-        drawn = np.random.default_rng((settings.seed, _FIELD_STREAM)) if settings.random_field else None
-        field = surrogate_field(settings.field, drawn)
+        field, *also = mission_fields(settings)
         if settings.target == "vwc" and field.curve is None:
             raise InputError(
                 f"the field {field.name!r} has no calibration, so there is no moisture to map",
@@ -135,37 +132,25 @@ class _Simulation:
         self.grid = mission_grid(field, settings.cell_m)
         self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
-        self.live_map = LiveMap(self.grid, settings.variogram, settings.fit)
-        # The truth is the rate at each place, and REML can tell it from what the sensor sees.
-        radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
-        self.online_map = OnlineMap(
-            self.grid,
-            OnlineSettings(settings.variogram, settings.fit, curve=field.curve, footprint_radius_m=radius_m),
-        )
-        # The first robot draws from the same streams however many there are.
-        streams = np.random.SeedSequence(settings.seed).spawn(3 * settings.robots)
+        self.channels = [Channel(field, self.grid, settings, field.curve)]
+        self.channels += [Channel(other, self.grid, settings, None) for other in also]
+        # The first robot draws from the same streams however many there are, and so does the first sensor.
+        streams = [*map(np.random.default_rng, np.random.SeedSequence(settings.seed).spawn(4 * settings.robots))]
+        beside = streams[3 * settings.robots :]
         self.robots = [
-            self.robot(number + 1, *map(np.random.default_rng, streams[3 * number : 3 * number + 3]))
+            self.robot(number + 1, [*streams[3 * number : 3 * number + 3], beside[number]])
             for number in range(settings.robots)
         ]
-        self.truth = field.rate_at(self.grid.cells)
         # From the places of a record to its end.
         self.before_s = settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
         self.now_s = 0.0
-        self.records: list[CountRecord] = []
         self.visits: list[Visit] = []
         self.series: list[SeriesRow] = []
         self.log: list[str] = []
-        self.errors: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
-    def robot(
-        self,
-        number: int,
-        sensor_rng: np.random.Generator,
-        strategy_rng: np.random.Generator,
-        gnss_rng: np.random.Generator,
-    ) -> _Robot:
-        """A robot at the start; all share the map."""
+    def robot(self, number: int, streams: Sequence[np.random.Generator]) -> _Robot:
+        """A robot at the start; all share the maps."""
+        sensor_rng, strategy_rng, gnss_rng, beside_rng = streams
         settings, field = self.settings, self.field
         dwell = parse_dwell(settings.dwell)
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
@@ -182,7 +167,7 @@ class _Simulation:
             )
         )
         explorer = Explorer(
-            self.live_map,
+            self.channels[0].live_map,
             self.stops,
             self.travel,
             make_strategy(settings.strategy, settings.preset),
@@ -193,11 +178,15 @@ class _Simulation:
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
             curve=field.curve if settings.target == "vwc" else None,
+            properties=[Property(other.live_map, settings.also_weight) for other in self.channels[1:]],
         )
         start = start_stop(field.field, self.stops)
         body = VirtualRobot(self.motion, (start.x_m, start.y_m))
-        sensor = VirtualSensor(field, sensor_rng, settings.cadence_s, settings.footprint_m, settings.weather)
-        return _Robot(number, mission, explorer, body, sensor, gnss_rng)
+        sensors = [
+            VirtualSensor(channel.field, rng, settings.cadence_s, settings.footprint_m, settings.weather)
+            for channel, rng in zip(self.channels, (sensor_rng, beside_rng), strict=False)
+        ]
+        return _Robot(number, mission, explorer, body, sensors, gnss_rng)
 
     def run(self, progress: Callable[[float], None]) -> MissionResult:
         """Let events happen one after the other until the mission of each robot has ended."""
@@ -218,7 +207,7 @@ class _Simulation:
                 progress(min(self.now_s / (3600 * self.settings.hours), 1.0))
         for robot in self.robots:
             robot.body.stop(self.now_s)
-        self.update_map()
+        self.update_maps()
         self.enter_series()
         progress(1.0)
         return self.result()
@@ -245,7 +234,7 @@ class _Simulation:
         """Do what a mission asks for; its statuses, displays and saves need nothing here."""
         match action:
             case RequestPlan():
-                self.update_map()
+                self.update_maps()
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.errands_beside(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
                 self.give(robot, Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
@@ -291,46 +280,37 @@ class _Simulation:
         )
         if self.settings.map_from == "records":
             return
-        self.live_map.add((sample.x_m, sample.y_m), sample.raw_counts, sample.effective_exposure_s)
-        if self.live_map.ready and len(self.visits) >= min(3, max(robot.mission.rules.warm_up_stops, 2)):
-            self.live_map.update()
-            self.errors = self.map_errors()
+        warmed_up = len(self.visits) >= min(3, max(robot.mission.rules.warm_up_stops, 2))
+        for channel, counted in zip(
+            self.channels, zip(*robot.records[-sample.records :], strict=True), strict=True
+        ):
+            channel.take_stop(sample, counted, warmed_up)
         self.enter_series()
 
-    def update_map(self) -> None:
-        """Bring a map of all records up to date."""
-        state = self.online_map.state
-        if len(state.samples):
-            fit = self.online_map.fit(state)
-            if fit is not None:
-                self.live_map.take(state.samples, fit)
-                self.errors = self.map_errors()
+    def update_maps(self) -> None:
+        """Bring maps of all records up to date."""
+        for channel in self.channels:
+            channel.update()
 
     def record(self, robot: _Robot) -> CountRecord:
-        """The record of the interval that ends now."""
+        """What a robot has counted in the interval that ends now; returns the record of the first property."""
         places = robot.body.places(self.now_s - self.before_s)
         middle = places[PLACES_PER_RECORD // 2]
         reported = self.reported(robot, (float(middle[0]), float(middle[1])))
-        record = robot.sensor.record(self.now_s, places, reported)
-        robot.records += 1
-        self.records.append(record)
-        if self.settings.map_from == "records":
-            self.online_map.take(record)
-        return record
+        records = [sensor.record(self.now_s, places, reported) for sensor in robot.sensors]
+        robot.records.append(records)
+        for channel, record in zip(self.channels, records, strict=True):
+            channel.take(record)
+        return records[0]
 
     def reported(self, robot: _Robot, xy: tuple[float, float]) -> tuple[float, float]:
         """A place as the GNSS of a robot reports it."""
         noise = robot.gnss_rng.normal(0.0, self.settings.position_sd_m, 2)
         return xy[0] + float(noise[0]), xy[1] + float(noise[1])
 
-    def map_errors(self) -> tuple[float, float, float]:
-        """Errors of the map as it is now."""
-        live_map = self.live_map
-        return map_errors(live_map.rate, np.sqrt(live_map.variance), self.truth, self.field.curve)
-
     def enter_series(self) -> None:
         """Write down how the mission stands."""
-        mse, vwc_rmse, coverage = self.errors
+        (mse, vwc_rmse, coverage), *also = (channel.errors for channel in self.channels)
         row = SeriesRow(
             time_s=self.now_s,
             distance_m=sum(robot.body.distance_m(self.now_s) for robot in self.robots),
@@ -340,6 +320,8 @@ class _Simulation:
             vwc_rmse=vwc_rmse,
             coverage95=coverage,
             counting_s=sum(robot.mission.status.counting_s for robot in self.robots),
+            also_mse=also[0][0] if also else math.nan,
+            also_coverage95=also[0][2] if also else math.nan,
         )
         if self.series and self.series[-1].time_s == self.now_s:
             self.series[-1] = row
@@ -357,18 +339,20 @@ class _Simulation:
     def result(self) -> MissionResult:
         """What the mission leaves."""
         assert all(robot.mission.state.phase in (Phase.FINISHED, Phase.IDLE) for robot in self.robots)
+        first, *others = (channel.mapped for channel in self.channels)
         return MissionResult(
             settings=self.settings,
             series=tuple(self.series),
             visits=tuple(self.visits),
             tracks=tuple(np.array(robot.body.track) for robot in self.robots),
-            records=tuple(self.records),
-            soil_map=self.live_map.soil_map(self.field.curve),
-            truth_rate=self.grid.to_raster(self.truth),
+            records=first.records,
+            soil_map=first.soil_map,
+            truth_rate=first.truth_rate,
             frame=self.field.frame,
-            field_title=self.field.title,
+            field_title=first.field_title,
             ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),
             log=tuple(self.log),
+            also=others[0] if others else None,
         )
 
 
@@ -439,5 +423,7 @@ def _check(settings: MissionSettings) -> None:
         raise InputError("a travel graph is given, but the robot travels freely", "choose travel by graph")
     if settings.robots < 1:
         raise InputError(f"a mission of {settings.robots} robots is not possible", "give at least 1")
+    if not (math.isfinite(settings.also_weight) and settings.also_weight >= 0):
+        raise InputError(f"a second property cannot have the weight {settings.also_weight}", "give 0 or more")
     if not settings.series_every_s > 0:
         raise InputError("series_every_s must be positive", "60 is usual")
