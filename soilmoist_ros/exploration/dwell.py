@@ -233,14 +233,13 @@ class MarginalValue:
         if self.price <= 0:
             return self.longest_s if any(gain > 0 for gain, _, _ in terms) else 0.0
         # The sum falls with time, and reaches the price no sooner than any of its terms.
-        best_s = max((math.sqrt(gain * n / self.price) - n) / variance for gain, variance, n in terms)
-        low = best_s = min(max(best_s, 0.0), self.longest_s)
-        high = self.longest_s
+        alone_s = max((math.sqrt(gain * n / self.price) - n) / variance for gain, variance, n in terms)
+        low, high = min(max(alone_s, 0.0), self.longest_s), self.longest_s
         for _ in range(_HALVINGS if self.beside else 0):
-            best_s = (low + high) / 2
-            marginal = sum(gain * n / (variance * best_s + n) ** 2 for gain, variance, n in terms)
-            low, high = (best_s, high) if marginal > self.price else (low, best_s)
-        return best_s
+            middle = (low + high) / 2
+            marginal = sum(gain * n / (variance * middle + n) ** 2 for gain, variance, n in terms)
+            low, high = (middle, high) if marginal > self.price else (low, middle)
+        return low
 
     def __str__(self) -> str:
         beside = "".join(f";{gain!r},{variance!r},{noise!r}" for gain, variance, noise in self.beside)

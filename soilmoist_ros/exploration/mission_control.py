@@ -32,6 +32,7 @@ from soilmoist_ros.exploration.mission_types import (
     MissionStatus,
     Phase,
     PlanFailed,
+    PlanKind,
     Planned,
     Publish,
     RequestPlan,
@@ -221,6 +222,27 @@ class MissionControl:
             self._desk.take_fit(fit, stamp_s)
         self._plan_if_due()
 
+    def expect_property(self, name: str, weight: float) -> None:
+        """A further property is mapped beside, and to be known as well.
+
+        :param name: which
+        :param weight: what a share of its variation is worth, that of the first being 1
+        """
+        with self._desk_lock:
+            self._desk.expect_property(name, weight)
+
+    def samples_of(self, name: str, samples: Samples, stamp_s: float) -> None:
+        """The merged samples of a further property have come."""
+        with self._desk_lock:
+            self._desk.take_samples_of(name, samples, stamp_s)
+        self._plan_if_due()
+
+    def fit_of(self, name: str, fit: VariogramFit | None, stamp_s: float) -> None:
+        """Their variogram has come."""
+        with self._desk_lock:
+            self._desk.take_fit_of(name, fit, stamp_s)
+        self._plan_if_due()
+
     def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
         """Another robot has told how its mission stands.
 
@@ -293,10 +315,13 @@ class MissionControl:
         if navigation:
             there = Health("navigation", self._severity, f"waiting for {navigation}")
         problem = self._journal.problem
+        with self._desk_lock:
+            beside = self._desk.faults_beside
         unheard = [name for name, status in self._others.items() if status is None]
         return [
             *([Health("journal", Level.ERROR, problem)] if problem else []),
             *([Health("others", Level.WARN, f"nothing has come of {', '.join(unheard)}")] if unheard else []),
+            *([Health("properties", Level.WARN, "; ".join(beside))] if beside else []),
             there,
             self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),
             self._age("records", now_s - self._feed.record_s, RECORD_OLD_S),
@@ -350,6 +375,8 @@ class MissionControl:
         with self._desk_lock:
             job = self._desk.due(self._outlets.now_s(), self._feed.place)
             if job is not None:
+                for fault in self._desk.faults_beside if job.request.kind is PlanKind.EXPLORE else ():
+                    _log.warning(fault)
                 self._pool.submit(self._plan, job, self._mission.state.started_s)
 
     def _plan(self, job: PlanJob, started_s: float | None) -> None:

@@ -24,7 +24,7 @@ from soilmoist_ros.exploration.topological_map import read_topological_map
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.goal_pose_navigator import GoalPoseNavigator
 from soilmoist_ros.nodes.goto_node_navigator import GotoNodeNavigator, action_class
-from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.parameters import Parameters, property_weights
 from soilmoist_ros.nodes.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.planner_outlets import PlannerOutlets
 from soilmoist_ros.nodes.planner_parameters import PARAMETERS, explorer_settings, mission_rules
@@ -54,7 +54,8 @@ class Planner(Node):
         for problem in found.problems:
             self.get_logger().warning(problem)
         self._journal = Journal.open(Path(folder)) if folder else None
-        self._outlets = PlannerOutlets(self, self._hand_on)
+        properties = property_weights(self._values.texts("properties"))
+        self._outlets = PlannerOutlets(self, self._hand_on, properties)
         self._control = MissionControl(
             self._field,
             settings,
@@ -75,7 +76,7 @@ class Planner(Node):
             self._control.use_ways(None if graph == "free" else read_topological_map(Path(graph)).graph)
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
-        self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others)
+        self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others, properties)
         for verb in Verb:
             self.create_service(Trigger, f"planner/{verb}", partial(self._command, verb))
         # The mission's limits go by ROS time; messages, displays and limits of the navigation by the computer's.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
@@ -31,6 +32,7 @@ class PlannerInputs:
     :param frame: the field's plane
     :param map_topic: topic of the navigation's map; empty if it is not wanted
     :param others: namespaces of the planners of other robots on the field; its own is passed over
+    :param properties: namespaces in which further properties are mapped, and their weights
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class PlannerInputs:
         frame: LocalFrame,
         map_topic: str,
         others: Sequence[str] = (),
+        properties: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._node = node
         self._control = control
@@ -49,6 +52,11 @@ class PlannerInputs:
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
         node.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
         node.create_subscription(String, "model", self._on_model, LATCHED)
+        for name, weight in properties.items():
+            control.expect_property(name, weight)
+            samples, model = partial(self._on_samples_of, name), partial(self._on_model_of, name)
+            node.create_subscription(PointCloud2, f"{name}/samples", samples, LATCHED)
+            node.create_subscription(String, f"{name}/model", model, LATCHED)
         if map_topic:
             node.create_subscription(String, map_topic, self._on_map, LATCHED)
         for name in other_namespaces(node, others):
@@ -78,6 +86,19 @@ class PlannerInputs:
             self._control.fit(model.fit, model.stamp_s)
         except ValueError as error:
             self._ignore("model", error)
+
+    def _on_samples_of(self, name: str, message: PointCloud2) -> None:
+        try:
+            self._control.samples_of(name, samples_from_message(message), to_seconds(message.header.stamp))
+        except ValueError as error:
+            self._ignore(f"{name}/samples", error)
+
+    def _on_model_of(self, name: str, message: String) -> None:
+        try:
+            model = model_from_message(message)
+            self._control.fit_of(name, model.fit, model.stamp_s)
+        except ValueError as error:
+            self._ignore(f"{name}/model", error)
 
     def _on_other(self, name: str, message: DiagnosticStatus) -> None:
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -30,19 +30,21 @@ class PlannerOutlets:
 
     :param node: the node it belongs to
     :param hand_on: hands plans on, called by the executor after :meth:`wake`
+    :param properties: namespaces of mappers of further properties
     """
 
-    def __init__(self, node: Node, hand_on: Callable[[], None]) -> None:
+    def __init__(self, node: Node, hand_on: Callable[[], None], properties: Iterable[str] = ()) -> None:
         self._node = node
         self._mission = node.create_publisher(DiagnosticStatus, "mission", LATCHED)
         self._path = node.create_publisher(Path, "plan", LATCHED)
         self._markers = node.create_publisher(MarkerArray, "plan_markers", LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
-        self._save = node.create_client(Trigger, "mapper/save")
+        services = ("mapper/save", *(f"{name}/mapper/save" for name in properties))
+        self._saves = [node.create_client(Trigger, service) for service in services]
         self._planned = node.create_guard_condition(hand_on)
         self._shown: tuple[tuple[Stop, ...], float] | None = None
         self._reason = ""
-        self._saving: Future | None = None
+        self._saving: list[Future] = []
         self._leave_by_s: float | None = None
 
     @property
@@ -50,7 +52,7 @@ class PlannerOutlets:
         """Whether the mission has ended, and the map is saved as far as can be."""
         if self._leave_by_s is None:
             return False
-        return self._saving is None or self._saving.done() or time.monotonic() > self._leave_by_s
+        return all(saving.done() for saving in self._saving) or time.monotonic() > self._leave_by_s
 
     def now_s(self) -> float:
         """ROS time [s]."""
@@ -73,12 +75,15 @@ class PlannerOutlets:
         self._diagnostics.publish(diagnostics_to_message(parts, self.now_s(), name))
 
     def save(self, reason: str) -> None:
-        """Ask the mapper to save, without waiting."""
-        if not self._save.service_is_ready():
-            self._node.get_logger().warning(f"the map is not saved ({reason}): there is no {self._save.srv_name}")
-            return
-        self._saving = self._save.call_async(Trigger.Request())
-        self._saving.add_done_callback(self._on_saved)
+        """Ask the mappers to save, without waiting."""
+        self._saving = []
+        for save in self._saves:
+            if not save.service_is_ready():
+                self._node.get_logger().warning(f"the map is not saved ({reason}): there is no {save.srv_name}")
+                continue
+            saving = save.call_async(Trigger.Request())
+            saving.add_done_callback(self._on_saved)
+            self._saving.append(saving)
 
     def finish(self, finish: Finish) -> None:
         """The mission has ended."""

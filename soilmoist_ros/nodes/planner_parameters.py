@@ -39,6 +39,12 @@ PARAMETERS: Final = (
         "namespaces of other robots whose planners explore the same field: where one is going or counting, this "
         "one does not go; its own is passed over",
     ),
+    _row(
+        "properties",
+        [],
+        "namespaces in which further properties of the field are mapped, to be known as well as the first: "
+        "NAMESPACE or NAMESPACE:WEIGHT, the weight of the first being 1; one without a map is left out",
+    ),
     _row("home", "", "stop to return to at the end; the robot stays where it is if empty"),
     _row(
         "graph", "topic", "ways of the robot: topic (the navigation's map), free (straight lines), or a map file"
