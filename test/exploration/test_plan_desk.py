@@ -124,3 +124,51 @@ def test_the_answer_keeps_away_from_other_robots(explorer):
     there = Errand(alone.x_m, alone.y_m, 600.0)
     beside = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (there,)), True).choice.stop
     assert np.hypot(beside.x_m - alone.x_m, beside.y_m - alone.y_m) > 2.0
+
+
+def held(desk, kind=PlanKind.EXPLORE, now_s=101.0):
+    desk.ask(request(kind=kind), now_s)
+    return desk.due(now_s, PLACE)
+
+
+def test_a_further_property_is_left_out_until_it_has_a_map():
+    desk = PlanDesk(20.0)
+    desk.expect_property("/compaction", 0.5)
+    assert held(desk).beside == ()
+    assert desk.faults_beside == ("no map has come of /compaction: stops are chosen without it",)
+    desk.take_samples_of("/compaction", SAMPLES, 90.0)
+    assert held(desk).beside == ()
+    desk.take_fit_of("/compaction", FIT, 90.0)
+    assert held(desk).beside == ((SAMPLES, FIT, 0.5),)
+    assert desk.faults_beside == ()
+    desk.take_fit_of("/compaction", None, 91.0)
+    assert held(desk).beside == (), "its mapper has forgotten all"
+
+
+def test_a_map_of_a_further_property_that_does_not_follow_is_waited_for_once():
+    desk = PlanDesk(20.0)
+    desk.expect_property("/compaction", 1.0)
+    for take, what in ((desk.take_samples, SAMPLES), (desk.take_fit, FIT)):
+        take(what, 100.0)
+    desk.take_samples_of("/compaction", SAMPLES, 80.0)
+    desk.take_fit_of("/compaction", FIT, 80.0)
+    desk.measured(100.0)
+    assert held(desk) is None
+    job = desk.due(121.0, PLACE)
+    assert not job.late
+    assert len(job.beside) == 1
+    assert "does not follow" in desk.faults_beside[0]
+    assert held(desk, now_s=122.0) is not None, "it is not waited for again"
+    for take, what in ((desk.take_samples_of, SAMPLES), (desk.take_fit_of, FIT)):
+        take("/compaction", what, 92.0)  # its records end at other times
+    assert held(desk, now_s=123.0) is not None
+    assert desk.faults_beside == ()
+
+
+def test_the_answer_goes_where_a_further_property_is_unknown(explorer):
+    alone = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    near = as_samples([(alone.x_m, alone.y_m), (10.0, 5.0), (2.0, 2.0)], [800, 900, 700], [100.0] * 3)
+    both = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (), ((near, FIT, 50.0),)), True).choice
+    assert np.hypot(both.stop.x_m - alone.x_m, both.stop.y_m - alone.y_m) > 3.0
+    again = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    assert again == alone, "a map that has gone does not matter any more"

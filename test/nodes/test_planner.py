@@ -236,6 +236,8 @@ def test_the_map_may_not_come(ros, tmp_path):
         ({"graph": "no_such_map.yaml"}, "cannot be read"),
         ({"graph": "free"}, "graph is free"),
         ({"others": ["robot 2"]}, "'/robot 2' is not a namespace"),
+        ({"properties": ["/compaction:-1"]}, "'/compaction:-1' is not a namespace with a weight"),
+        ({"properties": ["soil salt"]}, "'soil salt' is not a namespace"),
         ({"navigator": "goal_pose", "graph": "free", "home": "r0c"}, "did you mean 'r0c"),
     ],
 )

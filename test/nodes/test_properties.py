@@ -1,0 +1,87 @@
+"""A planner and two mappers: a second property is counted beside, and what is unknown of it draws the robot."""
+
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from virtual_navigation import FIELD, START_S, World
+
+from msg_adapters.counts import counts_to_message
+from msg_adapters.mission import mission_from_message
+from msg_adapters.model import model_from_message
+from soilmoist_ros.nodes.qos import LATCHED, RECORDS
+from soilmoist_ros.sensing.records import CountRecord
+
+CORNERS = [(x, y) for x in (4.0, 12.0, 20.0, 28.0, 36.0) for y in (5.0, 15.0, 25.0)]
+AGO_S = 1000.0
+
+
+def record(number, place, rate_cps):
+    return CountRecord(
+        stamp_s=START_S - AGO_S + 10.0 * number, x_m=place[0], y_m=place[1], z_m=0.0,
+        raw_counts=round(100 * rate_cps), exposure_s=100.0, effective_exposure_s=100.0, f_pressure=1.0,
+        f_humidity=1.0, f_intensity=1.0,
+    )  # fmt: skip
+
+
+def test_what_is_unknown_of_a_second_property_changes_the_choice(ros, tmp_path):
+    (tmp_path / "field.yaml").write_text(FIELD)
+    common = {"use_sim_time": True, "field": str(tmp_path / "field.yaml")}
+    diagnostics = ros.collect(DiagnosticArray, "/diagnostics", 10)
+    missions = ros.collect(DiagnosticStatus, "mission", LATCHED)
+    ros.collect(PoseStamped, "goal_pose")  # somebody takes the goals, but nobody drives
+
+    def feed(namespace, places, level_cps):
+        """Start a mapper, let it map records of the past, and wait for the map."""
+        found = ros.collect(String, f"{namespace}/model", LATCHED)
+        samples = ros.collect(PointCloud2, f"{namespace}/samples", LATCHED)
+        save_dir = str(tmp_path / f"map{namespace.strip('/')}")
+        ros.start("mapper", params={**common, "save_dir": save_dir}, namespace=namespace)
+        publisher = ros.node.create_publisher(PointCloud2, f"{namespace}/counts", RECORDS)
+        ros.wait_for(publisher.get_subscription_count, message="the mapper")
+        records = [record(n, place, level_cps * (1 + place[0] / 80)) for n, place in enumerate(places)]
+        publisher.publish(counts_to_message(records))
+        ros.wait_for(
+            lambda: samples and samples[-1].width * samples[-1].height >= len(places), message="the samples"
+        )
+        ros.wait_for(lambda: found and model_from_message(found[-1]).fit is not None, message="the model")
+
+    def health(part):
+        said = [status for array in list(diagnostics) for status in array.status]
+        return [status.message for status in said if status.name == f"/planner: {part}"]
+
+    def chosen():
+        """Start missions until the map guides the first stop: it may come a moment later than the planner."""
+        while True:
+            missions.clear()
+            ros.wait_for(lambda: ros.call(Trigger, "planner/start").success)
+            ros.wait_for(
+                lambda: any("most variance" in m.message or "middle" in m.message for m in list(missions))
+            )
+            found = [m for m in list(missions) if "most variance" in m.message]
+            stop = mission_from_message(found[0]).target if found else None
+            assert ros.call(Trigger, "planner/abort").success
+            if stop is not None:
+                return stop
+
+    feed("", [place for place in CORNERS if place[0] > 10 or place[1] > 10], 4.0)
+    with World(ros, mapper=False, rate=5.0) as world:
+        world.place = (20.0, 15.0)
+        ros.start(
+            "planner",
+            params={**common, "strategy": "ivr", "navigator": "goal_pose", "graph": "free",
+                    "properties": ["compaction:3"], "hours": 2.0},
+        )  # fmt: skip
+        ros.wait_for(lambda: "no map has come of compaction: stops are chosen without it" in health("properties"))
+        alone = chosen()
+        assert alone.x_m < 15.0, "the south-west is unknown"
+        feed("/compaction", [place for place in CORNERS if place[0] < 25], 40.0)
+        diagnostics.clear()
+        ros.wait_for(lambda: health("navigation") and not health("properties"), message="the second map")
+        assert chosen().x_m > 25.0, "the second property is unknown in the east"
+        assert ros.call(Trigger, "compaction/mapper/save").success
+    assert (tmp_path / "mapcompaction").is_dir()
