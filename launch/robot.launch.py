@@ -16,6 +16,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.nodes.launching import parameters_from
+from soilmoist_ros.nodes.parameters import property_weights
 from soilmoist_ros.recording.journal import ENTRIES
 
 PARAMETERS = {
@@ -31,6 +32,7 @@ PARAMETERS = {
     "save_dir": "folder that the mapper's service save writes",
     "out": "folder for recordings",
     "name": "name of the recording; the time if empty",
+    "properties": "further properties to be known, such as [compaction]: each has a mapper, of compaction/counts",
     "resume": "what to do with a mission that was interrupted: ask, auto (go on) or fresh (forget it)",
     "simulated": "true if the counts come from a simulation; every output says so",
 }
@@ -85,12 +87,14 @@ def nodes(context: LaunchContext) -> list[Node]:
     if not flag("record"):
         del values["recorder"]
     ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
+    started = [(node, given("namespace"), parameters) for node, parameters in values.items()]
+    started += mappers_beside(given("namespace"), arguments)
     return [
         Node(
             package="soilmoist_ros",
             executable=node,
             name=node,  # so that the arguments come before what params_file says of the node
-            namespace=given("namespace"),
+            namespace=namespace,
             parameters=[
                 *filter(None, [given("params_file")]),
                 {"use_sim_time": flag("use_sim_time"), **parameters},
@@ -98,7 +102,21 @@ def nodes(context: LaunchContext) -> list[Node]:
             on_exit=ends_all if node == "planner" else None,
             output="screen",
         )
-        for node, parameters in values.items()
+        for node, namespace, parameters in started
+    ]
+
+
+def mappers_beside(namespace: str, arguments: Mapping[str, str]) -> list[tuple[str, str, dict[str, object]]]:
+    """Name, namespace and values of a mapper for each further property: no calibration, a folder of its own."""
+    properties = parameters_from("planner", {"properties": arguments["properties"]}).get("properties", [])
+    mapper = parameters_from("mapper", {**arguments, "site": ""})
+    return [
+        (
+            "mapper",
+            name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}".lstrip("/"),
+            {**mapper, "site": "", "save_dir": f"{arguments['save_dir'] or 'soilmoist_map'}_{Path(name).name}"},
+        )
+        for name in property_weights(properties)
     ]
 
 

@@ -226,9 +226,22 @@ def test_several_robots_are_simulated(tmp_path):
     assert sum(mission["robot_distances_m"]) == pytest.approx(mission["final"]["distance_m"])
 
 
+def test_a_second_property_is_mapped_beside(tmp_path):
+    options = ["--also", "rough", "--also-weight", 0.5, "--hours", 0.2, "--cell", 5, "--fit", "reml",
+               "--strategy", "ivr", "--dwell", "optimal", "--map-from", "records"]  # fmt: skip
+    result = run("simulate", *options, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    about = json.loads((tmp_path / "summary.json").read_text())["mission"]
+    assert (about["settings"]["also"], about["settings"]["also_weight"]) == ("rough", 0.5)
+    (told,) = [line for line in result.output.splitlines() if line.startswith("also")]
+    assert f"MSE {about['final']['also_mse']:.4f} (counts/s)2" in told
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (["--also", "patches"], "does not cover the field 'synthetic-high'"),
+        (["--also-weight", "-1"], "-1.0 is not in the range x>=0"),
         (["--robots", "0"], "0 is not in the range x>=1"),
         (["--field", "sinthetic-high"], "did you mean 'synthetic-high'"),
         (["--strategy", "gredy"], "did you mean 'greedy'"),

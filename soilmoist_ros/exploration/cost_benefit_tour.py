@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.dwell import LONGEST_DWELL_S
 from soilmoist_ros.exploration.information_strategies import VarianceReduction
-from soilmoist_ros.exploration.planning_model import best_dwell
+from soilmoist_ros.exploration.planning_model import PlanningModel, best_dwell
 from soilmoist_ros.exploration.prospect import Prospect
 from soilmoist_ros.exploration.strategy import Choice, Situation
 
@@ -96,12 +96,8 @@ class _Tour:
         """
         nodes, seconds = self.counted()
         prospect, model = self._prospect, self._model
-        noisy = model.covariance[np.ix_(nodes, nodes)] + np.diag(model.noise(nodes, seconds))
-        reduced = np.linalg.solve(noisy, model.covariance[nodes])
-        left = model.covariance - model.covariance[:, nodes] @ reduced
-        gain = model.weight @ left[: len(model.weight)][:, self._nodes] ** 2
-        variance = np.maximum(np.diag(left)[self._nodes], 0) + model.nugget
-        rate = model.rate[self._nodes]
+        each = [self._left(property_model, nodes, seconds) for property_model in (model, *model.beside)]
+        gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
         # where each candidate lengthens the tour least
         before = np.array([self._from_start, *(self.legs(row) for row in self.stops)])
         after = np.array([*(self.legs(row) for row in self.stops), np.zeros(len(self._nodes))])
@@ -110,11 +106,10 @@ class _Tour:
         extra_s = np.maximum(detour[position, np.arange(len(position))], 1e-6)
         # What is counted on the detour is worth about as much as counts at the stop for half the time.
         counted = np.minimum(0.5 * extra_s, MOST_ON_DETOUR_S) if prospect.counts_on_way else np.zeros(len(extra_s))
-        noise = model.factor * rate
         on_way = gain * counted / (variance * counted + noise)
         # After these counts both A and B of the stop are smaller.
         less = noise / (variance * counted + noise)
-        longest_s = np.full(len(rate), LONGEST_DWELL_S)
+        longest_s = np.full(len(extra_s), LONGEST_DWELL_S)
         dwell_s, value = best_dwell(on_way, gain * less**2, variance * less, noise, extra_s, longest_s)
         fits = self.time_s + extra_s + dwell_s <= horizon_s
         fits[self.stops] = False
@@ -124,6 +119,15 @@ class _Tour:
         self.stops.insert(int(position[row]), row)
         self.dwell_s[row] = float(dwell_s[row])
         return True
+
+    def _left(self, model: PlanningModel, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:
+        """A, B and noise n of each stop after counts at some nodes."""
+        noisy = model.covariance[np.ix_(nodes, nodes)] + np.diag(model.noise(nodes, seconds))
+        reduced = np.linalg.solve(noisy, model.covariance[nodes])
+        left = model.covariance - model.covariance[:, nodes] @ reduced
+        gain = model.weight @ left[: len(model.weight)][:, self._nodes] ** 2
+        variance = np.maximum(np.diag(left)[self._nodes], 0) + model.nugget
+        return gain, variance, model.factor * model.rate[self._nodes]
 
     def counted(self) -> tuple[Indices, Array]:
         """Nodes at which the tour counts, and how long."""

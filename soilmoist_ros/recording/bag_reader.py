@@ -96,7 +96,7 @@ class BagReader:
             raise _damaged(self.path, error) from None
 
     def find_topic(self, name: str, type_name: str) -> str:
-        """Full name of a topic: as it is given, or in the only namespace that has it.
+        """Full name of a topic: as given, or in the only namespace that has it or that all others are below.
 
         :param name: full name, or one without namespace
         :param type_name: type that it should have
@@ -106,6 +106,9 @@ class BagReader:
         found = [t for t in named if self.topics[t] == type_name]
         if len(found) == 1:
             return found[0]
+        outermost = min(found, key=len, default="")
+        if found and all(topic.startswith(outermost.removesuffix(name)) for topic in found):
+            return outermost
         if found:
             raise InputError(f"has several topics {name!r}", f"name one of: {', '.join(sorted(found))}", self.path)
         there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(self.topics.items()))

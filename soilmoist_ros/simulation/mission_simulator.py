@@ -207,7 +207,7 @@ class _Simulation:
                 progress(min(self.now_s / (3600 * self.settings.hours), 1.0))
         for robot in self.robots:
             robot.body.stop(self.now_s)
-        self.update_maps()
+        self.update_map()
         self.enter_series()
         progress(1.0)
         return self.result()
@@ -234,7 +234,7 @@ class _Simulation:
         """Do what a mission asks for; its statuses, displays and saves need nothing here."""
         match action:
             case RequestPlan():
-                self.update_maps()
+                self.update_map()
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.errands_beside(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
                 self.give(robot, Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
@@ -287,7 +287,7 @@ class _Simulation:
             channel.take_stop(sample, counted, warmed_up)
         self.enter_series()
 
-    def update_maps(self) -> None:
+    def update_map(self) -> None:
         """Bring maps of all records up to date."""
         for channel in self.channels:
             channel.update()

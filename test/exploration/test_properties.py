@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.errors import InputError
+from soilmoist_ros.exploration.cost_benefit_tour import _Tour
 from soilmoist_ros.exploration.dwell import MarginalValue, parse_dwell
 from soilmoist_ros.exploration.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission_types import PlanKind, RequestPlan
@@ -117,6 +118,32 @@ def test_the_fall_of_both_is_the_sum_of_the_falls():
     for a, b, n in ((worth.gain, worth.variance, worth.rate), *worth.beside):
         fall = fall + a[row] * worth.dwell_s[row] / (b[row] * worth.dwell_s[row] + n[row])
     assert worth.value[row] == pytest.approx(fall / (worth.travel_s[row] + worth.dwell_s[row]), rel=1e-9)
+
+
+def test_a_tour_for_two_properties_with_one_map_is_that_of_one():
+    tours = []
+    for properties in ((), [Property(live_map(), 2.0)]):
+        model = explorer("gcb", properties)
+        look = model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0)).prospect()
+        tour = _Tour(look, int(np.argmax(look.worth.value)))
+        while tour.insert(900.0):
+            pass
+        tours.append(tour)
+    one, two = tours
+    assert len(one.stops) > 2
+    assert one.stops == two.stops
+    assert one.dwell_s == pytest.approx(two.dwell_s, rel=1e-6)
+
+
+def test_a_tour_leads_to_where_a_property_is_unknown():
+    second = live_map([place for place in LATTICE if place[0] < 25], seed=1)
+    look = explorer("gcb", [Property(second, 5.0)]).situation(
+        RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (4.0, 10.0)
+    ).prospect()  # fmt: skip
+    tour = _Tour(look, 0)
+    assert look.place(0)[0] < 25.0
+    assert tour.insert(600.0)
+    assert max(look.place(row)[0] for row in tour.stops) > 25.0
 
 
 def test_the_variation_is_the_variance_of_fields_with_that_variogram():

@@ -153,7 +153,7 @@ class _Recorded(mission_simulator._Simulation):
 
     def update_map(self) -> None:
         super().update_map()
-        if self.records:
+        if self.channels[0].records:
             self.events.append(None)
 
 

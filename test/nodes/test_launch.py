@@ -95,6 +95,26 @@ def test_arguments_go_to_every_node_that_has_the_parameter(monkeypatch, seen):
     assert {value["node"] for value in values.values()} == {f"/r1/{name}" for name in nodes}
 
 
+def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen):
+    given = {
+        "field": "f.yaml",
+        "site": "s",
+        "namespace": "r1",
+        "save_dir": "m",
+        "properties": "[compaction:2, /salt]",
+    }
+    actions = [one for one in stand_in.start(ROBOT, monkeypatch, given) if isinstance(one, stand_in.Node)]
+    mappers = {values["node"]: values for one in actions if one.executable == "mapper" for values in [seen(one)]}
+    assert list(mappers) == ["/r1/mapper", "/r1/compaction/mapper", "/salt/mapper"]
+    assert [values["save_dir"] for values in mappers.values()] == ["m", "m_compaction", "m_salt"]
+    assert [values["site"] for values in mappers.values()] == ["s", "", ""]
+    assert {values["field"] for values in mappers.values()} == {"f.yaml"}
+    planner = next(seen(one) for one in actions if one.executable == "planner")
+    assert planner["properties"] == ["compaction:2", "/salt"]
+    with pytest.raises(InputError, match="is not a namespace"):
+        stand_in.start(ROBOT, monkeypatch, {"properties": "[compaction:much]"})
+
+
 def test_the_journal_is_where_a_restart_finds_it(monkeypatch, seen, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"journal_dir": "/data/journal"}}}))

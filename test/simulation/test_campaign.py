@@ -432,3 +432,17 @@ def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path)
         assert mission.settings.graph == str(tmp_path / "g.yaml")
         keys.add(mission.key)
     assert len(keys) == 2
+
+
+def test_a_second_property_is_varied_and_counts_by_its_content(tmp_path):
+    text = "title: t\nruns: 1\nexperiments: [{name: a, also: %s, also_weight: [0, 1]}]\n"
+    with pytest.raises(InputError, match=r"also.*no field 'ruogh'"):
+        written(tmp_path / "c.yaml", text % "ruogh")
+    keys = set()
+    for content in ("truth: {}", "truth: {hours: 1}"):
+        (tmp_path / "salt.yaml").write_text(content)
+        found = missions(written(tmp_path / "c.yaml", text % "[./salt.yaml, rough]"))
+        assert [mission.settings.also_weight for mission in found] == [0, 1, 0, 1]
+        assert found[0].settings.also == str(tmp_path / "salt.yaml")
+        keys |= {mission.key for mission in found}
+    assert len(keys) == 4 + 2, "the shipped field is the same in both"
