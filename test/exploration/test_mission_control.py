@@ -17,6 +17,7 @@ from soilmoist_ros.geodesy import LocalFrame
 from soilmoist_ros.health import Level
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples import as_samples
+from soilmoist_ros.mapping.variogram import Variogram
 from soilmoist_ros.mapping.variogram_fit import estimate_variogram
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -209,6 +210,32 @@ def test_of_two_robots_with_one_target_the_later_in_order_gives_way():
     assert around.status.phase is Phase.TRAVELLING
     assert around.status.target != target
     assert not any(part.name == "others" for part in around.control.health())
+
+
+def test_a_further_property_guides_once_it_has_a_map_and_is_missed_until_then(caplog):
+    around = Around(budget_s=3600.0)
+    around.control.expect_property("/compaction", 20.0)
+    around.begin()
+    around.arrive()
+    around.count()
+    around.map()
+    around.planned()
+    said = "no map has come of /compaction: stops are chosen without it"
+    assert any(part.name == "properties" and said in part.message for part in around.control.health())
+    assert said in caplog.text
+    around.arrive()
+    around.count()
+    places = [(x, y) for x in (3.0, 10.0, 17.0) for y in (3.0, 10.0, 17.0) if (x, y) != (17.0, 17.0)]
+    samples = as_samples(places, [1000 + 10 * i for i in range(8)], [30.0] * 8)
+    around.control.samples_of("/compaction", samples, around.time_s)
+    variogram = Variogram("matern32", 0.0, 4.0, 20.0)
+    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=20.0)
+    around.control.fit_of("/compaction", replace(fit, variogram=variogram), around.time_s)
+    around.map()
+    around.planned()
+    assert not any(part.name == "properties" for part in around.control.health())
+    assert around.status.target.x_m > 12.0
+    assert around.status.target.y_m > 12.0
 
 
 def test_a_stop_that_is_being_counted_is_not_given_up():

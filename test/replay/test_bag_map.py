@@ -287,6 +287,16 @@ def test_a_robot_without_a_mission_does_not_get_that_of_another():
         replay_bag(GOLDEN / "two_robots")
 
 
+def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_path):
+    bag = copy_bag(
+        GOLDEN / "two_robots" / "bag", tmp_path / "bag",
+        rename=lambda topic: topic.replace("/robot1/", "/").replace("/robot2/", "/compaction/"),
+    )  # fmt: skip
+    for given, meant in (("counts", "/robot1/counts"), ("/compaction/counts", "/robot2/counts")):
+        own = replay_bag(bag, with_files("two_robots", counts_topic=given)).run.track
+        assert list(own) == list(replay_bag(GOLDEN / "two_robots", ReplaySettings(counts_topic=meant)).run.track)
+
+
 def test_topics_beside_are_found_where_there_is_one_robot(tmp_path):
     """Records that were remapped into a namespace of their own."""
     bag = copy_bag(
