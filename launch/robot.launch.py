@@ -87,34 +87,34 @@ def nodes(context: LaunchContext) -> list[Node]:
     if not flag("record"):
         del values["recorder"]
     ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
-    started = [(node, given("namespace"), parameters) for node, parameters in values.items()]
-    started += mappers_beside(given("namespace"), arguments)
+    files = [*filter(None, [given("params_file")])]
+    started = [(node, given("namespace"), files, parameters) for node, parameters in values.items()]
+    # What params_file says of /**/mapper, such as whose counts to map, is not meant for these.
+    started += [("mapper", *beside) for beside in mappers_beside(given("namespace"), arguments)]
     return [
         Node(
             package="soilmoist_ros",
             executable=node,
             name=node,  # so that the arguments come before what params_file says of the node
             namespace=namespace,
-            parameters=[
-                *filter(None, [given("params_file")]),
-                {"use_sim_time": flag("use_sim_time"), **parameters},
-            ],
+            parameters=[*own, {"use_sim_time": flag("use_sim_time"), **parameters}],
             on_exit=ends_all if node == "planner" else None,
             output="screen",
         )
-        for node, namespace, parameters in started
+        for node, namespace, own, parameters in started
     ]
 
 
-def mappers_beside(namespace: str, arguments: Mapping[str, str]) -> list[tuple[str, str, dict[str, object]]]:
-    """Name, namespace and values of a mapper for each further property: no calibration, a folder of its own."""
+def mappers_beside(namespace: str, arguments: Mapping[str, str]) -> list[tuple[str, list[str], dict[str, object]]]:
+    """Namespace, no files, and values of a mapper for each further property, with a folder of its own."""
     properties = parameters_from("planner", {"properties": arguments["properties"]}).get("properties", [])
     mapper = parameters_from("mapper", {**arguments, "site": ""})
+    folder = arguments["save_dir"] or "soilmoist_map"
     return [
         (
-            "mapper",
             name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}".lstrip("/"),
-            {**mapper, "site": "", "save_dir": f"{arguments['save_dir'] or 'soilmoist_map'}_{Path(name).name}"},
+            [],
+            {**mapper, "save_dir": f"{folder}_{Path(name).name}"},
         )
         for name in property_weights(properties)
     ]

@@ -95,12 +95,15 @@ def test_arguments_go_to_every_node_that_has_the_parameter(monkeypatch, seen):
     assert {value["node"] for value in values.values()} == {f"/r1/{name}" for name in nodes}
 
 
-def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen):
+def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen, tmp_path):
+    path = tmp_path / "team.yaml"
+    path.write_text(yaml.safe_dump({"/**/mapper": {"ros__parameters": {"others": ["/r1", "/r2"], "site": "x"}}}))
     given = {
         "field": "f.yaml",
         "site": "s",
         "namespace": "r1",
         "save_dir": "m",
+        "params_file": str(path),
         "properties": "[compaction:2, /salt]",
     }
     actions = [one for one in stand_in.start(ROBOT, monkeypatch, given) if isinstance(one, stand_in.Node)]
@@ -109,6 +112,8 @@ def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen):
     assert [values["save_dir"] for values in mappers.values()] == ["m", "m_compaction", "m_salt"]
     assert [values["site"] for values in mappers.values()] == ["s", "", ""]
     assert {values["field"] for values in mappers.values()} == {"f.yaml"}
+    whose = [values["others"] for values in mappers.values()]
+    assert whose == [["/r1", "/r2"], [], []], "the neutrons of the team are not counts of these"
     planner = next(seen(one) for one in actions if one.executable == "planner")
     assert planner["properties"] == ["compaction:2", "/salt"]
     with pytest.raises(InputError, match="is not a namespace"):
