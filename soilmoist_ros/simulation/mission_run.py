@@ -52,7 +52,7 @@ class MissionSettings:
     :param random_field: draw what is random in the field (patches, random fields) from the seed as well: each seed
         has a field of its own
     :param also: a second property that the robots count beside, and map of its own: the field whose rate is its
-        truth, on the same ground; none if empty
+        truth, on the same ground; none if empty. ``ami`` looks at the counts of the first only
     :param also_weight: what a share of its variation is worth, that of the first property being 1; with 0 it is
         mapped, but not planned for
     """
