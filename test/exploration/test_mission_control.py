@@ -230,7 +230,7 @@ def test_a_further_property_guides_once_it_has_a_map_and_is_missed_until_then(ca
     around.control.samples_of("/compaction", samples, around.time_s)
     variogram = Variogram("matern32", 0.0, 4.0, 20.0)
     fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=20.0)
-    around.control.fit_of("/compaction", replace(fit, variogram=variogram), around.time_s)
+    around.control.fit_of("/compaction", replace(fit, variogram=variogram, mean_rate=35.0), around.time_s)
     around.map()
     around.planned()
     assert not any(part.name == "properties" for part in around.control.health())

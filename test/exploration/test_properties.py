@@ -37,7 +37,10 @@ def live_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.0
     exposure_s = np.full(len(places), 100.0)
     found = LiveMap(GRID)
     variogram = Variogram("matern32", nugget * rate**2, range_m, sill * rate**2 / 16)
-    found.take(as_samples(places, rng.poisson(rate * exposure_s), exposure_s), replace(FIT, variogram=variogram))
+    found.take(
+        as_samples(places, rng.poisson(rate * exposure_s), exposure_s),
+        replace(FIT, variogram=variogram, mean_rate=rate),
+    )
     return found
 
 
@@ -83,7 +86,9 @@ def test_the_unit_of_a_property_does_not_matter(strategy):
     for unit in (1.0, 100.0):
         variogram = Variogram("matern32", 0.01 * unit**2, 8.0, unit**2)
         other = LiveMap(GRID)
-        other.take(as_samples(few, counts, [100.0 / unit] * 6), replace(FIT, variogram=variogram))
+        other.take(
+            as_samples(few, counts, [100.0 / unit] * 6), replace(FIT, variogram=variogram, mean_rate=4.0 * unit)
+        )
         model = explorer(strategy, [Property(other)], first)
         found = model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0))
         plans.append((found.variance, found.map_variance, found.prospect().model.integrated_variance))
