@@ -21,8 +21,8 @@ from soilmoist_ros.exploration.strategy import Choice, Situation
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-HORIZON = 0.25
-"""The tour looks ahead so long, in units of the time used so far: early a stop or two, later more."""
+HORIZON = 0.5
+"""The tour looks ahead for this share of the time used so far, times the share of the mission that it is."""
 MOST_ON_DETOUR_S = 60.0
 """At most so long does the robot count near a stop while it drives there and away [s]."""
 MOST_STOPS = 12
@@ -33,7 +33,9 @@ MOST_STOPS = 12
 class CostBenefitTour:
     """The first stop of the tour that lowers the integrated variance most within a horizon.
 
-    The tour begins as that of ``ivr``, and the horizon grows with the time used: early in a mission they are one.
+    The tour begins as that of ``ivr``, and the horizon grows with the square of the time used. Early in a mission
+    the two are one: each trip tells much, and what comes after it cannot be foreseen. Later many trips are worth
+    about the same, and the tour makes of them one with little driving.
     """
 
     begun_s: float | None = None
@@ -45,7 +47,8 @@ class CostBenefitTour:
         prospect = situation.prospect() if situation.prospect is not None else None
         if prospect is None or first is None:
             return first
-        horizon_s = min(HORIZON * (self.begun_s - situation.time_left_s), situation.time_left_s)
+        used_s = self.begun_s - situation.time_left_s
+        horizon_s = min(HORIZON * used_s**2 / self.begun_s, situation.time_left_s)
         best = int(np.argmax(prospect.worth.value))
         tour = _Tour(prospect, best)
         while len(tour.stops) < MOST_STOPS and tour.insert(horizon_s):
