@@ -24,7 +24,7 @@ PARAMETERS = {
     "site": "site file (corrections, soil, calibration), or name of a shipped one",
     "logger_uri": "where the neutron logger is: tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=115200 or file:///PATH",
     "gnss_uri": "where the GNSS receiver is (NMEA), like logger_uri",
-    "strategy": "how the next stop is chosen, such as ivr",
+    "strategy": "how the next stop is chosen, such as gcb",
     "dwell": "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal",
     "hours": "time of the mission [h], the way home included",
     "home": "stop to return to at the end",

@@ -32,7 +32,7 @@ SIMULATOR = {
     "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated"),
 }
 MISSION = {
-    "strategy": ("ivr", "how the next stop is chosen"),
+    "strategy": ("gcb", "how the next stop is chosen"),
     "dwell": ("optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
     "hours": ("1", "simulated time of the mission [h]"),
     "navigator": ("goto_node", "how goals are sent: goto_node (needs topological_navigation_msgs) or goal_pose"),

@@ -26,7 +26,7 @@ _SHOW_S = 0.5
 @click.command("demo")
 @click.option("--field", default="synthetic-high", show_default=True,
               help="Built-in field, or a field file with a truth.")  # fmt: skip
-@click.option("--strategy", default="ivr", show_default=True, help="As of soilmoist simulate.")
+@click.option("--strategy", default="gcb", show_default=True, help="As of soilmoist simulate.")
 @click.option("--dwell", default="optimal", show_default=True, help="As of soilmoist simulate.")
 @click.option("--hours", type=click.FloatRange(min=0.05), default=1.0, show_default=True,
               help="Simulated time of the mission [h].")  # fmt: skip

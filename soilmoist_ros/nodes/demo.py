@@ -52,7 +52,7 @@ class DemoSettings:
 
     out: Path
     field: str = "synthetic-high"
-    strategy: str = "ivr"
+    strategy: str = "gcb"
     dwell: str = "optimal"
     hours: float = 1.0
     speed: float = 60.0

@@ -25,7 +25,7 @@ def _row(
 
 PARAMETERS: Final = (
     _row("field", "", "field file, or name of a shipped one"),
-    _row("strategy", "ivr", "how the next stop is chosen", choices=STRATEGIES),
+    _row("strategy", "gcb", "how the next stop is chosen", choices=STRATEGIES),
     _row("preset", "paper", "constants of the strategies", choices=tuple(PRESETS)),
     _row("seed", 0, "seed of the strategies' randomness", low=0),
     _row("dwell", "optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
