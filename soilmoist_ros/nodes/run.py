@@ -58,6 +58,9 @@ def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
         close = getattr(node, "close", None)
         if close is not None:
             close()
+        pool = getattr(executor, "_executor", None)
+        if pool is not None:  # shutdown() does not wait for callbacks under way, which then fail for want of a guard
+            pool.shutdown()
         executor.shutdown(timeout_sec=2.0)
         if node is not None:
             node.destroy_node()

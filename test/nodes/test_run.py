@@ -11,7 +11,8 @@ pytest.importorskip("rclpy")
 from std_srvs.srv import Trigger
 
 NODE = """
-import sys
+import sys, time
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 from soilmoist_ros.errors import InputError
@@ -23,6 +24,9 @@ class Example(Node):
         super().__init__("example")
         self.create_service(Trigger, "break", self.on_break)
         self.create_service(Trigger, "end", self.on_end)
+        if MODE == "busy":
+            for _ in range(4):
+                self.create_timer(0.001, lambda: time.sleep(0.05), MutuallyExclusiveCallbackGroup())
         print("ready")
     def on_break(self, request, response):
         if MODE == "fails": raise RuntimeError("a mistake")
@@ -52,9 +56,9 @@ def example(ros, tmp_path):
     return start
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_it_in_good_order(ros, example, number):
-    process = example("works")
+@pytest.mark.parametrize(("mode", "number"), [("works", signal.SIGINT), ("busy", signal.SIGTERM)])
+def test_signals_end_it_in_good_order(ros, example, mode, number):
+    process = example(mode)
     ros.wait_for(lambda: "ready" in process.output())
     assert process.stop(number) == 0
     assert process.output().split() == ["ready", "closed"]
