@@ -175,12 +175,8 @@ class RestrictedLikelihood:
         """Log-likelihood at log (structured variance, range, nugget)."""
         return sum(self._block(block, np.exp(log_parameters), False)[0] for block in self._blocks)
 
-    def value_and_gradient(self, log_parameters: Array) -> tuple[float, Array]:
-        """Log-likelihood and its exact gradient with respect to the log-parameters."""
-        return self.expand(log_parameters)[:2]
-
     def expand(self, log_parameters: Array) -> tuple[float, Array, Array]:
-        """Log-likelihood, its gradient, and the average information of the log-parameters, shape (3, 3).
+        """Log-likelihood, its exact gradient, and the average information of the log-parameters, shape (3, 3).
 
         It is the mean of the observed and the expected information, about minus the Hessian, and costs no more
         than solving for three vectors: Gilmour, Thompson & Cullis (1995), Biometrics 51:1440-1450.

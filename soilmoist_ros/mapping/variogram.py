@@ -31,10 +31,6 @@ class CorrelationModel(NamedTuple):
     with_slope: Callable[[Array], tuple[Array, Array]]
     practical: float
 
-    def log_range_slope(self, q: Array) -> Array:
-        """d(correlation) / d(log range); may overwrite q."""
-        return self.with_slope(q)[1]
-
 
 def _gaussian(q: Array) -> Array:
     np.exp(np.negative(q, out=q), out=q)

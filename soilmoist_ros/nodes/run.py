@@ -59,7 +59,7 @@ def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
         if close is not None:
             close()
         pool = getattr(executor, "_executor", None)
-        if pool is not None:  # shutdown() does not wait for callbacks under way, which then fail for want of a guard
+        if pool is not None:  # rclpy's shutdown does not wait for callbacks under way, which then fail
             pool.shutdown()
         executor.shutdown(timeout_sec=2.0)
         if node is not None:
