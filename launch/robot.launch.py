@@ -16,7 +16,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.nodes.launching import parameters_from
-from soilmoist_ros.nodes.parameters import property_weights
+from soilmoist_ros.property_names import property_weights
 from soilmoist_ros.recording.journal import ENTRIES
 
 PARAMETERS = {

@@ -16,15 +16,19 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.nodes.launching import parameters_from
+from soilmoist_ros.property_names import property_name
 from soilmoist_ros.run_folder import CONFIGURATION
+from soilmoist_ros.simulation.channel import mission_fields
 from soilmoist_ros.simulation.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.surrogate_field import surrogate_field, surrogate_field_names
+from soilmoist_ros.simulation.mission_run import MissionSettings
+from soilmoist_ros.simulation.surrogate_field import surrogate_field_names
 
 SIMULATOR = {
     "field": (
         "synthetic-high",
         f"field to simulate: {', '.join(surrogate_field_names())}, or a field file with a truth",
     ),
+    "also": ("", "field of a second property on the same ground, counted and mapped beside; empty for none"),
     "speed": ("60", "simulated time per wall time"),
     "seed": ("1", "seed of all randomness"),
     "scenario": ("", "what goes wrong in navigation and links: a name or a file; empty for nothing"),
@@ -53,6 +57,9 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(name, default_value=default, description=text)
                 for name, (default, text) in (SIMULATOR | MISSION).items()
             ),
+            DeclareLaunchArgument(
+                "also_weight", default_value="1", description="what the second property is worth to the planner"
+            ),
             DeclareLaunchArgument("out", default_value=out, description="folder for all results"),
             OpaqueFunction(function=system),
         ]
@@ -65,7 +72,8 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    field = surrogate_field(given("field"))
+    also = given("also")
+    field = mission_fields(MissionSettings(field=given("field"), also=also))[0]
     out = Path(given("out")).absolute()
     files = {"field": out / CONFIGURATION / "field.yaml", "site": out / CONFIGURATION / "site.yaml"}
     write_field_file(field, files["field"])
@@ -89,6 +97,7 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         "out": str(out),
         "name": "bag",
         "save_dir": str(out / "map"),
+        "properties": f"[{property_name(also)}:{given('also_weight')}]" if also else "",
         "simulated": "true",
         "use_sim_time": "true",
     }

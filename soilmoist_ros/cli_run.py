@@ -36,6 +36,10 @@ _SHOW_S = 0.5
 @click.option("--navigator", type=click.Choice(["goto_node", "goal_pose"]),
               help="How goals are sent. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
 @click.option("--scenario", default="", help="What goes wrong: thorvald, bad_link, or a file. Default: nothing.")
+@click.option("--also", default="", help="Field of a second property that the robot counts and maps beside, as of "
+              "soilmoist simulate. Default: none.")  # fmt: skip
+@click.option("--also-weight", type=click.FloatRange(min=0), default=1.0, show_default=True,
+              help="What a share of its variation is worth to the planner.")  # fmt: skip
 @click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
 @told_plainly
 def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
@@ -69,6 +73,7 @@ def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
 @click.option("--field", help="Field file. Default: that of the run.")
 @click.option("--site", help="Site file: corrections, soil, calibration. Default: that of the run.")
 @click.option("--truth", help="Surrogate field to compare with: a built-in one, or a field file with a truth.")
+@click.option("--also-truth", help="The same for the map of a second property.")
 @click.option("--model", type=click.Choice(MODELS), help="Variogram model. Default: that of the run.")
 @click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: that of the run.")
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
@@ -206,8 +211,14 @@ def print_replay(replay: Replay) -> None:
             click.echo(f"rate       MSE {last.mse:.4f} (counts/s)2, {covered}")
         if math.isfinite(last.vwc_rmse):
             click.echo(f"moisture   RMSE {last.vwc_rmse:.4f} m3/m3")
+        if math.isfinite(last.also_mse):
+            covered = f"{100 * last.also_coverage95:.0f} % of the cells within their 95 % interval"
+            click.echo(f"also       MSE {last.also_mse:.4f} (counts/s)2, {covered}")
     click.echo(f"records    {len(replay.run.track)}, merged into {len(samples)} samples")
     click.echo(f"map        {replay.comparison}")
+    if mission is not None and mission.also is not None:
+        click.echo(f"beside     {mission.also.name}, {len(mission.also.records)} records")
+        click.echo(f"map beside {replay.also_comparison}")
 
 
 @contextmanager

@@ -34,10 +34,10 @@ class RunConfiguration:
     def take(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node, as they are now.
 
-        :param node: its name
+        :param node: its name, after its namespace if that is another
         :param values: by name
         """
-        self._nodes[node] = dict(values)
+        self._nodes[node.strip("/")] = dict(values)
 
     def write(self, bag: Path) -> list[str]:
         """Write what is new for this recording.
@@ -77,7 +77,7 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
         source = resource(_KINDS[parameter], value)
     except InputError:  # no file, or one of another computer
         return value
-    for stem in (parameter, f"{node}_{parameter}"):
+    for stem in (parameter, f"{node.replace('/', '_')}_{parameter}"):
         copies = _copies(source, parameter, stem)
         free = all(_content(folder / name) in (None, content) for name, content in copies.items())
         if free or stem != parameter:

@@ -31,7 +31,7 @@ def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path
     """Write the parameters of a node, as ``--params-file`` takes them.
 
     :param run: folder of the run
-    :param node: name of the node
+    :param node: name of the node, after the namespace of a further property: ``compaction/mapper``
     :param values: parameters by name: numbers, texts, truth values, lists of texts
     :returns: the file
     :raises InputError: if it cannot be written

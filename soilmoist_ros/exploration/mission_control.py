@@ -316,12 +316,13 @@ class MissionControl:
             there = Health("navigation", self._severity, f"waiting for {navigation}")
         problem = self._journal.problem
         with self._desk_lock:
-            beside = self._desk.faults_beside
+            beside, weighed = self._desk.faults_beside, ", ".join(self._desk.weighed)
+        known = [Health("properties", Level.OK, f"the last stop was chosen with the map of {weighed}")]
         unheard = [name for name, status in self._others.items() if status is None]
         return [
             *([Health("journal", Level.ERROR, problem)] if problem else []),
             *([Health("others", Level.WARN, f"nothing has come of {', '.join(unheard)}")] if unheard else []),
-            *([Health("properties", Level.WARN, "; ".join(beside))] if beside else []),
+            *([Health("properties", Level.WARN, "; ".join(beside))] if beside else known if weighed else []),
             there,
             self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),
             self._age("records", now_s - self._feed.record_s, RECORD_OLD_S),

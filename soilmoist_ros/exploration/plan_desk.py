@@ -76,6 +76,8 @@ class PlanDesk:
         self._fit: tuple[VariogramFit, float] | None = None
         self._others: dict[str, Errand] = {}
         self._beside: dict[str, _Held] = {}
+        self.weighed: tuple[str, ...] = ()
+        """Further properties whose maps the last plan takes into account."""
 
     @property
     def map_s(self) -> float:
@@ -140,14 +142,15 @@ class PlanDesk:
         self._open = None
         for held in behind:
             held.late = True
-        beside = tuple(
-            (held.samples[0], held.fit[0], held.weight)
-            for held in self._beside.values()
+        mapped = {
+            name: (held.samples[0], held.fit[0], held.weight)
+            for name, held in self._beside.items()
             if held.samples is not None and held.fit is not None
-        )
+        }
+        self.weighed = tuple(name for name, (_, _, weight) in mapped.items() if weight > 0)
         samples = self._samples[0] if self._samples is not None else None
         fit = self._fit[0] if self._fit is not None else None
-        return PlanJob(request, place, samples, fit, lacking, tuple(self._others.values()), beside)
+        return PlanJob(request, place, samples, fit, lacking, tuple(self._others.values()), (*mapped.values(),))
 
     def _lacking(self, kind: PlanKind) -> bool:
         """Whether what was measured is not yet in the map; before the first measurement nothing can be."""

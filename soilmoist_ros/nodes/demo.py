@@ -15,12 +15,15 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.errors import InputError, SoilmoistError
 from soilmoist_ros.nodes.loopback import free_domain, loopback_environment
 from soilmoist_ros.nodes.process_group import ProcessGroup
+from soilmoist_ros.property_names import property_name
 from soilmoist_ros.replay import Replay, ReplaySettings, replay_bag
 from soilmoist_ros.reporting.live_mission import LiveMission
 from soilmoist_ros.run_folder import CONFIGURATION, write_parameters
+from soilmoist_ros.simulation.channel import mission_fields
 from soilmoist_ros.simulation.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.mission_run import MissionSettings
 from soilmoist_ros.simulation.mission_simulator import mission_grid
-from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
+from soilmoist_ros.simulation.surrogate_field import SurrogateField
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -48,6 +51,8 @@ class DemoSettings:
     :param seed: seed of all randomness
     :param navigator: ``goto_node`` (Thorvald's navigation) or ``goal_pose``
     :param scenario: what goes wrong in navigation and links: a name or a file; empty for nothing
+    :param also: field of a second property, which is counted and mapped beside; none if empty
+    :param also_weight: what a share of its variation is worth to the planner, that of the first being 1
     """
 
     out: Path
@@ -59,6 +64,8 @@ class DemoSettings:
     seed: int = 1
     navigator: str = "goto_node"
     scenario: str = ""
+    also: str = ""
+    also_weight: float = 1.0
 
 
 def run_demo(settings: DemoSettings, show: Show) -> Replay:
@@ -75,7 +82,7 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     out = settings.out.absolute()
     if (out / "bag").exists():
         raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
-    field = surrogate_field(settings.field)
+    field = mission_fields(MissionSettings(field=settings.field, also=settings.also))[0]
     parameters = _configure(settings, field, out)
     truth = mission_grid(field)
     live = LiveMission(
@@ -91,7 +98,7 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
                     path = _with_ports(path, out, group)
                 group.start(name, path)
             _watch(group, live, show)
-    return replay_bag(out / "bag", ReplaySettings(truth=settings.field))
+    return replay_bag(out / "bag", ReplaySettings(truth=settings.field, also_truth=settings.also or None))
 
 
 def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -101,10 +108,13 @@ def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict
     write_site_file(field, configuration / "site.yaml")
     files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
     simulated = {"use_sim_time": True}
+    also = property_name(settings.also)
+    beside = {"field": files["field"], "simulated": True, "save_dir": str(out / f"map_{also}"), **simulated}
     nodes: dict[str, dict[str, object]] = {
         # First, so that nothing is missed; and last to end.
         "recorder": {"out": str(out), "name": "bag"},
         "mapper": {**files, "simulated": True, "save_dir": str(out / "map"), **simulated},
+        **({f"{also}/mapper": beside} if settings.also else {}),
         "planner": {
             "field": files["field"],
             "strategy": settings.strategy,
@@ -114,10 +124,12 @@ def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict
             "navigator": settings.navigator,
             "autostart": True,
             "exit_when_finished": True,
+            **({"properties": [f"{also}:{settings.also_weight}"]} if settings.also else {}),
             **simulated,
         },
         "field_simulator": {
-            "field": str(Path(settings.field).absolute()) if Path(settings.field).is_file() else settings.field,
+            "field": _absolute(settings.field),
+            "also": _absolute(settings.also),
             "seed": settings.seed,
             "speed": settings.speed,
             "scenario": settings.scenario,
@@ -128,6 +140,11 @@ def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict
         "sensor_driver": {**files, **simulated},
     }
     return {name: write_parameters(out, name, values) for name, values in nodes.items()}
+
+
+def _absolute(field: str) -> str:
+    """The name of a field, or the whole path of its file."""
+    return str(Path(field).absolute()) if Path(field).is_file() else field
 
 
 def _with_ports(path: Path, out: Path, group: ProcessGroup) -> Path:

@@ -13,28 +13,31 @@ from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from msg_adapters.counts import counts_to_message
 from msg_adapters.stamps import to_time
 from soilmoist_ros.nodes.field_simulator_parameters import PARAMETERS, mission_settings
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED
+from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.virtual_navigation import NavigationServer
+from soilmoist_ros.property_names import property_name
 from soilmoist_ros.simulation.faulty_link import Reachable, Sent
 from soilmoist_ros.simulation.field_files import write_field_file, write_site_file, write_truth_file
 from soilmoist_ros.simulation.line_server import LineServer, write_ports_file
 from soilmoist_ros.simulation.scenario import load_scenario
 from soilmoist_ros.simulation.simulated_time import SimulatedTime, read_start_time
 from soilmoist_ros.simulation.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
-from soilmoist_ros.simulation.virtual_system import GNSS, LOGGER, Output, VirtualSystem
+from soilmoist_ros.simulation.virtual_system import GNSS, LOGGER, CountedBeside, Output, VirtualSystem
 
 MAP_FRAME = "map"
 TICK_S = 0.02
 LONGEST_STEP_S = 0.06
 """What a tick makes up for at most: three of them."""
 SETTLE_S = 1.0
-"""Time begins so long after both devices are connected: who wants the driver's records must have found it before
+"""Time begins so long after all devices are connected: who wants the driver's records must have found it before
 the first one, which in fast time comes at once."""
 
 
@@ -57,6 +60,11 @@ class FieldSimulator(Node):
         self._current = self.create_publisher(String, "current_node", LATCHED)
         self._map = self.create_publisher(String, "/topological_map_2", LATCHED)
         self._map.publish(String(data=self._system.map.to_json()))
+        self._beside: Publisher | None = None
+        if given.text("also"):
+            topic = f"{property_name(given.text('also'))}/counts"
+            self._beside = self.create_publisher(PointCloud2, topic, RECORDS)
+            self._tell(f"second property: {given.text('also')}, on {self._beside.topic_name}")
         self._told: dict[Publisher, str] = {self._closest: "", self._current: ""}
         group = MutuallyExclusiveCallbackGroup()
         self.create_subscription(PoseStamped, "goal_pose", self._on_goal_pose, DEFAULT, callback_group=group)
@@ -103,10 +111,11 @@ class FieldSimulator(Node):
             server.poll()
         wall_s = time.monotonic()
         connected = all(server.clients for server in self._servers.values())
+        connected &= self._beside is None or self._beside.get_subscription_count() > 0
         self._connected_s = min(self._connected_s, wall_s) if connected else math.inf
         if not self._under_way and wall_s - self._connected_s >= SETTLE_S:
             self._under_way = True
-            self._tell("logger and receiver are connected: time begins")
+            self._tell("all are connected: time begins")
         # Before time begins nothing is said either: all runs begin with the same first words.
         outputs = self._system.advance(self._time.advance(wall_s)) if self._under_way else []
         # The time first: nobody shall hear of something that, for him, has not happened yet.
@@ -120,6 +129,8 @@ class FieldSimulator(Node):
                 self._servers[link].send(data)
             case Reachable(link, reachable):
                 self._servers[link].set_reachable(reachable)
+            case CountedBeside(record) if self._beside is not None:
+                self._beside.publish(counts_to_message([record], MAP_FRAME))
             case Localised(closest, current):
                 self._tell_node(self._closest, closest)
                 self._tell_node(self._current, current)

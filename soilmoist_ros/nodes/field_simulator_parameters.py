@@ -8,12 +8,16 @@ from soilmoist_ros.simulation.mission_run import MissionSettings
 PARAMETERS = (
     Parameter(name="field", default="synthetic-high",
               description="surrogate field: a name, or a field file with a truth"),
+    Parameter(name="also", default="",
+              description="surrogate field whose rate is the truth of a second property, on the same ground; its "
+              "records come on NAME/counts, NAME being that of the field; empty for none"),
     Parameter(name="seed", default=1, description="seed of all randomness", low=0),
     Parameter(name="speed", default=60.0, description="simulated time per wall time", low=0.01, high=10000.0),
     Parameter(name="start_time", default="2026-06-01T06:00:00Z",
               description="simulated time at the start, ISO 8601"),
     Parameter(name="start_when_connected", default=True,
-              description="whether time stands still until somebody listens to the logger and to the receiver"),
+              description="whether time stands still until somebody listens to the logger, to the receiver and "
+              "to the records of a second property"),
     Parameter(name="graph", default="",
               description="topological map, a file; empty for a lattice of about 300 nodes"),
     Parameter(name="host", default="127.0.0.1", description="address on which logger and receiver are served"),
@@ -49,6 +53,7 @@ def mission_settings(given: Parameters) -> MissionSettings:
     """What determines the simulated field, robot and devices; the same as in a simulation without ROS."""
     return MissionSettings(
         field=given.text("field"),
+        also=given.text("also"),
         seed=given.whole("seed"),
         travel="graph",
         graph=given.text("graph") or None,

@@ -22,7 +22,7 @@ _OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 
 class ParameterCollector:
-    """Gives the parameters of nodes of the same namespace.
+    """Gives the parameters of nodes of the same namespace, or of namespaces below it.
 
     :param node: the node that asks
     :param names: names of the nodes asked
@@ -38,20 +38,26 @@ class ParameterCollector:
         group: CallbackGroup,
     ) -> None:
         self._take = take
-        self._clients = {
-            name: (
-                node.create_client(ListParameters, f"{name}/list_parameters", callback_group=group),
-                node.create_client(GetParameters, f"{name}/get_parameters", callback_group=group),
-            )
-            for name in names
-        }
-        self._due_s = dict.fromkeys(self._clients, 0.0)
+        self._node, self._group = node, group
+        self._clients: dict[str, tuple[Client, Client]] = {}
+        self._due_s: dict[str, float] = {}
+        for name in names:
+            self.ask(name)
         self._asked: dict[str, tuple[Client, Future]] = {}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_LOOK_S, self._look, callback_group=group, clock=steady)
 
+    def ask(self, name: str) -> None:
+        """Ask this node as well."""
+        if name not in self._clients:
+            self._due_s[name] = 0.0
+            self._clients[name] = (
+                self._node.create_client(ListParameters, f"{name}/list_parameters", callback_group=self._group),
+                self._node.create_client(GetParameters, f"{name}/get_parameters", callback_group=self._group),
+            )
+
     def _look(self) -> None:
-        for name, (lister, _) in self._clients.items():
+        for name, (lister, _) in list(self._clients.items()):
             if time.monotonic() < self._due_s[name]:
                 continue
             self._due_s[name] = time.monotonic() + _AGAIN_S

@@ -124,28 +124,6 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
     return [name for name in plain if name != node.get_namespace()]
 
 
-def property_weights(texts: Iterable[str]) -> dict[str, float]:
-    """Namespaces in which further properties are mapped, each with its weight.
-
-    :param texts: ``NAMESPACE`` or ``NAMESPACE:WEIGHT``; a name that does not begin with / is below the node's own
-    :raises InputError: if one is not a namespace, or its weight not a number from 0
-    """
-    found = {}
-    for text in texts:
-        name, colon, number = text.partition(":")
-        name = name.rstrip("/")
-        try:
-            validate_namespace(f"/{name.lstrip('/')}" if name.strip("/") else text)
-            weight = float(number) if colon else 1.0
-            if not (math.isfinite(weight) and weight >= 0):
-                raise ValueError("the weight must be 0 or more")
-        except (InvalidNamespaceException, ValueError) as error:
-            remedy = "give such as /compaction or /compaction:0.5"
-            raise InputError(f"properties: {text!r} is not a namespace with a weight ({error})", remedy) from None
-        found[name] = weight
-    return found
-
-
 class Parameters:
     """The parameters of a node: declared, checked, and read by type.
 

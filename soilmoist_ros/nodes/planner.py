@@ -24,11 +24,12 @@ from soilmoist_ros.exploration.topological_map import read_topological_map
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.goal_pose_navigator import GoalPoseNavigator
 from soilmoist_ros.nodes.goto_node_navigator import GotoNodeNavigator, action_class
-from soilmoist_ros.nodes.parameters import Parameters, property_weights
+from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.planner_outlets import PlannerOutlets
 from soilmoist_ros.nodes.planner_parameters import PARAMETERS, explorer_settings, mission_rules
 from soilmoist_ros.nodes.run import run
+from soilmoist_ros.property_names import property_weights
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
 
 __all__ = ["PARAMETERS", "Planner", "main"]

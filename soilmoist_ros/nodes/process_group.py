@@ -26,7 +26,7 @@ class ProcessGroup:
     *thread* ends which started them: start them in one that lasts.
 
     :param environment: environment variables beside those of this process
-    :param log_folder: each node's output goes to ``NAME.log`` in it; made if missing
+    :param log_folder: each node's output goes to ``NAME.log`` in it, with _ for /; made if missing
     """
 
     def __init__(self, environment: Mapping[str, str], log_folder: Path) -> None:
@@ -46,14 +46,15 @@ class ProcessGroup:
     def start(self, name: str, parameters_file: Path) -> None:
         """Start a node.
 
-        :param name: name of the node
+        :param name: name of the node, after its namespace if it is in one: ``compaction/mapper``
         :param parameters_file: its parameters
         :raises ValueError: if it was started before
         """
         if name in self._processes:
             raise ValueError(f"{name} was started before")
-        command = [sys.executable, "-m", f"soilmoist_ros.nodes.{name}"]
-        command += ["--ros-args", "--params-file", str(parameters_file)]
+        namespace, _, node = name.rpartition("/")
+        command = [sys.executable, "-m", f"soilmoist_ros.nodes.{node}"]
+        command += ["--ros-args", "-r", f"__ns:=/{namespace}", "--params-file", str(parameters_file)]
         parent = os.getpid()
         with self.log(name).open("wb") as log:
             self._processes[name] = subprocess.Popen(
@@ -68,7 +69,7 @@ class ProcessGroup:
 
     def log(self, name: str) -> Path:
         """File with the output of a node."""
-        return self._log_folder / f"{name}.log"
+        return self._log_folder / f"{name.replace('/', '_')}.log"
 
     def ended(self) -> dict[str, int]:
         """Exit codes of the nodes that have ended, by name; negative for a signal."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import os
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +27,7 @@ from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.qos import DEFAULT
 from soilmoist_ros.nodes.recorder_parameters import PARAMETERS
 from soilmoist_ros.nodes.run import run
+from soilmoist_ros.property_names import property_weights
 from soilmoist_ros.recording.bag_recorder import BagRecorder, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.definitions import find_definition
 from soilmoist_ros.recording.metadata import Qos, Request, Topic, request_for
@@ -36,7 +38,7 @@ from soilmoist_ros.run_configuration import RunConfiguration
 __all__ = ["PARAMETERS", "Recorder", "main"]
 
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
-"""Nodes whose parameters are kept with the bag."""
+"""Nodes whose parameters are kept with the bag; so are those of the mappers of further properties."""
 _DISCOVERY_S: Final = 0.2
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
@@ -74,7 +76,7 @@ class Recorder(Node):
         self._configuration = RunConfiguration()
         self._complaint = ""
         aside = MutuallyExclusiveCallbackGroup()  # the disk may be slow: messages come in meanwhile
-        self._collector = ParameterCollector(self, _RECORDED, self._configuration.take, aside)
+        self._collector = ParameterCollector(self, _RECORDED, self._take_parameters, aside)
         self.create_timer(_CONFIGURATION_S, self._keep_configuration, callback_group=aside, clock=steady)
 
     def close(self) -> None:
@@ -107,6 +109,12 @@ class Recorder(Node):
         health = recorder_health(self._recorder.state, free_bytes(self._out), low_bytes, len(self._skipped))
         now_s = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
+
+    def _take_parameters(self, node: str, values: Mapping[str, Any]) -> None:
+        self._configuration.take(node, values)
+        if node == "planner":
+            for name in property_weights(values.get("properties", ())):
+                self._collector.ask(f"{name}/mapper")
 
     def _keep_configuration(self) -> None:
         bag = self._recorder.state.bag

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -17,6 +17,7 @@ from soilmoist_ros.recording.bag_reader import BagReader
 from soilmoist_ros.replay.comparison import OnLine, compare, read_on_line
 from soilmoist_ros.replay.mission import last_mission, read_statuses, replay_mission
 from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
+from soilmoist_ros.replay.second import Second, not_mapped, read_second
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.run_folder import bag_of, configuration_of, read_parameters
@@ -47,6 +48,7 @@ class ReplaySettings:
     :param source: what is mapped: ``counts``, the records as the driver corrected and placed them, or ``raw``,
         the lines of logger and receiver (``raw/logger``, ``raw/gnss``), corrected and placed anew
     :param logger: format of the raw lines of the logger; told from their header if ``None``
+    :param also_truth: surrogate field to compare the map of a second property with
     """
 
     field: str | None = None
@@ -60,21 +62,24 @@ class ReplaySettings:
     counts_topic: str = "counts"
     source: Source = "counts"
     logger: str | None = None
+    also_truth: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
     """What a replay comes to.
 
-    :param run: for the outputs
+    :param run: for the outputs; the map of a second property is with its mission
     :param as_on_line: whether the map of the same records equals the last one that the mapper published, bit for
         bit; ``None`` if there is none, or it was not made of the records in the bag
     :param comparison: the same in words, with the reason
+    :param also_comparison: the same of the map of a second property, empty without one
     """
 
     run: MapRun
     as_on_line: bool | None
     comparison: str
+    also_comparison: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +91,8 @@ class _Content:
     statuses: Sequence[dict[str, str]]
     on_line: OnLine | None
     simulated: bool
+    second: Second | None
+    left_out: Sequence[str]
 
 
 def replay_bag(
@@ -106,7 +113,7 @@ def replay_bag(
         configuration = configuration_of(bag)
         survey, warnings = _survey(bag, configuration, chosen)
         truth = None if chosen.truth is None else surrogate_field(chosen.truth)
-        content = _read(reader, survey, chosen)
+        content = _read(reader, survey, chosen, configuration)
     states = [survey.online.state for record in content.records if survey.online.take(record) is None]
     if not states:
         raise InputError(_why_nothing(survey, content.records), "check the field file and the GNSS", bag)
@@ -118,36 +125,26 @@ def replay_bag(
     run = replace(
         run,
         inputs=[*(input_file(path, "bag") for path in _files(bag)), *run.inputs],
-        warnings=[*run.warnings, *warnings],
+        warnings=[*run.warnings, *warnings, *content.left_out],
         losses=[*loss_rows(content.raw.problems if content.raw else ()), *run.losses],
         logger_format=content.raw.format_title if content.raw else "",
         simulated=run.simulated or content.simulated or truth is not None,
         truth_rate=None if truth is None else _true_raster(truth, survey),
     )
     statuses = last_mission(content.statuses)
-    if statuses:
-        mission = replay_mission(survey, states, statuses, truth, configuration, content.records, progress)
-        run = replace(run, mission=replace(mission, soil_map=run.soil_map))
-    return Replay(run, as_on_line, comparison)
+    if not statuses:
+        return Replay(run, as_on_line, comparison)
+    second = content.second
+    mission = replay_mission(survey, states, statuses, truth, configuration, content.records, progress, second)
+    mission = replace(mission, soil_map=run.soil_map, also=None if second is None else second.mapped())
+    also_comparison = "" if second is None else second.compared()
+    return Replay(replace(run, mission=mission), as_on_line, comparison, also_comparison)
 
 
 def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[OnlineSurvey, list[str]]:
     """The on-line map without records, and what the user should know of it."""
     had = read_parameters(configuration, "mapper")
-    field = chosen.field or had.get("field")
-    if not field:
-        raise InputError("does not say which field it is of", "give the field file with --field", bag)
-    site = had.get("site", "") if chosen.site is None else chosen.site
-
-    options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
-    options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
-    for name, known in (("model", get_args(ModelName)), ("fit", get_args(FitMethod))):
-        if options.get(name, known[0]) not in known:
-            raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
-    try:
-        survey = open_survey(field, site, **options)
-    except ValueError as error:
-        raise InputError(str(error), "change this setting") from None
+    survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
     if chosen.source == "raw" or not chosen.site or not had.get("site"):
         return survey, []
     recorded = load_site(resource("sites", had["site"])).corrections
@@ -159,7 +156,26 @@ def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tu
     ]
 
 
-def _read(reader: BagReader, survey: OnlineSurvey, chosen: ReplaySettings) -> _Content:
+def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> OnlineSurvey:
+    """An on-line map as a mapper had it, but for what is chosen.
+
+    :param had: parameters of the mapper
+    """
+    field = chosen.field or had.get("field")
+    if not field:
+        raise InputError("does not say which field it is of", "give the field file with --field", bag)
+    options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
+    options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
+    for name, known in (("model", get_args(ModelName)), ("fit", get_args(FitMethod))):
+        if options.get(name, known[0]) not in known:
+            raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
+    try:
+        return open_survey(field, site, **options)
+    except ValueError as error:
+        raise InputError(str(error), "change this setting") from None
+
+
+def _read(reader: BagReader, survey: OnlineSurvey, chosen: ReplaySettings, configuration: Path | None) -> _Content:
     raw, simulated = None, False
     if chosen.source == "raw":
         topics = RunTopics.beside_raw(reader, chosen.counts_topic)
@@ -173,7 +189,20 @@ def _read(reader: BagReader, survey: OnlineSurvey, chosen: ReplaySettings) -> _C
     logger = topics.find("raw/logger", TEXT)
     if logger is not None:
         simulated = says_simulated(reader, logger)
-    return _Content(records, raw, read_statuses(topics), read_on_line(topics), simulated)
+    statuses = read_statuses(topics)
+    second = None
+    if last_mission(statuses):
+        second = read_second(
+            topics,
+            configuration,
+            lambda had: _open(reader.path, had, chosen, had.get("site", "")),
+            chosen.also_truth,
+        )
+    if second is None and chosen.also_truth is not None:
+        remedy = "it takes a mission whose planner had properties; leave --also-truth out"
+        raise InputError("has no second property to compare with a truth", remedy, reader.path)
+    left_out = not_mapped(topics, configuration, second)
+    return _Content(records, raw, statuses, read_on_line(topics), simulated, second, left_out)
 
 
 def _files(bag: Path) -> list[Path]:

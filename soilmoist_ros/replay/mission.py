@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.errors import IllConditionedError
 from soilmoist_ros.mapping.online_map import MapState
 from soilmoist_ros.online_survey import OnlineSurvey
+from soilmoist_ros.replay.second import Second
 from soilmoist_ros.replay.topics import STATUS, RunTopics
 from soilmoist_ros.run_folder import read_parameters
 from soilmoist_ros.sensing.records import CountRecord
@@ -60,8 +61,9 @@ def replay_mission(
     configuration: Path | None,
     records: Sequence[CountRecord],
     progress: Callable[[str, float], None],
+    second: Second | None = None,
 ) -> MissionResult:
-    """The mission as its statuses tell it, with the errors of the map after each stop; without its map.
+    """The mission as its statuses tell it, with the errors of the maps after each stop; without its maps.
 
     :param survey: makes the maps
     :param states: states of the map after each record
@@ -70,8 +72,10 @@ def replay_mission(
     :param configuration: folder with the parameters of the nodes, if there is one
     :param records: all records
     :param progress: called as the work goes on
+    :param second: a second property
     """
     errors = _Errors(survey, states, truth)
+    beside = None if second is None else _Errors(second.survey, second.states, second.truth)
     first = next(status for status in statuses if float(status["time_used_s"]) > 0)
     began_s = float(first["stamp_s"]) - float(first["time_used_s"])
     rows = [SeriesRow(0.0, 0.0, 0, math.nan, math.nan, math.nan, math.nan, 0.0)]
@@ -84,7 +88,7 @@ def replay_mission(
         if int(status["samples"]) > int(before["samples"]):
             if stop:
                 visits.append(_visit(stop, status, began_s, chosen_because, records))
-            rows.append(errors.row(status))
+            rows.append(errors.row(status, beside))
         if (
             status["state"] == "travelling"
         ):  # maybe of the status that tells of a finished stop: not that one's reason
@@ -95,12 +99,12 @@ def replay_mission(
             stop = []
         before = status
     if rows[-1].time_s < float(before["time_used_s"]):
-        rows.append(errors.row(before))
+        rows.append(errors.row(before, beside))
     placed = [(r.x_m, r.y_m) for r in records if math.isfinite(r.x_m) and math.isfinite(r.y_m)]
     mask = survey.online.grid.mask
     end = before["reason"] if before["state"] == "finished" else f"the recording ends while {before['state']}"
     return MissionResult(
-        settings=_settings(configuration, before),
+        settings=_settings(configuration, before, second),
         series=rows,
         visits=visits,
         tracks=(np.array(placed).reshape(-1, 2),),
@@ -166,9 +170,10 @@ class _Errors:
         assert self.true_rate is not None
         return self.survey.online.grid.to_raster(self.true_rate)
 
-    def row(self, status: Status) -> SeriesRow:
-        """How the mission stood: the map is that of all records up to then."""
+    def row(self, status: Status, beside: _Errors | None) -> SeriesRow:
+        """How the mission stood: the maps are those of all records up to then."""
         mse, vwc_rmse, coverage = self._at(float(status["stamp_s"]))
+        also = (math.nan,) * 3 if beside is None else beside._at(float(status["stamp_s"]))
         return SeriesRow(
             float(status["time_used_s"]),
             float(status["distance_m"]),
@@ -178,6 +183,8 @@ class _Errors:
             vwc_rmse,
             coverage,
             float(status["counting_s"]),
+            also_mse=also[0],
+            also_coverage95=also[2],
         )
 
     def _at(self, stamp_s: float) -> tuple[float, float, float]:
@@ -197,7 +204,7 @@ class _Errors:
         return map_errors(soil_map.rate[mask], soil_map.rate_sd[mask], self.true_rate, self.truth.curve)
 
 
-def _settings(configuration: Path | None, last: Status) -> MissionSettings:
+def _settings(configuration: Path | None, last: Status, second: Second | None) -> MissionSettings:
     """What the mission was run with, as far as the planner's parameters tell."""
     had, mapper = read_parameters(configuration, "planner"), read_parameters(configuration, "mapper")
     usual = MissionSettings()
@@ -213,4 +220,6 @@ def _settings(configuration: Path | None, last: Status) -> MissionSettings:
         variogram=mapper.get("model", "matern32"),
         fit=mapper.get("fit", "reml"),
         travel="free" if had.get("graph") == "free" else "graph",
+        also="" if second is None else second.name,
+        also_weight=usual.also_weight if second is None else second.weight,
     )

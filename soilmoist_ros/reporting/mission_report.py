@@ -13,7 +13,7 @@ import numpy as np
 from soilmoist_ros import __version__
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.reporting.mission_tables import write_series, write_visits
-from soilmoist_ros.reporting.outputs import NAMES, write_outputs
+from soilmoist_ros.reporting.outputs import NAMES, second_names, write_outputs
 from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.reporting.strict_json import write_json
 from soilmoist_ros.reporting.summary import SCHEMA, mission_summary
@@ -46,7 +46,7 @@ def write_mission(
         return write_outputs(folder, mission_run(result, created), crs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in NAMES:
+        for name in NAMES + second_names(result):
             (folder / name).unlink(missing_ok=True)
         about = {
             "schema": SCHEMA,

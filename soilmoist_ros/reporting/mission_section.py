@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.travel import polyline_length_m
 from soilmoist_ros.reporting import maps
 from soilmoist_ros.reporting.geometry import map_extent
+from soilmoist_ros.reporting.properties_section import second_sections, side_by_side
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.section import Section
 from soilmoist_ros.reporting.style import (
@@ -51,6 +52,7 @@ class MissionPart:
     :param visits: the first stops
     :param hidden: number of stops that are left out of the table
     :param several: whether there are several robots
+    :param properties: both properties side by side, if there are two
     """
 
     text: str
@@ -58,6 +60,7 @@ class MissionPart:
     visits: tuple[Visit, ...]
     hidden: int
     several: bool = False
+    properties: Section | None = None
 
 
 def mission_part(run: MapRun) -> MissionPart | None:
@@ -91,33 +94,11 @@ def mission_part(run: MapRun) -> MissionPart | None:
                 "measurement was finished.",
             )
         )  # fmt: skip
-    sections += _also(run)
+    sections += second_sections(run)
     shown = tuple(mission.visits[:MOST_VISITS])
     hidden = len(mission.visits) - len(shown)
-    return MissionPart(_text(mission), tuple(sections), shown, hidden, len(mission.tracks) > 1)
-
-
-def _also(run: MapRun) -> list[Section]:
-    """The maps of a second property."""
-    also = run.mission.also if run.mission is not None else None
-    if also is None or also.soil_map is None:
-        return []
-    second = replace(run, soil_map=also.soil_map, truth_rate=also.truth_rate)
-    about = f"of the second property ({also.field_title})"
-    return [
-        Section(
-            f"also-{key}", title, picture(maps.band_map(second, band, values), f"Map of the {what} {about}"),
-            caption,
-        )
-        for key, title, band, values, what, caption in (
-            ("rate", "Second property", maps.RATE, None, "count rate",
-             f"The count rate {about}, which was counted and mapped beside."),
-            ("rate-sd", "Uncertainty of the second property", maps.RATE_SD, None, "standard deviation of the rate",
-             "One standard deviation of its true rate, given all its counts."),
-            ("truth", "True rate of the second property", maps.RATE, also.truth_rate, "true count rate",
-             "What its map should show, in the same colours."),
-        )
-    ]  # fmt: skip
+    several = len(mission.tracks) > 1
+    return MissionPart(_text(mission), tuple(sections), shown, hidden, several, side_by_side(run))
 
 
 def _text(mission: MissionResult) -> str:

@@ -12,12 +12,15 @@ from soilmoist_ros.errors import InputError
 from soilmoist_ros.reporting.geojson import write_samples
 from soilmoist_ros.reporting.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.mission_tables import write_series, write_visits
+from soilmoist_ros.reporting.properties_section import second_run
 from soilmoist_ros.reporting.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.summary import write_summary
 
 if TYPE_CHECKING:
     from pyproj import CRS
+
+    from soilmoist_ros.simulation.mission_run import MissionResult
 
 NAMES = ("summary.json", "map.tif", "samples.geojson", "report.html")
 MISSION_NAMES = ("series.csv", "visits.csv")
@@ -26,7 +29,8 @@ MISSION_NAMES = ("series.csv", "visits.csv")
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson`` and ``report.html``.
 
-    For a simulated mission also ``series.csv`` and ``visits.csv``.
+    For a mission also ``series.csv`` and ``visits.csv``, and for a second property ``map_NAME.tif`` and
+    ``samples_NAME.geojson`` with its name.
 
     All are first written to a hidden folder beside their place and moved only when every one is complete,
     so that a reader never meets half a file, nor a map with another run's report after a failure.
@@ -38,7 +42,10 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
     """
     target = export_crs(run.frame, crs)
-    names = NAMES if run.mission is None else NAMES + MISSION_NAMES
+    second = second_run(run)
+    names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
+    if second is not None:
+        names += second_names(run.mission)
     tags = {
         "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
         "SOILMOIST_CREATED_UTC": run.created,
@@ -56,9 +63,21 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)
+        if second is not None:
+            of_map, of_samples = (workshop / name for name in second_names(run.mission))
+            write_geotiff(
+                of_map, second.soil_map, run.frame, target, {**tags, "SOILMOIST_FIELD": second.field_name}
+            )
+            write_samples(of_samples, second)
         write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=names)
         for name in names:
             os.replace(workshop / name, folder / name)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
     return [folder / name for name in names]
+
+
+def second_names(mission: MissionResult | None) -> tuple[str, ...]:
+    """Names of the files of a mission's second property, none without one."""
+    also = None if mission is None else mission.also
+    return () if also is None else (f"map_{also.name}.tif", f"samples_{also.name}.geojson")

@@ -14,6 +14,7 @@ from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.statistics import (
+    TruthScore,
     band_statistics,
     calibration_sd,
     leave_one_out,
@@ -62,7 +63,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "fit": _fit(run),
         "map": _map(run),
         "cross_validation": _cross_validation(run),
-        "truth": None if run.truth_rate is None else _truth(run),
+        "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
         "mission": None if run.mission is None else mission_summary(run.mission),
         "corrections": [_correction(row) for row in run.corrections],
         "calibration": _calibration(run),
@@ -136,8 +137,7 @@ def _cross_validation(run: MapRun) -> dict[str, float] | None:
     return {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95}
 
 
-def _truth(run: MapRun) -> dict[str, float]:
-    score = truth_score(run.soil_map, np.asarray(run.truth_rate))
+def _score(score: TruthScore) -> dict[str, float]:
     return {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95}
 
 
@@ -157,11 +157,17 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
 
 def _also(mapped: Mapped) -> dict[str, Any]:
     """The map of a second property."""
-    about: dict[str, Any] = {"field": mapped.field_title, "n_records": len(mapped.records), "map": None}
+    about: dict[str, Any] = {
+        "name": mapped.name,
+        "field": mapped.field_title,
+        "n_records": len(mapped.records),
+        "map": None,
+    }
     soil_map = mapped.soil_map
     if soil_map is None:
         return about
-    score = truth_score(soil_map, mapped.truth_rate)
+    truth = mapped.known_truth
+    score = None if truth is None else truth_score(soil_map, truth)
     return {
         **about,
         "variogram": model_parameters(soil_map),
@@ -169,7 +175,7 @@ def _also(mapped: Mapped) -> dict[str, Any]:
             "rate_cps": asdict(band_statistics(soil_map.rate)),
             "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
         },
-        "truth": {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95},
+        "truth": None if score is None else _score(score),
     }
 
 

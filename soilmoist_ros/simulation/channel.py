@@ -14,6 +14,7 @@ from soilmoist_ros.mapping.field_grid import FieldGrid
 from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.mapping.online_map import OnlineMap, OnlineSettings
 from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.property_names import property_name
 from soilmoist_ros.sensing.moisture import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.map_errors import map_errors
@@ -100,7 +101,8 @@ class Channel:
     def mapped(self) -> Mapped:
         """What it leaves."""
         truth = self.live_map.grid.to_raster(self.truth)
-        return Mapped(self.field.title, tuple(self.records), self.soil_map, truth)
+        name = property_name(self.field.name)
+        return Mapped(name, self.field.title, tuple(self.records), self.soil_map, truth)
 
 
 def mission_fields(settings: MissionSettings) -> list[SurrogateField]:

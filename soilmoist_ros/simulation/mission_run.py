@@ -139,16 +139,23 @@ class Visit(NamedTuple):
 class Mapped:
     """A property that was mapped beside the first.
 
-    :param field_title: name of its field for reports
+    :param name: its name for files, see :func:`~soilmoist_ros.property_names.property_name`
+    :param field_title: its name for reports
     :param records: all records of its sensors in order of time
     :param soil_map: final map of its rate, ``None`` if the mission ended before the first
-    :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside
+    :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside and if unknown
     """
 
+    name: str
     field_title: str
     records: Sequence[CountRecord]
     soil_map: SoilMap | None
     truth_rate: Array
+
+    @property
+    def known_truth(self) -> Array | None:
+        """The truth, ``None`` if it is unknown."""
+        return self.truth_rate if np.isfinite(self.truth_rate).any() else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.channel import mission_fields
 from soilmoist_ros.simulation.faulty_link import FaultyLink, Reachable, Sent
 from soilmoist_ros.simulation.mission_run import MissionSettings
 from soilmoist_ros.simulation.mission_simulator import PLACES_PER_RECORD, mission_grid, mission_map, start_stop
 from soilmoist_ros.simulation.scenario import Scenario
-from soilmoist_ros.simulation.surrogate_field import surrogate_field
 from soilmoist_ros.simulation.virtual_gnss import VirtualGnss
 from soilmoist_ros.simulation.virtual_logger import VirtualLogger
 from soilmoist_ros.simulation.virtual_navigation import NavigationEvent, VirtualNavigation
@@ -24,14 +26,26 @@ LOGGER, GNSS = "logger", "gnss"
 _GGA = 1  # the sentence with the place is the one that damages strike
 _NOTHING_WRONG = Scenario()
 
-Output = Sent | Reachable | NavigationEvent
+
+@dataclass(frozen=True)
+class CountedBeside:
+    """The sensor of the second property has counted.
+
+    :param record: what, corrected and at its place, as a driver of its own would publish it
+    """
+
+    record: CountRecord
+
+
+Output = Sent | Reachable | CountedBeside | NavigationEvent
 
 
 class VirtualSystem:
     """Steps through simulated time. The settings, the scenario and the requests determine what happens.
 
-    Robot, sensor and randomness are those of :func:`~soilmoist_ros.simulation.mission_simulator.simulate_mission`:
-    where the robot is at the same places at the same times, the same counts come.
+    Robot, sensors and randomness are those of
+    :func:`~soilmoist_ros.simulation.mission_simulator.simulate_mission`: where the robot is at the same places at
+    the same times, the same counts come. Nothing goes wrong with the sensor of a second property.
 
     :param settings: field, seed, robot, sensor and noise; what is about the mission itself does not matter here
     :param start_s: time at which the simulation begins [s since 1970 UTC]
@@ -51,13 +65,13 @@ class VirtualSystem:
         self.scenario = scenario
         self.start_s = start_s
         self.now_s = 0.0
-        self.field = surrogate_field(settings.field)
+        self.field, *beside = mission_fields(settings)
         self.grid = mission_grid(self.field, settings.cell_m)
         self.map = mission_map(self.field.field, self.grid, settings.graph)
         _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
-        # The first three are those of a simulated mission.
-        sensor, _, gnss, tubes, navigation, logger_link, gnss_link = (
-            np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(7)
+        # The first four are those of a simulated mission.
+        sensor, _, gnss, also, navigation, logger_link, gnss_link, tubes, self._also_places = (
+            np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(9)
         )
         motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         start = start_stop(self.field.field, self.map.graph.stops)
@@ -66,11 +80,13 @@ class VirtualSystem:
             GraphTravel(self.map.graph, motion), self.robot, scenario.navigation, navigation
         )
         self._free_travel = FreeTravel(motion, (self.field.polygon,), self.field.field.no_go)
-        self.logger = VirtualLogger(
-            VirtualSensor(self.field, sensor, settings.cadence_s, settings.footprint_m, settings.weather),
-            start_s,
-            tubes,
+        first, *others = (
+            VirtualSensor(field, rng, settings.cadence_s, settings.footprint_m, settings.weather)
+            for field, rng in zip((self.field, *beside), (sensor, also), strict=False)
         )
+        self.logger = VirtualLogger(first, start_s, tubes)
+        self._also = others[0] if others else None
+        self._counted: list[CountedBeside] = []
         self._gnss = VirtualGnss(self.field.frame, start_s, settings.position_sd_m, gnss)
         self._gnss_period_s = gnss_period_s
         self._no_fix = scenario.gnss.no_fix
@@ -93,6 +109,8 @@ class VirtualSystem:
             out += self.navigation.happened(self.now_s)
             out += self._logger_link.receive(self.now_s)
             out += self._gnss_link.receive(self.now_s)
+            out += self._counted
+            self._counted.clear()
         self.now_s = max(to_s, self.now_s)
         return out
 
@@ -139,16 +157,26 @@ class VirtualSystem:
             self._path.append(self.robot.at(self.now_s))
         if self._record_end_s <= self.now_s:
             # The latest place first, as in a simulated mission: then even the rounding of the mean is the same.
-            record = self.logger.record(self.now_s, np.array(self._path[::-1]))
+            path = np.array(self._path[::-1])
+            record = self.logger.record(self.now_s, path)
             self._records += 1
             self._path.clear()
             self._logger_link.send(self.now_s, self.logger.lines(record))
+            if self._also is not None:
+                self._count_beside(self._also, path)
         if self._next_epoch_s <= self.now_s:
             has_fix = not any(span.covers(self.now_s) for span in self._no_fix)
             sentences = self._gnss.sentences(self.now_s, self.robot.at(self.now_s), has_fix)
             self._epochs += 1
             self._gnss_link.send(self.now_s, sentences, spoilt=_GGA)
             self.navigation.look(self.now_s)
+
+    def _count_beside(self, sensor: VirtualSensor, path: NDArray[np.float64]) -> None:
+        """What the sensor of the second property has counted on the path of a record."""
+        noise = self._also_places.normal(0.0, self.settings.position_sd_m, 2)
+        x_m, y_m = (path[PLACES_PER_RECORD // 2] + noise).tolist()
+        record = sensor.record(self.now_s, path, (x_m, y_m))
+        self._counted.append(CountedBeside(replace(record, stamp_s=self.stamp_s)))
 
 
 def _require_edges(edges: NDArray[np.intp], names: tuple[str, ...], scenario: Scenario) -> None:

@@ -233,7 +233,8 @@ def test_a_further_property_guides_once_it_has_a_map_and_is_missed_until_then(ca
     around.control.fit_of("/compaction", replace(fit, variogram=variogram, mean_rate=35.0), around.time_s)
     around.map()
     around.planned()
-    assert not any(part.name == "properties" for part in around.control.health())
+    (told,) = [part for part in around.control.health() if part.name == "properties"]
+    assert (told.level, told.message) == (Level.OK, "the last stop was chosen with the map of /compaction")
     assert around.status.target.x_m > 12.0
     assert around.status.target.y_m > 12.0
 

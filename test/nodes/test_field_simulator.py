@@ -16,12 +16,14 @@ from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from msg_adapters.counts import counts_from_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.exploration.topological_map import parse_topological_map
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED
+from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.sensing.logger_reader import RecordParser
 from soilmoist_ros.sensing.nmea import NmeaParser
 from soilmoist_ros.sensing.robot_logger import FORMAT_NAME
@@ -169,6 +171,20 @@ def test_time_stands_still_until_somebody_listens(ros, field):
     assert simulated.now_s == 0
     simulated.listen()
     ros.wait_for(lambda: simulated.now_s > 30)
+
+
+def test_a_second_property_is_counted_like_by_a_driver_of_its_own(ros, field):
+    simulated = field(also="rough")
+    assert not simulated.clock or simulated.now_s <= 0, "nobody listens to its records"
+    heard = ros.collect(PointCloud2, "/rough/counts", RECORDS)
+    ros.wait_for(lambda: len(heard) > 5 and len(simulated.logger.found) > 5, message="records of both")
+    stamps = [record.stamp_s for message in list(heard) for record in counts_from_message(message)]
+    assert stamps == [START_S + 10.0 * number for number in range(1, len(stamps) + 1)]
+    assert {message.header.frame_id for message in heard} == {"map"}
+    (record,) = counts_from_message(heard[0])
+    assert (record.x_m, record.y_m) == pytest.approx(simulated.place(), abs=0.2)
+    assert 1.0 < record.corrected_rate < 10.0
+    assert record.raw_counts != sum(simulated.logger.found[0].tube_counts)
 
 
 def test_time_devices_and_files_belong_together(ros, field, tmp_path):

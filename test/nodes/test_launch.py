@@ -185,6 +185,20 @@ def test_the_simulation_joins_all_nodes_on_one_simulated_field(monkeypatch, seen
     assert isinstance(nodes["planner"].on_exit[0], stand_in.Shutdown)
 
 
+def test_a_second_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, tmp_path):
+    given = {"also": "rough", "also_weight": "0.5", "out": str(tmp_path), "namespace": "r1"}
+    actions = [one for one in stand_in.start(SIMULATION, monkeypatch, given) if isinstance(one, stand_in.Node)]
+    values = {found["node"]: found for one in actions for found in [seen(one)]}
+    assert {"/r1/mapper", "/r1/rough/mapper"} < values.keys()
+    assert values["/r1/field_simulator"]["also"] == "rough"
+    assert values["/r1/planner"]["properties"] == ["rough:0.5"]
+    beside = values["/r1/rough/mapper"]
+    assert (beside["simulated"], beside["use_sim_time"], beside["site"]) == (True, True, "")
+    assert beside["save_dir"] == str(tmp_path / "map_rough")
+    with pytest.raises(InputError, match="does not cover the field 'synthetic-high'"):
+        stand_in.start(SIMULATION, monkeypatch, {**given, "also": "patches"})
+
+
 def test_two_simulations_do_not_share_a_folder(monkeypatch):
     argument = stand_in.arguments_of(stand_in.load(SIMULATION, monkeypatch))["out"]
     assert argument.default_value.startswith("soilmoist_simulation_2")

@@ -7,6 +7,7 @@ import sys
 import textwrap
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -124,6 +125,15 @@ def test_nodes_end_with_the_group_the_last_started_first(journal, tmp_path):
     ends = [name for name, _, text in said(journal) if text == "SIGINT"]
     assert ends == ["good_3", "good_2", "good"]
     assert all(gone(number) for number in numbers(journal))
+
+
+def test_a_node_can_be_there_again_in_a_namespace(journal, tmp_path):
+    with group(tmp_path) as nodes:
+        start(nodes, "good", "salt/good")
+        ready(journal, 2)
+        assert nodes.log("salt/good").name == "salt_good.log"
+        commands = [Path(f"/proc/{number}/cmdline").read_text().split("\0") for number in numbers(journal)]
+        assert {"__ns:=/", "__ns:=/salt"} == {word for words in commands for word in words if "__ns" in word}
 
 
 def test_nodes_end_when_the_body_fails(journal, tmp_path):

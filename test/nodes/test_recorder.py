@@ -188,6 +188,26 @@ def test_what_the_nodes_of_its_robot_were_set_up_with_is_with_the_bag(ros, tmp_p
     assert not (folder / "planner.yaml").exists(), "that planner is another robot's"
 
 
+def test_the_mapper_of_a_further_property_is_one_of_the_nodes_of_the_robot(ros, tmp_path):
+    (tmp_path / "field.yaml").write_text(SQUARE)
+    (tmp_path / "other.yaml").write_text(SQUARE.replace("square", "other"))
+    ros.start("recorder", params=params(tmp_path), namespace="/r1")
+    fields = {name: str(tmp_path / f"{name}.yaml") for name in ("field", "other")}
+    planning = {"graph": "free", "navigator": "goal_pose", "properties": ["salt:0.5", "/clay"]}
+    ros.start("planner", params={"field": fields["field"], **planning}, namespace="/r1")
+    ros.start("mapper", params={"field": fields["other"], "fit": "soft_l1"}, namespace="/r1/salt")
+    ros.start("mapper", params={"field": fields["field"], "model": "gaussian"}, namespace="/clay")
+    folder = tmp_path / "bags" / "run" / "configuration"
+    for name in ("planner", "salt/mapper", "clay/mapper"):
+        ros.wait_for((folder / f"{name}.yaml").is_file, message=name)
+    assert read_parameters(folder, "planner")["properties"] == ["salt:0.5", "/clay"]
+    salt, clay = (read_parameters(folder, f"{name}/mapper") for name in ("salt", "clay"))
+    assert (salt["fit"], clay["model"]) == ("soft_l1", "gaussian")
+    assert Path(clay["field"]).read_text() == SQUARE
+    assert "name: other" in Path(salt["field"]).read_text()
+    assert {Path(salt["field"]).parent, Path(clay["field"]).parent} == {folder}
+
+
 def skipped(message):
     return {item.key: item.value for item in message.status[0].values}["topics skipped"]
 

@@ -66,7 +66,7 @@ def test_what_is_planned_for_both_is_another_plan_and_the_outputs_say_so(tmp_pat
     head = (tmp_path / "series.csv").read_text().splitlines()[0]
     assert head.endswith(",counting_s,also_mse,also_coverage95")
     report = (tmp_path / "report.html").read_text()
-    for said in ('id="also-rate"', 'id="also-truth"', "planned for with the weight 1"):
+    for said in ('id="also-rate"', 'id="properties"', "planned for with the weight 1"):
         assert said in report
 
 

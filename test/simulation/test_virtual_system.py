@@ -15,7 +15,7 @@ from soilmoist_ros.simulation.mission_run import MissionSettings
 from soilmoist_ros.simulation.mission_simulator import simulate_mission
 from soilmoist_ros.simulation.scenario import Scenario, load_scenario
 from soilmoist_ros.simulation.virtual_navigation import GoalEnded
-from soilmoist_ros.simulation.virtual_system import GNSS, LOGGER, VirtualSystem
+from soilmoist_ros.simulation.virtual_system import GNSS, LOGGER, CountedBeside, VirtualSystem
 
 START_S = 1_780_000_000.0
 SETTINGS = MissionSettings(field="half-wet", seed=5, travel="graph", cell_m=2.0)
@@ -39,7 +39,8 @@ def fixes(outputs):
 
 @pytest.mark.parametrize("weather", [True, False])
 def test_it_counts_what_a_mission_without_ros_counts(weather):
-    settings = replace(SETTINGS, dwell="fmi:90", hours=0.5, strategy="random", weather=weather, footprint_m=10.0)
+    choices = {"dwell": "fmi:90", "hours": 0.5, "strategy": "random", "footprint_m": 10.0, "also": "rough"}
+    settings = replace(SETTINGS, weather=weather, **choices)
     mission = simulate_mission(settings)
     goals = [
         (float(match[1]), match[2])
@@ -57,6 +58,20 @@ def test_it_counts_what_a_mission_without_ros_counts(weather):
     assert problems == []
     assert [sum(record.tube_counts) for record in found] == [record.raw_counts for record in mission.records]
     assert [record.stamp_s - START_S for record in found] == [record.stamp_s for record in mission.records]
+    beside = [output.record for output in outputs if isinstance(output, CountedBeside)]
+    for here, there in zip(beside, mission.also.records, strict=True):
+        assert here.stamp_s == START_S + there.stamp_s
+        # Both noises are of 2 cm; all else is the same.
+        assert (here.x_m, here.y_m) == pytest.approx((there.x_m, there.y_m), abs=0.2)
+        assert replace(here, stamp_s=there.stamp_s, x_m=there.x_m, y_m=there.y_m) == there
+
+
+def test_a_second_property_changes_nothing_of_the_first():
+    alone, both = (VirtualSystem(replace(SETTINGS, also=also), START_S).advance(900) for also in ("", "smooth"))
+    assert [output for output in both if not isinstance(output, CountedBeside)] == alone
+    assert len(both) == len(alone) + 90
+    with pytest.raises(InputError, match="'patches' of the second property does not cover"):
+        VirtualSystem(replace(SETTINGS, also="patches"), START_S)
 
 
 @settings(deadline=None, max_examples=10)
