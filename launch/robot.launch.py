@@ -83,14 +83,15 @@ def nodes(context: LaunchContext) -> list[Node]:
     }
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
     values["planner"] |= journal(given("journal_dir"), arguments["out"], given("params_file"), given("namespace"))
-    values["mapper"] |= earlier(values["planner"])
+    start = earlier(values["planner"])
+    values["mapper"] |= start
     if not flag("record"):
         del values["recorder"]
     ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
     files = [*filter(None, [given("params_file")])]
     started = [(node, given("namespace"), files, parameters) for node, parameters in values.items()]
     # What params_file says of /**/mapper, such as whose counts to map, is not meant for these.
-    started += [("mapper", *beside) for beside in mappers_beside(given("namespace"), arguments)]
+    started += [("mapper", *beside) for beside in mappers_beside(given("namespace"), arguments, start)]
     return [
         Node(
             package="soilmoist_ros",
@@ -105,7 +106,9 @@ def nodes(context: LaunchContext) -> list[Node]:
     ]
 
 
-def mappers_beside(namespace: str, arguments: Mapping[str, str]) -> list[tuple[str, list[str], dict[str, object]]]:
+def mappers_beside(
+    namespace: str, arguments: Mapping[str, str], start: Mapping[str, str]
+) -> list[tuple[str, list[str], dict[str, object]]]:
     """Namespace, no files, and values of a mapper for each further property, with a folder of its own."""
     properties = parameters_from("planner", {"properties": arguments["properties"]}).get("properties", [])
     mapper = parameters_from("mapper", {**arguments, "site": ""})
@@ -114,7 +117,11 @@ def mappers_beside(namespace: str, arguments: Mapping[str, str]) -> list[tuple[s
         (
             name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}".lstrip("/"),
             [],
-            {**mapper, "save_dir": f"{folder}_{Path(name).name}"},
+            {
+                **mapper,
+                "save_dir": f"{folder}_{Path(name).name}",
+                **({**start, "start_property": name} if start else {}),
+            },
         )
         for name in property_weights(properties)
     ]
@@ -129,7 +136,7 @@ def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str
 
 
 def earlier(planner: Mapping[str, object]) -> dict[str, str]:
-    """Where the mapper finds what an interrupted mission had counted: in the journal of the planner."""
+    """Where the mappers find what an interrupted mission had counted: in the journal of the planner."""
     folder = str(planner.get("journal_dir", ""))
     if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).expanduser().is_file():
         return {}

@@ -59,7 +59,8 @@ from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
 def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
-    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
+    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out; of a
+    second property NAME also map_NAME.tif and samples_NAME.geojson.
     """
     from soilmoist_ros.exploration.travel import polyline_length_m
     from soilmoist_ros.reporting.mission_report import write_mission

@@ -139,18 +139,20 @@ def open_survey(
     return OnlineSurvey(the_field, the_site, OnlineMap(grid, settings), tuple(files), simulated)
 
 
-def read_earlier(path: Path) -> list[CountRecord]:
+def read_earlier(path: Path, name: str = "") -> list[CountRecord]:
     """Records to start from.
 
     :param path: a folder that :meth:`OnlineSurvey.save` has written, a bag with ``counts``, or the journal of a
         mission: then the records of the mission that was interrupted, none if it had ended
+    :param name: of the further property whose records are wanted from a journal or bag, as the planner knows it;
+        empty for those of the first
     :raises InputError: if it is none of these
     """
     if (path / ENTRIES).is_file():
         from soilmoist_ros.exploration.mission_journal import interrupted_records
 
         found = load_journal(path, whole=True)
-        return interrupted_records(found.snapshot, (entry.payload for entry in found.entries))
+        return interrupted_records(found.snapshot, (entry.payload for entry in found.entries), name)
     if (path / RECORDS).is_file():
         return read_records(path / RECORDS)
     if path.is_dir() and not any(path.glob("*.mcap")) and not (path / "metadata.yaml").is_file():
@@ -162,4 +164,7 @@ def read_earlier(path: Path) -> list[CountRecord]:
     from soilmoist_ros.recording.bag_reader import BagReader
 
     with BagReader(path) as bag:
-        return bag.read_counts()
+        if not name:
+            return bag.read_counts()
+        ending = f"/{name.strip('/')}/counts"
+        return bag.read_counts(next((topic for topic in sorted(bag.topics) if topic.endswith(ending)), ending))

@@ -105,6 +105,8 @@ def test_a_map_can_start_from_what_was_saved_or_from_a_bag(saved, tmp_path):
         found = again.online.compute(again.online.state)
         for band, wanted in zip(found.bands, expected.bands, strict=True):
             assert band.tobytes() == wanted.tobytes()
+    with pytest.raises(InputError, match=r"no topic '/salt/counts'.*/counts "):
+        read_earlier(tmp_path / "bag", "salt")
 
 
 def test_an_interrupted_mission_gives_its_records(tmp_path):
@@ -117,7 +119,10 @@ def test_an_interrupted_mission_gives_its_records(tmp_path):
             journal.note(mission, event)
             mission.step(event)
             journal.keep(mission)
+        journal.note_beside("/salt", 1.78e9 + 1.0, records()[2])
     assert read_earlier(tmp_path) == records()
+    assert read_earlier(tmp_path, "/salt") == records()[2:3]
+    assert read_earlier(tmp_path, "clay") == []
 
 
 def test_other_folders_are_refused(tmp_path):

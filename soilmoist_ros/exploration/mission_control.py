@@ -231,6 +231,12 @@ class MissionControl:
         with self._desk_lock:
             self._desk.expect_property(name, weight)
 
+    def records_of(self, name: str, records: Sequence[CountRecord]) -> None:
+        """Records of a further property have come: they are written down, so that its map can go on, too."""
+        for record in records:
+            if math.isfinite(record.x_m) and math.isfinite(record.y_m):
+                self._journal.note_beside(name, self._outlets.now_s(), record)
+
     def samples_of(self, name: str, samples: Samples, stamp_s: float) -> None:
         """The merged samples of a further property have come."""
         with self._desk_lock:

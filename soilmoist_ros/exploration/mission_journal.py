@@ -13,6 +13,8 @@ from soilmoist_ros.sensing.records import CountRecord
 
 EVENT = "event"
 """Kind of the entries that hold events."""
+PROPERTY = "property"
+"""Key by which the record of a further property is known: it is no event of the mission."""
 
 _log = logging.getLogger(__name__)
 
@@ -42,10 +44,23 @@ class MissionJournal:
     def note(self, mission: Mission, event: Event) -> None:
         """Write an event down before the mission takes it in; a tick only if something is due."""
         due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
-        if self._journal is None or due_s is None or due_s > event.now_s:
+        if due_s is not None and due_s <= event.now_s:
+            self._append(event_to_dict(event), durable=not isinstance(event, Moved))
+
+    def note_beside(self, name: str, now_s: float, record: CountRecord) -> None:
+        """Write a record of a further property down, for its map.
+
+        :param name: of the property
+        :param now_s: time at which it came [s]
+        :param record: the record
+        """
+        self._append({**event_to_dict(RecordArrived(now_s, record)), PROPERTY: name}, durable=True)
+
+    def _append(self, payload: Mapping[str, Any], durable: bool) -> None:
+        if self._journal is None:
             return
         try:
-            self._journal.append(EVENT, event_to_dict(event), durable=not isinstance(event, Moved))
+            self._journal.append(EVENT, payload, durable=durable)
             self.problem = ""
         except OSError as error:
             self._fail(error)
@@ -78,21 +93,29 @@ def interrupted_mission(
     """
     mission = Mission(rules) if snapshot is None else Mission.restore(rules, snapshot)
     for event in events:
-        mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
+        if PROPERTY not in event:
+            mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
     return mission if mission.state.under_way else None
 
 
-def interrupted_records(snapshot: str | None, events: Iterable[Mapping[str, Any]]) -> list[CountRecord]:
+def interrupted_records(
+    snapshot: str | None, events: Iterable[Mapping[str, Any]], name: str = ""
+) -> list[CountRecord]:
     """What the mission that was under way when its process ended had counted, so that its map can go on.
 
     :param snapshot: the last state written down, if any. Without one it is what came after the last start, unless
         that was aborted
     :param events: all events written down, those before the snapshot too
+    :param name: of the further property whose records are wanted; empty for those of the first
     :returns: its records in their order, none if no mission was under way
     :raises InputError: if something was not written by a mission
     """
-    wanted = {RecordArrived.__name__, Command.__name__}
-    read = [event_from_dict(dict(event)) for event in events if event.get("event") in wanted]
+    read = [
+        event_from_dict({key: value for key, value in event.items() if key != PROPERTY})
+        for event in events
+        if event.get("event") == Command.__name__
+        or (event.get("event") == RecordArrived.__name__ and event.get(PROPERTY, "") == name)
+    ]
     if snapshot is None:
         turns = [e for e in read if isinstance(e, Command) and e.verb in (Verb.START, Verb.ABORT)]
         started_s = turns[-1].now_s if turns and turns[-1].verb is Verb.START else None

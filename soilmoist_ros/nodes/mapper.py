@@ -60,6 +60,12 @@ PARAMETERS = (
         description="folder of a save, bag, or journal of an interrupted mission, whose records come first",
     ),
     Parameter(
+        name="start_property",
+        default="",
+        description="further property, as in the planner's properties, whose records in a bag or journal come "
+        "first; empty for the first property",
+    ),
+    Parameter(
         name="others",
         default=[],
         description="namespaces of other robots on the field whose counts are mapped, too; its own is passed over",
@@ -80,7 +86,7 @@ class Mapper(Node):
         self._frame = parameters.text("frame")
         self._save_dir = Path(parameters.text("save_dir")).expanduser().absolute()
         options: dict[str, Any] = parameters.as_dict()
-        for name in ("frame", "save_dir", "start_from", "others"):
+        for name in ("frame", "save_dir", "start_from", "start_property", "others"):
             del options[name]
         self._survey = open_survey(**options)
         self._online = self._survey.online
@@ -92,7 +98,7 @@ class Mapper(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
         self._worker = MapWorker(self._online.compute, self._publish)
         if earlier := parameters.text("start_from"):
-            for record in read_earlier(Path(earlier).expanduser()):
+            for record in read_earlier(Path(earlier).expanduser(), parameters.text("start_property")):
                 self._online.take(record)
             self._worker.submit(self._online.state)
         for robot in ("", *(f"{name}/" for name in other_namespaces(self, parameters.texts("others")))):

@@ -55,6 +55,7 @@ class PlannerInputs:
         for name, weight in properties.items():
             control.expect_property(name, weight)
             samples, model = partial(self._on_samples_of, name), partial(self._on_model_of, name)
+            node.create_subscription(PointCloud2, f"{name}/counts", partial(self._on_counts_of, name), RECORDS)
             node.create_subscription(PointCloud2, f"{name}/samples", samples, LATCHED)
             node.create_subscription(String, f"{name}/model", model, LATCHED)
         if map_topic:
@@ -86,6 +87,12 @@ class PlannerInputs:
             self._control.fit(model.fit, model.stamp_s)
         except ValueError as error:
             self._ignore("model", error)
+
+    def _on_counts_of(self, name: str, message: PointCloud2) -> None:
+        try:
+            self._control.records_of(name, counts_from_message(message))
+        except ValueError as error:
+            self._ignore(f"{name}/counts", error)
 
     def _on_samples_of(self, name: str, message: PointCloud2) -> None:
         try:

@@ -1,6 +1,7 @@
 """A mission written down and taken up again is the same mission."""
 
 import json
+from dataclasses import replace
 
 from soilmoist_ros.exploration.dwell import parse_dwell
 from soilmoist_ros.exploration.mission import Mission
@@ -78,16 +79,32 @@ def test_the_records_of_the_interrupted_mission_and_no_others():
         RecordArrived(8.0, record),
     ]:
         journal.note(mission, event)
+        if isinstance(event, RecordArrived):
+            journal.note_beside("salt", event.now_s, replace(record, raw_counts=7))
         every += pages.events
         pages.events = []
         mission.step(event)
         journal.keep(mission)
         pages.events = []
+        beside = interrupted_records(pages.state, every, "salt")
+        assert [one.raw_counts for one in beside] == [7] * len(interrupted_records(pages.state, every))
         found = [r.stamp_s for r in interrupted_records(pages.state, every)]
         assert found == [2.0] * {3.0: 1, 7.0: 1, 8.0: 2}.get(event.now_s, 0)
         assert interrupted_records(None, every) == interrupted_records(pages.state, every), "a damaged snapshot"
     assert interrupted_records(pages.state, every)[1] == record
+    assert interrupted_records(pages.state, every, "clay") == []
     assert interrupted_records(None, []) == []
+
+
+def test_the_records_of_a_further_property_do_not_touch_the_mission():
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    journal.keep(mission)
+    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
+    journal.note_beside("salt", mission.state.now_s + 50.0, record)
+    found = interrupted_mission(mission.rules, pages.state, pages.events)
+    assert found.state == mission.state
 
 
 def test_nothing_was_under_way():

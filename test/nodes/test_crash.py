@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,12 +17,13 @@ from std_msgs.msg import String
 from test_planner import Planning
 from virtual_navigation import VirtualNavigation, World
 
-from msg_adapters.counts import counts_from_message
+from msg_adapters.counts import counts_from_message, counts_to_message
 from msg_adapters.samples import samples_from_message
 from soilmoist_ros.cli import main
 from soilmoist_ros.errors import InputError
 from soilmoist_ros.exploration.mission_types import Phase
 from soilmoist_ros.nodes.qos import LATCHED, RECORDS
+from soilmoist_ros.online_survey import open_survey
 from soilmoist_ros.recording.bag_info import bag_info
 from soilmoist_ros.recording.bag_reader import BagReader
 from soilmoist_ros.recording.journal_lines import decode
@@ -91,15 +93,18 @@ class Heard:
         return len(self.stamps) - first - len(stamps)
 
 
-def in_journal(folder):
-    """Stamps of the records of a journal, and that it is whole but for what was being written."""
+def in_journal(folder, name=None):
+    """Stamps of the records of a journal, or of those of a further property in it.
+
+    It must be whole but for what was being written.
+    """
     lines = decode((folder / "journal.jsonl").read_bytes())
     assert all("never confirmed" in problem for problem in lines.problems)
     assert [entry.seq for entry in lines.entries] == list(range(1, len(lines.entries) + 1))
     return [
         entry.payload["record"]["stamp_s"]
         for entry in lines.entries
-        if entry.payload.get("event") == "RecordArrived"
+        if entry.payload.get("event") == "RecordArrived" and entry.payload.get("property") == name
     ]
 
 
@@ -236,6 +241,52 @@ def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
         assert second.stop() == 0
     assert bag_info(tmp_path / "bags" / "run_2").whole
     assert "metadata.yaml" not in names(tmp_path / "bags" / "run"), "what was cut stays as it was"
+
+
+def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
+    folder = tmp_path / "journal"
+    maps = {name: ros.collect(PointCloud2, f"{name}/samples", LATCHED) for name in ("", "salt")}
+    beside = ros.node.create_publisher(PointCloud2, "salt/counts", RECORDS)
+    told = []
+
+    def count_beside(message):
+        told.extend(replace(record, raw_counts=1000 + len(told)) for record in counts_from_message(message))
+        beside.publish(counts_to_message(told[-1:]))
+
+    def mapped(name):
+        return maps[name] and samples_from_message(maps[name][-1]).counts.sum()
+
+    with World(ros, rate=RATE, mapper=False) as world, VirtualNavigation(ros, world):
+        planner = Planning(ros, tmp_path, journal_dir=str(folder), properties=["salt:0.5"], **MISSION)
+        field = {"field": str(tmp_path / "field.yaml"), "use_sim_time": True}
+        mappers = [ros.start("mapper", params=field, namespace=name) for name in ("/salt", "")]
+        ros.wait_for(lambda: beside.get_subscription_count() >= 2, message="mapper and planner")
+        planner.wait_phase(Phase.TRAVELLING)
+        ros.node.create_subscription(PointCloud2, "counts", count_beside, RECORDS)
+        ros.wait_for(lambda: mapped("salt") and len(told) > 8, message="its map")
+        for process in (*mappers, planner.process):
+            process.kill()
+        world.sensor, world.rate = False, SLOW_RATE
+        written = in_journal(folder, "salt")
+        heard = [record.stamp_s for record in told]
+        assert written == heard[: len(written)], "all from the first on"
+        assert len(written) > 3
+
+        for samples in maps.values():
+            samples.clear()
+        start = {"start_from": str(folder)}
+        ros.start("mapper", params={**field, **start, "start_property": "salt"}, namespace="/salt")
+        ros.start("mapper", params={**field, **start})
+        ros.wait_for(lambda: mapped("salt") and mapped(""), message="both maps so far")
+        expected = open_survey(field["field"]).online
+        for one in told[: len(written)]:
+            expected.take(one)
+        assert mapped("salt") == expected.state.samples.counts.sum() > 1000
+        assert mapped("") < 1000, "what a record of the first has is 40"
+        before, world.sensor = mapped("salt"), True
+        again = Planning(ros, tmp_path, journal_dir=str(folder), resume="auto", properties=["salt:0.5"], **MISSION)
+        again.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
+        ros.wait_for(lambda: mapped("salt") > before, message="the map to go on")
 
 
 def names(folder):

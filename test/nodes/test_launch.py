@@ -142,6 +142,10 @@ def test_the_map_of_an_interrupted_mission_goes_on(monkeypatch, seen, tmp_path):
     (tmp_path / "journal.jsonl").touch()
     assert start_from() == start_from(resume="ask") == str(tmp_path)
     assert start_from(resume="fresh") == ""
+    given = {"journal_dir": str(tmp_path), "properties": "[compaction:2, /salt]"}
+    mappers = [seen(one) for one in stand_in.start(ROBOT, monkeypatch, given) if one.executable == "mapper"]
+    assert {values["start_from"] for values in mappers} == {str(tmp_path)}
+    assert [values["start_property"] for values in mappers] == ["", "compaction", "/salt"]
 
 
 def test_arguments_come_before_the_file_and_the_file_before_the_defaults(monkeypatch, seen, tmp_path):

@@ -46,6 +46,7 @@ def test_it_has_the_files_of_the_first_by_its_name(mission, tmp_path):
     about = json.loads((tmp_path / "summary.json").read_text())
     assert set(SECOND) < set(about["outputs"])
     assert about["mission"]["also"]["name"] == "synthetic_low"
+    assert "<code>map_synthetic_low.tif</code>" in (tmp_path / "report.html").read_text()
 
 
 def test_an_older_mission_s_files_do_not_stay_beside_one_without_a_map(mission, tmp_path):
