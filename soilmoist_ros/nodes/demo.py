@@ -82,17 +82,20 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     out = settings.out.absolute()
     if (out / "bag").exists():
         raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
-    field = mission_fields(MissionSettings(field=settings.field, also=settings.also))[0]
+    field, *others = mission_fields(MissionSettings(field=settings.field, also=settings.also))
     parameters = _configure(settings, field, out)
-    truth = mission_grid(field)
+    grid = mission_grid(field)
+    truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
+    also = property_name(settings.also) if settings.also else ""
     live = LiveMission(
         f" soilmoist demo: {field.title}, {settings.strategy}, {settings.dwell}, {settings.speed:g} x real time ",
-        truth.to_raster(field.rate_at(truth.cells)),
+        truths[0],
+        LiveMission(also, truths[1]) if also else None,
     )
     with free_domain() as domain:
         environment = loopback_environment(domain)
         os.environ.update(environment)  # before ROS is loaded here
-        with ProcessGroup(environment, out / "log") as group, _monitored(live, field, domain):
+        with ProcessGroup(environment, out / "log") as group, _monitored(live, field, domain, also):
             for name, path in parameters.items():
                 if name == "sensor_driver":
                     path = _with_ports(path, out, group)
@@ -186,7 +189,7 @@ def _require_all(group: ProcessGroup) -> None:
 
 
 @contextlib.contextmanager
-def _monitored(live: LiveMission, field: SurrogateField, domain: int) -> Iterator[None]:
+def _monitored(live: LiveMission, field: SurrogateField, domain: int, also: str) -> Iterator[None]:
     """Listen to the mission in a thread."""
     import rclpy
     from rclpy.context import Context as RclContext
@@ -197,7 +200,7 @@ def _monitored(live: LiveMission, field: SurrogateField, domain: int) -> Iterato
     context: Context = RclContext()
     rclpy.init(context=context, domain_id=domain)
     executor = SingleThreadedExecutor(context=context)
-    monitor = Monitor(live, field.frame, context)
+    monitor = Monitor(live, field.frame, context, also)
     executor.add_node(monitor)
     ending = threading.Event()
 

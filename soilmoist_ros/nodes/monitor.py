@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.context import Context
@@ -26,14 +27,19 @@ class Monitor(Node):
     :param live: takes it
     :param frame: plane of the field
     :param context: context of the node
+    :param beside: namespace of the mapper of a second property, if there is one
     """
 
-    def __init__(self, live: LiveMission, frame: LocalFrame, context: Context) -> None:
+    def __init__(self, live: LiveMission, frame: LocalFrame, context: Context, beside: str = "") -> None:
         super().__init__("monitor", context=context)
         self._live = live
         self._frame = frame
         self.create_subscription(DiagnosticStatus, "mission", self._on_mission, LATCHED)
-        self.create_subscription(PointCloud2, "soil_map", self._on_map, LATCHED)
+        self.create_subscription(PointCloud2, "soil_map", partial(self._on_map, live), LATCHED)
+        if live.beside is not None:
+            self.create_subscription(
+                PointCloud2, f"{beside}/soil_map", partial(self._on_map, live.beside), LATCHED
+            )
         self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
         self.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
 
@@ -42,9 +48,9 @@ class Monitor(Node):
             mission_from_message(message)
             self._live.status = dict(health_from_status(message).values)
 
-    def _on_map(self, message: PointCloud2) -> None:
+    def _on_map(self, live: LiveMission, message: PointCloud2) -> None:
         with contextlib.suppress(ValueError):
-            self._live.take_map(soil_map_from_message(message))
+            live.take_map(soil_map_from_message(message))
 
     def _on_samples(self, message: PointCloud2) -> None:
         with contextlib.suppress(ValueError):

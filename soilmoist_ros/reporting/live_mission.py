@@ -22,11 +22,13 @@ class LiveMission:
 
     :param title: first line
     :param true_rate: true rate on the map's raster, shape (ny, nx) [counts/s], if it is known
+    :param beside: a second property: what is told of its map, titled with its name
     """
 
-    def __init__(self, title: str, true_rate: Array | None = None) -> None:
+    def __init__(self, title: str, true_rate: Array | None = None, beside: LiveMission | None = None) -> None:
         self._title = title
         self._true_rate = true_rate
+        self.beside = beside
         self.status: Mapping[str, str] = {}
         self.robot_xy: tuple[float, float] | None = None
         self.samples_xy: Array = np.empty((0, 2))
@@ -90,6 +92,8 @@ class LiveMission:
         facts["map"] = f"{status['samples']} stops, {n_samples} samples with those on the way"
         if math.isfinite(mse := self.mse):
             facts["map"] += f"; mean squared error {mse:.4f} (counts/s)²"
+        if self.beside is not None and math.isfinite(mse := self.beside.mse):
+            facts["beside"] = f"{self.beside._title}; mean squared error {mse:.4f} (counts/s)²"
         return facts
 
 

@@ -70,13 +70,11 @@ def second_sections(run: MapRun) -> list[Section]:
 
 
 def side_by_side(run: MapRun) -> Section | None:
-    """Both properties in rows of small maps, ``None`` without a second."""
+    """Both properties in rows of small maps, ``None`` without a second, or where no truth is known."""
     second = second_run(run)
-    if second is None:
+    if second is None or (run.truth_rate is None and second.truth_rate is None):
         return None
-    known = "true rate, map, error, and where the truth lies in the 95 % interval of the map"
-    told = "the map of the rate, and its standard deviation"
-    shown = known if any(one.truth_rate is not None for one in (run, second)) else told
+    shown = "true rate, map, error, and where the truth lies in the 95 % interval of the map"
     return Section(
         "properties", "Both properties",
         picture(small_multiples([run, second]), f"Both properties in rows of small maps: {shown}"),

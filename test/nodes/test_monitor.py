@@ -44,9 +44,9 @@ STATUS = MissionStatus(
 def live(ros):
     """A live mission that a monitor feeds, and the monitor; errors in its callbacks end it, as in the demo."""
     survey = open_survey("example")
-    found = LiveMission("test")
+    found = LiveMission("test", beside=LiveMission("salt", np.full(survey.online.grid.mask.shape, 4.0)))
     executor = SingleThreadedExecutor(context=ros.context)
-    monitor = Monitor(found, survey.field.frame, ros.context)
+    monitor = Monitor(found, survey.field.frame, ros.context, "salt")
     executor.add_node(monitor)
     found.spin = lambda condition: ros.wait_for(lambda: (executor.spin_once(timeout_sec=0.02), condition())[1])
     found.survey, found.monitor = survey, monitor
@@ -67,13 +67,20 @@ def test_it_hears_everything(ros, live):
     publisher(ros, DiagnosticStatus, "mission").publish(mission_to_message(STATUS))
     publisher(ros, PointCloud2, "samples").publish(samples_to_message(survey.online.state.samples, 1e9))
     publisher(ros, PointCloud2, "soil_map").publish(soil_map_to_message(survey.online.grid, soil_map, 1e9))
+    publisher(ros, PointCloud2, "salt/soil_map").publish(soil_map_to_message(survey.online.grid, soil_map, 1e9))
     latitude, longitude = survey.field.frame.to_geographic([(12.0, 34.0)])[0].tolist()
     fixes = publisher(ros, NavSatFix, "fix", qos.SENSOR)
     fix = NavSatFix(status=NavSatStatus(status=0), latitude=latitude, longitude=longitude)
 
     def complete():
         fixes.publish(fix)
-        return live.status and len(live.samples_xy) and live.view().band is not None and live.robot_xy
+        return (
+            live.status
+            and len(live.samples_xy)
+            and live.view().band is not None
+            and live.robot_xy
+            and "beside" in live.view().facts
+        )
 
     live.spin(complete)
     assert live.robot_xy == pytest.approx((12.0, 34.0), abs=1e-6)
@@ -97,7 +104,7 @@ def test_messages_of_others_do_no_harm(live):
     """Called by hand: a latched topic may replace a message before it is taken."""
     live.monitor._on_samples(samples_to_message(Samples(np.zeros((1, 2)), [3.0], [1.0]), 1e9))
     live.monitor._on_mission(DiagnosticStatus(message="of another robot"))
-    live.monitor._on_map(PointCloud2(height=2, width=3))
+    live.monitor._on_map(live, PointCloud2(height=2, width=3))
     live.monitor._on_samples(PointCloud2())
     live.monitor._on_fix(NavSatFix(status=NavSatStatus(status=0), latitude=np.nan, longitude=0.0))
     assert live.status == {}

@@ -107,5 +107,5 @@ def test_the_command_writes_both_maps_and_says_so(run_with, tmp_path, capsys):
     assert about["mission"]["also"]["truth"] is None
     assert {"map_salt.tif", "samples_salt.geojson"} <= {path.name for path in (tmp_path / "out").iterdir()}
     report = (tmp_path / "out" / "report.html").read_text()
-    assert "the map of the rate, and its standard deviation" in report
+    assert 'id="also-rate-sd"' in report
     assert "planned for with the weight 2" in report

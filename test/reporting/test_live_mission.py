@@ -50,6 +50,15 @@ def test_what_is_told():
     assert live.view().target_xy == (12.5, 3.0)
 
 
+def test_a_second_property_is_told_once_it_has_a_map():
+    live = LiveMission("", beside=LiveMission("salt", np.full((3, 5), 2.0)))
+    live.status = STATUS
+    assert "beside" not in live.view().facts
+    live.beside.take_map(cells())
+    assert live.view().facts["beside"] == "salt; mean squared error 3.0000 (counts/s)²"
+    assert "error" not in live.view().facts["map"]
+
+
 def test_what_is_unknown_is_not_told():
     live = LiveMission("")
     live.status = {**STATUS, "planned_dwell_s": "nan"}
