@@ -118,7 +118,7 @@ def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[Missio
     turn.handle(event)
     turn.meet_deadlines()
     if shown(turn.state) != shown(state):
-        turn.do(Publish(mission_status(rules, turn.state)))
+        turn.do(Publish(turn.state))
     return turn.state, tuple(turn.actions)
 
 
@@ -129,6 +129,10 @@ class _Turn(Moves):
 
     def handle(self, event: Event) -> None:
         match event:
+            case RecordArrived(record=record):  # these two come first, as nearly all events are of them
+                self.on_record(record)
+            case Moved(x_m=x_m, y_m=y_m):
+                self.on_moved((x_m, y_m))
             case Command(verb=verb, cause=cause):
                 accepted, message = self.skip(cause) if verb is Verb.SKIP else self.command(verb)
                 self.do(Answer(verb, accepted, message))
@@ -145,10 +149,6 @@ class _Turn(Moves):
             case GoalFailed(goal_id=goal_id, reason=reason):
                 if self.ended_goal(goal_id) is not None:
                     self.on_goal_ended(reason)
-            case RecordArrived(record=record):
-                self.on_record(record)
-            case Moved(x_m=x_m, y_m=y_m):
-                self.on_moved((x_m, y_m))
             case Tick():
                 pass
             case _:
@@ -229,6 +229,7 @@ class _Turn(Moves):
 
     def add(self, record: CountRecord, counting: Counting) -> None:
         """Count a record for this stop."""
+        reason = self.counting_reason() if counting.silent else self.state.reason
         counting = replace(
             counting,
             heard_s=self.now_s,
@@ -238,7 +239,7 @@ class _Turn(Moves):
             exposure_s=counting.exposure_s + record.exposure_s,
             effective_exposure_s=counting.effective_exposure_s + record.effective_exposure_s,
         )
-        self.state = replace(self.state, counting=counting, reason=self.counting_reason())
+        self.state = replace(self.state, counting=counting, reason=reason)
         dwell = dwell_rule(self.rules, self.state)
         if dwell.enough(counting.raw_counts, counting.exposure_s):
             self.complete(dwell.outcome(counting.raw_counts, counting.exposure_s))
@@ -312,9 +313,9 @@ class _Turn(Moves):
 
 
 def _usable(record: CountRecord) -> bool:
-    exposures = (record.exposure_s, record.effective_exposure_s)
     return (
         math.isfinite(record.stamp_s)
         and record.raw_counts >= 0
-        and all(math.isfinite(value) and value > 0 for value in exposures)
+        and 0 < record.exposure_s < math.inf
+        and 0 < record.effective_exposure_s < math.inf
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from operator import itemgetter
 from typing import assert_never
 
 from soilmoist_ros.exploration.mission_state import (
@@ -339,10 +340,10 @@ class Moves:
     def meet_deadlines(self) -> None:
         """Do what is due, the earliest first; after a gap without events that may be several things."""
         for _ in range(_MOST_AT_ONCE):
-            due = [deadline for deadline in self.deadlines() if deadline[0] <= self.now_s]
-            if not due:
+            first = min(self.deadlines(), key=itemgetter(0), default=None)
+            if first is None or first[0] > self.now_s:
                 break
-            min(due, key=lambda deadline: deadline[0])[1]()
+            first[1]()
 
     def time_up(self) -> None:
         """The time is used up but for the way home."""

@@ -179,10 +179,11 @@ else:
 
         :raises TypeError: for an unknown field
         """
-        new = object.__new__(type(state))
-        new.__dict__.update(state.__dict__, **changes)
-        if len(new.__dict__) != len(state.__dict__):
+        values = state.__dict__ | changes
+        if len(values) != len(state.__dict__):
             raise TypeError(f"{type(state).__name__} has no {', '.join(changes.keys() - state.__dict__.keys())}")
+        new = object.__new__(type(state))
+        object.__setattr__(new, "__dict__", values)
         return new
 
 

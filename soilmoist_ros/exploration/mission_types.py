@@ -9,10 +9,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration.dwell import DwellRule
 from soilmoist_ros.exploration.strategy import Choice, Stop
 from soilmoist_ros.sensing.records import CountRecord
+
+if TYPE_CHECKING:
+    from soilmoist_ros.exploration.mission_state import MissionState
 
 
 class Phase(StrEnum):
@@ -368,9 +372,13 @@ class MissionStatus:
 
 @dataclass(frozen=True, slots=True)
 class Publish:
-    """Show this status. Asked for when more than the time has changed; a display may also refresh by itself."""
+    """Show the status. Asked for when more than the time has changed; a display may also refresh by itself.
 
-    status: MissionStatus
+    :param state: what the status belongs to, see :func:`~soilmoist_ros.exploration.mission_state.mission_status`;
+        most are never shown, so that it is not made before
+    """
+
+    state: MissionState
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,9 +98,9 @@ class AnyEvents(RuleBasedStateMachine):
             case Finish(reason=reason):
                 assert self.no_goal_moves_the_robot(), "a goal outlives the mission"
                 assert reason
-            case Publish(status=status):
-                assert status.reason
-                assert status == self.mission.status
+            case Publish(state=state):
+                assert state.reason
+                assert state == self.mission.state
 
     def no_goal_moves_the_robot(self):
         if self.open_goal is None:

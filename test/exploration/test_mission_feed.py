@@ -52,7 +52,7 @@ def test_an_event_from_within_an_action_waits_for_the_others():
     watched.feed.fix(1.0, (0.0, 0.0))
     answer = watched.feed.command(2.0, Verb.START)
     assert answer.accepted
-    shown = [action.status.phase for action in watched.actions if isinstance(action, Publish)]
+    shown = [action.state.phase for action in watched.actions if isinstance(action, Publish)]
     assert shown == [Phase.PLANNING, Phase.TRAVELLING], "the status shown last is the newest"
 
 

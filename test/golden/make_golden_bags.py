@@ -25,6 +25,7 @@ from msg_adapters.mission import mission_to_message
 from msg_adapters.raw_line import line_to_message
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message
+from soilmoist_ros.exploration.mission_state import mission_status
 from soilmoist_ros.exploration.mission_types import Action, MissionStatus, Publish
 from soilmoist_ros.mapping.online_map import OnlineMap
 from soilmoist_ros.online_survey import open_survey
@@ -143,7 +144,8 @@ class _Recorded(mission_simulator._Simulation):
 
     def carry_out(self, robot: mission_simulator._Robot, action: Action) -> None:
         if isinstance(action, Publish):
-            self.events.append(replace(action.status, now_s=action.status.now_s + START_S))
+            status = mission_status(robot.mission.rules, action.state)
+            self.events.append(replace(status, now_s=status.now_s + START_S))
         super().carry_out(robot, action)
 
     def record(self, robot: mission_simulator._Robot) -> CountRecord:
