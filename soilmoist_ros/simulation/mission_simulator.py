@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -78,7 +78,7 @@ class _Robot:
     :param explorer: chooses its stops
     :param body: where it is
     :param sensors: what it counts with, one for each property
-    :param gnss_rng: source of the noise of its positions
+    :param noise_m: errors of its positions, one after the other: east and north [m]
     """
 
     def __init__(
@@ -88,14 +88,14 @@ class _Robot:
         explorer: Explorer,
         body: VirtualRobot,
         sensors: Sequence[VirtualSensor],
-        gnss_rng: np.random.Generator,
+        noise_m: Iterator[tuple[float, float]],
     ) -> None:
         self.number = number
         self.mission = mission
         self.explorer = explorer
         self.body = body
         self.sensors = sensors
-        self.gnss_rng = gnss_rng
+        self.noise_m = noise_m
         self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
         self.records: list[list[CountRecord]] = []  # one of each sensor, in order of time
         self.ended = ""
@@ -186,7 +186,7 @@ class _Simulation:
             VirtualSensor(channel.field, rng, settings.cadence_s, settings.footprint_m, settings.weather)
             for channel, rng in zip(self.channels, (sensor_rng, beside_rng), strict=False)
         ]
-        return _Robot(number, mission, explorer, body, sensors, gnss_rng)
+        return _Robot(number, mission, explorer, body, sensors, _noise(gnss_rng, settings.position_sd_m))
 
     def run(self, progress: Callable[[float], None]) -> MissionResult:
         """Let events happen one after the other until the mission of each robot has ended."""
@@ -295,8 +295,8 @@ class _Simulation:
     def record(self, robot: _Robot) -> CountRecord:
         """What a robot has counted in the interval that ends now; returns the record of the first property."""
         places = robot.body.places(self.now_s - self.before_s)
-        middle = places[PLACES_PER_RECORD // 2]
-        reported = self.reported(robot, (float(middle[0]), float(middle[1])))
+        x_m, y_m = places[len(places) // 2].tolist()
+        reported = self.reported(robot, (x_m, y_m))
         records = [sensor.record(self.now_s, places, reported) for sensor in robot.sensors]
         robot.records.append(records)
         for channel, record in zip(self.channels, records, strict=True):
@@ -305,8 +305,8 @@ class _Simulation:
 
     def reported(self, robot: _Robot, xy: tuple[float, float]) -> tuple[float, float]:
         """A place as the GNSS of a robot reports it."""
-        noise = robot.gnss_rng.normal(0.0, self.settings.position_sd_m, 2)
-        return xy[0] + float(noise[0]), xy[1] + float(noise[1])
+        east_m, north_m = next(robot.noise_m)
+        return xy[0] + east_m, xy[1] + north_m
 
     def enter_series(self) -> None:
         """Write down how the mission stands."""
@@ -409,6 +409,12 @@ def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
     """Where a mission begins: the stop nearest to the first corner of the field."""
     places = np.array([(stop.x_m, stop.y_m) for stop in stops])
     return stops[int(np.argmin(((places - field.polygon[0]) ** 2).sum(axis=1)))]
+
+
+def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float]]:
+    """Errors of positions; many are drawn at a time, which gives the same as one by one."""
+    while True:
+        yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
 
 
 def _nominal_rate(field: SurrogateField) -> float:

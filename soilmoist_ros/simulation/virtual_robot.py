@@ -62,13 +62,16 @@ class VirtualRobot:
         return float(x), float(y)
 
     def places(self, times_s: Array) -> Array:
-        """Places at times of the current way, in order of time or against it, shape (n, 2) [m]."""
+        """Places at times of the current way, in order of time or against it, shape (n, 2) [m].
+
+        Only one, of shape (1, 2), if it stands all the time.
+        """
         if self._stands(float(min(times_s[0], times_s[-1]))):
-            return np.repeat(self._way[-1:], len(times_s), axis=0)
+            return self._way[-1:]
         # Limited before it is divided: a way may be almost without length, and its quotient then no number.
-        share = np.clip(times_s - self._start_s, 0.0, self._drive_s) / self._drive_s
+        share = np.minimum(np.maximum(times_s - self._start_s, 0.0), self._drive_s) / self._drive_s
         length = share * self._along_m[-1]
-        return np.column_stack([np.interp(length, self._along_m, axis) for axis in self._way.T])
+        return np.array([np.interp(length, self._along_m, axis) for axis in self._way.T]).T
 
     def distance_m(self, now_s: float) -> float:
         """Distance driven since the beginning [m]."""

@@ -44,7 +44,7 @@ class VirtualSensor:
         self.rng = rng
         self.cadence_s = cadence_s
         self.weather = weather
-        self._stood: tuple[tuple[float, ...], float] = (), math.nan  # the last place and rate without motion
+        self._stood: tuple[list[float], float] = [], math.nan  # the last place and rate without motion
         self._offsets, self._weights = _gaussian_footprint(footprint_m)
 
     def rate_at(self, xy: Array) -> Array:
@@ -58,11 +58,12 @@ class VirtualSensor:
         """The record of the counting interval that ends at ``end_s``.
 
         :param end_s: end of the interval [s]
-        :param path_xy: places at evenly spaced times within the interval, shape (m, 2) [m]
+        :param path_xy: places at evenly spaced times within the interval, shape (m, 2) [m]; one is enough where
+            it stands
         :param reported_xy: place at its middle as the GNSS reports it [m]
         """
         # Standing still, every place of the path is the same one, and often that of the record before.
-        begin, end = (tuple(path_xy[index].tolist()) for index in (0, -1))
+        begin, end = path_xy[0].tolist(), path_xy[-1].tolist()
         if begin != end:
             rate = float(self.rate_at(path_xy).mean())
         elif begin == self._stood[0]:
