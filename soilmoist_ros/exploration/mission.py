@@ -89,7 +89,8 @@ class Mission:
     @property
     def next_deadline_s(self) -> float | None:
         """Time of the next :class:`Tick` that does something if nothing else happens before; ``None`` for none."""
-        return min((time_s for time_s, _ in _Turn(self.rules, self.state).deadlines()), default=None)
+        first = _Turn(self.rules, self.state).next_deadline()
+        return None if first is None else first[0]
 
     def snapshot(self) -> str:
         """The state as JSON; the rules are not part of it."""

@@ -47,22 +47,22 @@ class Moves:
 
     :param rules: what governs the mission
     :param state: the state at the time of the step
+
+    Attributes
+    ----------
+    now_s : float
+        time of this step [s], NaN before the first
     """
 
     def __init__(self, rules: MissionRules, state: MissionState) -> None:
         self.rules = rules
         self.state = state
+        self.now_s = math.nan if state.now_s is None else state.now_s
         self.actions: list[Action] = []
 
     def do(self, action: Action) -> None:
         """Ask for an action."""
         self.actions.append(action)
-
-    @property
-    def now_s(self) -> float:
-        """Time of this step [s]."""
-        assert self.state.now_s is not None
-        return self.state.now_s
 
     @property
     def place(self) -> tuple[float, float]:
@@ -323,8 +323,9 @@ class Moves:
                 assert counting.since_s is not None
                 longest_s = counting.since_s + rules.dwell.longest_s - counting.before_s
                 times = [(self.leave_by_s(), self.time_up), (longest_s, self.dwell_late)]
-                silence = [] if counting.silent else [(counting.heard_s + rules.silence_limit_s, self.silence)]
-                return times + silence
+                if not counting.silent:
+                    times.append((counting.heard_s + rules.silence_limit_s, self.silence))
+                return times
             case Phase.PAUSED if state.resume is not Todo.RETURN and state.resume is not Todo.FINISH:
                 return [(self.leave_by_s(), self.time_up_in_pause)]
             case Phase.CANCELLING:
@@ -337,10 +338,14 @@ class Moves:
             case _:
                 return []
 
+    def next_deadline(self) -> tuple[float, Callable[[], None]] | None:
+        """The first of them; ``None`` for none."""
+        return min(self.deadlines(), key=itemgetter(0), default=None)
+
     def meet_deadlines(self) -> None:
         """Do what is due, the earliest first; after a gap without events that may be several things."""
         for _ in range(_MOST_AT_ONCE):
-            first = min(self.deadlines(), key=itemgetter(0), default=None)
+            first = self.next_deadline()
             if first is None or first[0] > self.now_s:
                 break
             first[1]()

@@ -162,6 +162,13 @@ class MissionState:
         return (self.ended_s if self.ended_s is not None else self.now_s) - self.started_s
 
     @property
+    def all_counting_s(self) -> float:
+        """Time spent counting at all stops, that under way included [s]."""
+        if self.counting is None or self.now_s is None:
+            return self.counting_s
+        return self.counting_s + self.counting.dwell_s(self.now_s)
+
+    @property
     def under_way(self) -> bool:
         """Whether a mission has started and not ended."""
         return self.started_s is not None and self.ended_s is None
@@ -209,7 +216,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         time_left_s=left_s,
         distance_m=state.distance_m,
         samples=state.samples,
-        counting_s=state.counting_s + (counting.dwell_s(now_s) if counting else 0.0),
+        counting_s=state.all_counting_s,
         raw_counts=counting.raw_counts if counting else 0,
         failures=state.failures,
         blacklisted=blacklisted(state),

@@ -126,9 +126,11 @@ def _promising(lag: Array, gamma: Array, model: CorrelationModel, lower: Array, 
         right, right_first = right + _TIE * _USUAL[0], right_first + _TIE * _USUAL[1]
         determinant = one * second - first * first
         nugget = (right * second - right_first * first) / determinant
-        structured = (right_first - nugget.clip(lower[0], upper[0]) * first) / second
-        structured = structured.clip(lower[2], upper[2])
-        nugget = ((right - structured * first) / one).clip(lower[0], upper[0])
+        nugget = np.minimum(np.maximum(nugget, lower[0]), upper[0])
+        structured = (right_first - nugget * first) / second
+        structured = np.minimum(np.maximum(structured, lower[2]), upper[2])
+        nugget = (right - structured * first) / one
+        nugget = np.minimum(np.maximum(nugget, lower[0]), upper[0])
         residual = nugget[:, None] + structured[:, None] * x - gamma
         root = np.sqrt(1 + (residual / OUTLIER) ** 2)
         weight = 1 / root
@@ -144,7 +146,9 @@ def _expand(at: Array, lag: Array, gamma: Array, model: CorrelationModel) -> tup
     """Cost, gradient, Hessian and the scale of each parameter at points (nugget, log range, structured sill)."""
     nugget, log_range, structured = at.T[:, :, None]
     square = (lag * np.exp(-log_range)) ** 2
-    (value, _), (slope, next_slope) = model.with_slope(np.stack([square, square * _LITTLE_SHORTER]))
+    squares = np.empty((2, *square.shape))
+    squares[0], squares[1] = square, square * _LITTLE_SHORTER
+    (value, _), (slope, next_slope) = model.with_slope(squares)
     bend = (next_slope - slope) / _LOG_STEP
     slopes = np.empty((*square.shape, 3))
     slopes[:, :, 0] = 1.0

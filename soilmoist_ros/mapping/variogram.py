@@ -312,6 +312,8 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_cla
         raise ValueError("distance classes need samples at two or more distinct places")
     distances = pdist(places[:: -(-len(places) // 2000)])
     reach = distances.max() * (1 + 1e-9)
+    if len(distances) < few_classes * min_pairs:
+        return np.linspace(0, reach, few_classes + 1)
     limits = np.linspace(0, reach / 2, classes + 1)
     per_class = np.histogram(distances, limits)[0]
     edges, pairs = [0.0], 0

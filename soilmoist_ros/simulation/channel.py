@@ -17,7 +17,7 @@ from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.property_names import property_name
 from soilmoist_ros.sensing.moisture import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.map_errors import map_errors
+from soilmoist_ros.simulation.map_errors import map_errors, possible_moisture
 from soilmoist_ros.simulation.mission_run import Mapped, MissionSettings
 from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
 
@@ -56,6 +56,7 @@ class Channel:
             grid, OnlineSettings(settings.variogram, settings.fit, curve=curve, footprint_radius_m=radius_m)
         )
         self.truth = field.rate_at(grid.cells)
+        self._true_vwc = None if curve is None else possible_moisture(curve, self.truth)
         self.errors = (math.nan, math.nan, math.nan)
         self.records: list[CountRecord] = []
 
@@ -90,7 +91,8 @@ class Channel:
 
     def _compare(self) -> None:
         live_map = self.live_map
-        self.errors = map_errors(live_map.rate, np.sqrt(live_map.variance), self.truth, self.curve)
+        rate_sd = np.sqrt(live_map.variance)
+        self.errors = map_errors(live_map.rate, rate_sd, self.truth, self.curve, self._true_vwc)
 
     @property
     def soil_map(self) -> SoilMap | None:

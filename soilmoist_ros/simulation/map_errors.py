@@ -17,7 +17,11 @@ _COVERAGE_SD = 1.959964
 
 
 def map_errors(
-    rate_cps: Array, rate_sd_cps: Array, true_rate_cps: Array, curve: CalibrationCurve | None
+    rate_cps: Array,
+    rate_sd_cps: Array,
+    true_rate_cps: Array,
+    curve: CalibrationCurve | None,
+    true_vwc: Array | None = None,
 ) -> tuple[float, float, float]:
     """Errors over the cells of a field.
 
@@ -25,6 +29,7 @@ def map_errors(
     :param rate_sd_cps: its standard deviation, shape (g,) [counts/s]
     :param true_rate_cps: true rate, shape (g,) [counts/s]
     :param curve: calibration curve, if there is one
+    :param true_vwc: :func:`possible_moisture` of the true rate, where it is known already, shape (g,) [m^3/m^3]
     :returns: mean squared error of the rate [(counts/s)^2]; root mean squared error of the moisture [m^3/m^3],
         NaN without a curve; share of the cells whose true rate lies in the 95 % interval
     """
@@ -32,7 +37,9 @@ def map_errors(
     covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
     vwc_rmse = math.nan
     if curve is not None:
-        difference = possible_moisture(curve, rate_cps) - possible_moisture(curve, true_rate_cps)
+        if true_vwc is None:
+            true_vwc = possible_moisture(curve, true_rate_cps)
+        difference = possible_moisture(curve, rate_cps) - true_vwc
         vwc_rmse = float(np.sqrt(np.mean(difference**2)))
     return float(np.mean(error**2)), vwc_rmse, covered
 

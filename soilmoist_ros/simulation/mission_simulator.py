@@ -29,6 +29,7 @@ from soilmoist_ros.exploration.mission_types import (
     Moved,
     Phase,
     Planned,
+    Publish,
     RecordArrived,
     RequestPlan,
     SampleDone,
@@ -233,6 +234,8 @@ class _Simulation:
     def carry_out(self, robot: _Robot, action: Action) -> None:
         """Do what a mission asks for; its statuses, displays and saves need nothing here."""
         match action:
+            case Publish():  # the most frequent one
+                pass
             case RequestPlan():
                 self.update_map()
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.errands_beside(robot))
@@ -319,7 +322,7 @@ class _Simulation:
             mse_10s=100 * mse,
             vwc_rmse=vwc_rmse,
             coverage95=coverage,
-            counting_s=sum(robot.mission.status.counting_s for robot in self.robots),
+            counting_s=sum(robot.mission.state.all_counting_s for robot in self.robots),
             also_mse=also[0][0] if also else math.nan,
             also_coverage95=also[0][2] if also else math.nan,
         )
