@@ -14,7 +14,7 @@ from soilmoist_ros.exploration.mission_types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.properties import Property, variation
 from soilmoist_ros.exploration.prospect import MOST_CELLS, MOST_STOPS, Counting, Prospect
-from soilmoist_ros.exploration.strategy import Choice, Situation, Stop, Strategy
+from soilmoist_ros.exploration.strategy import Choice, Situation, Stop, Strategy, stops_xy
 from soilmoist_ros.exploration.team import Errand, foreseen, taken
 from soilmoist_ros.exploration.travel import TravelModel
 from soilmoist_ros.mapping.field_grid import FieldGrid
@@ -89,7 +89,7 @@ class Explorer:
         self.curve = curve
         self.properties = tuple(properties)
         self.factor = 1.0
-        self._xy = np.array([(stop.x_m, stop.y_m) for stop in stops], dtype=float).reshape(-1, 2)
+        self._xy = stops_xy(stops)
         grid = live_map.grid
         self._map_xy = grid.cells
         self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
@@ -127,16 +127,19 @@ class Explorer:
             ruled_out = set(request.blacklisted)
             free &= np.array([stop.name not in ruled_out for stop in self.stops], bool)
         kept = np.flatnonzero(free)
-        candidates = tuple(self.stops[index] for index in kept) if len(kept) < len(self.stops) else self.stops
+        candidates, candidates_xy, home_s = self.stops, self._xy, self._home_s
+        if len(kept) < len(candidates):
+            candidates = tuple(self.stops[index] for index in kept)
+            candidates_xy, home_s = self._xy[kept], self._home_s[kept]
         travel_s = self.travel.travel_s(position_xy, candidates)
-        fits = travel_s + self.min_dwell_s + self._home_s[kept] <= request.budget_left_s
+        fits = travel_s + self.min_dwell_s + home_s <= request.budget_left_s
         known_rate = live_map.fit is not None
-        weighed = kept[self._weighed[kept]]
+        weighed = np.flatnonzero(free & self._weighed)
         place = (float(position_xy[0]), float(position_xy[1]))
         beside = self._beside(live_map, others)
         return Situation(
             candidates=candidates,
-            candidates_xy=self._xy[kept],
+            candidates_xy=candidates_xy,
             variance=sum(
                 (p.weight * self._variance(p.live_map, kept) for p in beside), self._variance(live_map, kept)
             ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -27,6 +27,12 @@ class Stop:
     name: str
     x_m: float
     y_m: float
+
+
+def stops_xy(stops: Sequence[Stop]) -> Array:
+    """Places of stops, shape (k, 2) [m]."""
+    # Of thousands, two lists of numbers become an array sooner than one of pairs.
+    return np.ascontiguousarray(np.array([[stop.x_m for stop in stops], [stop.y_m for stop in stops]], float).T)
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,8 +62,8 @@ def away_from(situation: Situation, distance_m: float) -> NDArray[np.bool_]:
 
     away = np.ones(len(situation.candidates), bool)
     for start in range(0, len(measured), 100):  # of many, some at a time
-        distances = cdist(measured[start : start + 100], situation.candidates_xy)
-        away &= distances.min(axis=0) >= distance_m * (1 - 1e-9)
+        squares = cdist(measured[start : start + 100], situation.candidates_xy, "sqeuclidean")
+        away &= squares.min(axis=0) >= (distance_m * (1 - 1e-9)) ** 2
     return away
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.drivable_area import DrivableArea
-from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.exploration.strategy import Stop, stops_xy
 from soilmoist_ros.exploration.travel_graph import TravelGraph
 
 Array = NDArray[np.float64]
@@ -181,7 +181,7 @@ class FreeTravel(_Model):
         """Places of stops, and whether each is inside the field; remembered of the tuple asked for last."""
         if stops is self._asked[0]:
             return self._asked[1:]
-        places = np.array([(stop.x_m, stop.y_m) for stop in stops])
+        places = stops_xy(stops)
         inside = np.ones(len(places), bool) if self._area is None else self._area.contains(places)
         if isinstance(stops, tuple):
             self._asked = stops, places, inside

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ TOLERANCE = 3e-12
 WORTH_SHARE = 0.5
 """With more points than this share of the cells there is nothing to gain."""
 _TAIL = 3
+_KEPT = 64
+"""Matrices kept of axes and degrees."""
 _LEAST_GROWTH, _LARGEST_GROWTH = 1.12, 1.5
 
 
@@ -70,12 +73,12 @@ class ChebyshevNodes:
         boxes = [(float(axis.min()), float(axis.max())) for axis in (x_m, y_m)]
         self.x_m, self.y_m = (_points(degree, *box) for degree, box in zip(degrees, boxes, strict=True))
         self._across, self._along = (
-            _polynomials(axis, degree, *box) for axis, degree, box in zip((x_m, y_m), degrees, boxes, strict=True)
+            _known_polynomials(axis.tobytes(), degree) for axis, degree in zip((x_m, y_m), degrees, strict=True)
         )
         self._symmetric = np.abs(y_m + y_m[::-1] - sum(boxes[1])).max() <= 1e-12 * np.abs(y_m).max()
         half = (len(y_m) + 1) // 2
         self._even, self._odd = (np.ascontiguousarray(self._along[:half, parity::2]) for parity in (0, 1))
-        self._of_columns, self._of_rows = (_coefficients(np.eye(degree)) for degree in degrees)
+        self._of_columns, self._of_rows = (_to_coefficients(degree) for degree in degrees)
 
     def coefficients(self, values: Array) -> Array:
         """Chebyshev coefficients of k surfaces from their values at the points, both of shape (k, q, p)."""
@@ -141,6 +144,22 @@ def _coefficients(values: Array) -> Array:
     coefficients: Array = np.asarray(dct(values, axis=-1), float) / values.shape[-1]
     coefficients[..., 0] /= 2
     return coefficients
+
+
+@lru_cache(maxsize=_KEPT)
+def _to_coefficients(degree: int) -> Array:
+    """Matrix that takes values at the points to coefficients."""
+    return _coefficients(np.eye(degree))
+
+
+@lru_cache(maxsize=_KEPT)
+def _known_polynomials(axis: bytes, degree: int) -> Array:
+    """Chebyshev polynomials below a degree at the places of an axis, given by its bytes.
+
+    Kept, because the maps of a mission, and the missions of a campaign, have the same axes.
+    """
+    places = np.frombuffer(axis)
+    return _polynomials(places, degree, float(places.min()), float(places.max()))
 
 
 def _polynomials(axis: Array, degree: int, low: float, high: float) -> Array:

@@ -216,10 +216,9 @@ class PoissonKriging:
         found[1] += self._target_variance
         rasters[:, *box] = np.where(wanted[box], found, np.nan)
         self.clipped_variances = clip_negative(rasters[1], variogram.sill)
-        in_row, in_column = np.isin(y_m, places.xy[:, 1]), np.isin(x_m, places.xy[:, 0])
-        if self.keep_nugget and in_row.any() and in_column.any():
-            # Where a sample is, the surface with its nugget has a needle.
-            row, column = np.nonzero(wanted & in_row[:, None] & in_column)
+        in_column = np.isin(x_m, places.xy[:, 0])
+        if self.keep_nugget and in_column.any():  # where a sample is, the surface with its nugget has a needle
+            row, column = np.nonzero(wanted & np.isin(y_m, places.xy[:, 1])[:, None] & in_column)
             here, _ = coincident(np.column_stack([x_m[column], y_m[row]]), places.xy)
             row, column = row[here], column[here]
             rasters[:, row, column] = self._predict(self._targets(np.column_stack([x_m[column], y_m[row]])), None)

@@ -39,7 +39,7 @@ from soilmoist_ros.exploration.mission_types import (
 from soilmoist_ros.exploration.properties import Property
 from soilmoist_ros.exploration.prospect import Counting
 from soilmoist_ros.exploration.strategies import make_strategy, warm_up
-from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.exploration.strategy import Stop, stops_xy
 from soilmoist_ros.exploration.team import Errand, errand
 from soilmoist_ros.exploration.topological_map import TopologicalMap, make_topological_map, read_topological_map
 from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
@@ -410,8 +410,7 @@ def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> Topo
 
 def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
     """Where a mission begins: the stop nearest to the first corner of the field."""
-    places = np.array([(stop.x_m, stop.y_m) for stop in stops])
-    return stops[int(np.argmin(((places - field.polygon[0]) ** 2).sum(axis=1)))]
+    return stops[int(np.argmin(((stops_xy(stops) - field.polygon[0]) ** 2).sum(axis=1)))]
 
 
 def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float]]:
