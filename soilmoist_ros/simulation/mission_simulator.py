@@ -101,6 +101,7 @@ class _Robot:
         self.records: list[list[CountRecord]] = []  # one of each sensor, in order of time
         self.ended = ""
         self.deadline_s = math.inf  # as of the last next_s()
+        self.told: tuple[float, float] | None = None  # where it was when the mission was last told that it moves
 
     @property
     def record_s(self) -> float:
@@ -216,7 +217,11 @@ class _Simulation:
     def advance(self, robot: _Robot) -> None:
         """Let what is due happen to a robot."""
         if self.now_s == robot.record_s:
-            self.give(robot, Moved(self.now_s, *self.reported(robot, robot.body.at(self.now_s))))
+            here = robot.body.at(self.now_s)
+            reported = self.reported(robot, here)
+            if here != robot.told:
+                robot.told = here
+                self.give(robot, Moved(self.now_s, *reported))
             self.give(robot, RecordArrived(self.now_s, self.record(robot)))
         if robot.goal and self.now_s >= robot.goal[0]:
             goal = robot.goal[1]
