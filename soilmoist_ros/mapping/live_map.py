@@ -60,13 +60,12 @@ class LiveMap:
         :param effective_exposure_s: effective exposure [s], > 0
         :raises ValueError: if a value is out of range; the samples stay as they were
         """
-        new = Samples(np.array([xy]), np.array([raw_counts]), np.array([effective_exposure_s]))
         old = self.samples
         self.samples = Samples(
-            np.concatenate([old.xy, new.xy]),
-            np.concatenate([old.counts, new.counts]),
-            np.concatenate([old.exposure_s, new.exposure_s]),
-            np.concatenate([old.spread, new.spread]),
+            np.concatenate([old.xy, [xy]]),
+            np.append(old.counts, raw_counts),
+            np.append(old.exposure_s, effective_exposure_s),
+            np.concatenate([old.spread, np.zeros((1, 3))]),
         )
 
     @property

@@ -38,6 +38,7 @@ MEAN_RATE_DRIFT = 0.01
 _TILE_ELEMENTS = 400_000
 """Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
 
+_NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
 _log = logging.getLogger(__name__)
 
 
@@ -85,7 +86,7 @@ class PoissonKriging:
         self.clipped_variances = 0
         self._records: Samples | None = None
         self._record_place: NDArray[np.intp] = np.empty(0, int)
-        self._places = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
+        self._places = _NO_SAMPLES
         self._solution = _Solution(np.empty((0, 0)), np.empty(0), np.empty(0), float("nan"))
 
     # -- samples ---------------------------------------------------------------------------------------
@@ -296,7 +297,8 @@ class PoissonKriging:
         from scipy.linalg.blas import dtrsm
 
         places, variogram = self._places, self.variogram
-        target, place = coincident(targets.xy, places.xy)
+        none = np.empty(0, np.intp)
+        target, place = coincident(targets.xy, places.xy) if nugget else (none, none)
         step = max(1, _TILE_ELEMENTS // len(places))
         for start in range(0, len(targets.xy), step):
             tile = slice(start, min(start + step, len(targets.xy)))

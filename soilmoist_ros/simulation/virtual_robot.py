@@ -58,7 +58,8 @@ class VirtualRobot:
         if self._stands(now_s):
             x, y = self._way[-1]
         else:
-            x, y = self.places(np.array([now_s]))[0]
+            length = self._length_at(now_s)
+            x, y = (np.interp(length, self._along_m, axis) for axis in self._way.T)
         return float(x), float(y)
 
     def places(self, times_s: Array) -> Array:
