@@ -8,6 +8,7 @@ the way, and planned anew at each stop.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,16 +81,14 @@ class _Tour:
         return self._between[row]
 
     @property
-    def times(self) -> Array:
+    def times(self) -> list[float]:
         """Travel time of each leg."""
-        legs = [self._from_start[self.stops[0]]]
-        legs += [self.legs(a)[b] for a, b in zip(self.stops[:-1], self.stops[1:], strict=True)]
-        return np.array(legs)
+        return [float(self._from_start[self.stops[0]]), *(float(self.legs(a)[b]) for a, b in pairwise(self.stops))]
 
     @property
     def time_s(self) -> float:
         """Time of the tour, dwells included [s]."""
-        return float(self.times.sum()) + sum(self.dwell_s.values())
+        return sum(self.times) + sum(self.dwell_s.values())
 
     def insert(self, horizon_s: float) -> bool:
         """Insert the stop with the largest gain per second that fits.
@@ -125,12 +124,17 @@ class _Tour:
 
     def _left(self, model: PlanningModel, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:
         """A, B and noise n of each stop after counts at some nodes."""
+        stops = self._nodes
         noisy = model.covariance[np.ix_(nodes, nodes)] + np.diag(model.noise(nodes, seconds))
-        reduced = np.linalg.solve(noisy, model.covariance[nodes])
-        left = model.covariance - model.covariance[:, nodes] @ reduced
-        gain = model.weight @ left[: len(model.weight)][:, self._nodes] ** 2
-        variance = np.maximum(np.diag(left)[self._nodes], 0) + model.nugget
-        return gain, variance, model.factor * model.rate[self._nodes]
+        across = model.covariance[np.ix_(nodes, stops)]
+        # Of counts on the way the nodes are many, and their worth has taken the whole matrix already.
+        gram = model.gram[nodes] if self._prospect.counts_on_way else model.gram_of(nodes)
+        # With V = (C_SS + N)^-1 C_Sx what is left is C_gx - C_gS V for each cell.
+        v = np.linalg.solve(noisy, across)
+        gain = model.gain[stops] + (v * (gram[:, nodes] @ v - 2 * gram[:, stops])).sum(axis=0)
+        variance = model.covariance[stops, stops] - (across * v).sum(axis=0)
+        noise = model.factor * model.rate[stops]
+        return np.maximum(gain, 0.0), np.maximum(variance, 0.0) + model.nugget, noise
 
     def counted(self) -> tuple[Indices, Array]:
         """Nodes at which the tour counts, and how long."""
@@ -141,7 +145,7 @@ class _Tour:
         if prospect.counts_on_way:
             place = prospect.position
             for row, leg in zip(self.stops, self.times, strict=True):
-                way, each = prospect.way(place, row, float(leg))
+                way, each = prospect.way(place, row, leg)
                 nodes.append(way)
                 seconds.append(each)
                 place = prospect.place(row)
@@ -149,10 +153,16 @@ class _Tour:
 
     def shorten(self) -> None:
         """2-opt and Or-opt of the open tour."""
+        start_s = {row: float(self._from_start[row]) for row in self.stops}
+        leg_s = {(a, b): float(self.legs(a)[b]) for a in self.stops for b in self.stops}
+
+        def travel_s(stops: list[int]) -> float:
+            return start_s[stops[0]] + sum(leg_s[leg] for leg in pairwise(stops))
+
         better = True
         while better:
             better = False
-            length = self.times.sum()
+            length = travel_s(self.stops)
             for i in range(len(self.stops)):
                 for j in range(i + 1, len(self.stops)):
                     old = self.stops
@@ -161,8 +171,6 @@ class _Tour:
                         [*old[:i], *old[i + 1 : j + 1], old[i], *old[j + 1 :]],
                         [*old[:i], old[j], *old[i:j], *old[j + 1 :]],
                     ):
-                        self.stops = new
-                        now = self.times.sum()
+                        now = travel_s(new)
                         if now < length - 1e-6:
-                            length, old, better = now, new, True
-                    self.stops = old
+                            length, self.stops, better = now, new, True

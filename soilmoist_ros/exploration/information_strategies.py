@@ -43,7 +43,6 @@ def to_the_middle(situation: Situation) -> Choice | None:
     possible = np.flatnonzero(new if new.any() else reached)
     if not len(possible):
         return None
-    places = np.array([(situation.candidates[i].x_m, situation.candidates[i].y_m) for i in possible])
     middle = situation.map_xy.mean(axis=0)
-    nearest = int(possible[np.argmin(np.hypot(*(places - middle).T))])
+    nearest = int(possible[np.argmin(np.hypot(*(situation.candidates_xy[possible] - middle).T))])
     return Choice(situation.candidates[nearest], "no map yet: to the middle of the field")

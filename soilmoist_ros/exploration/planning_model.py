@@ -17,11 +17,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.poisson_kriging import PoissonKriging
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -87,7 +91,6 @@ class PlanningModel:
         self._cells = len(cells_xy)
         self.stop_nodes: Indices = np.where(own, self._cells + np.cumsum(own) - 1, nearest)
         self._nodes = np.vstack([cells_xy, stops_xy[own]])
-        self._tree = KDTree(self._nodes)
         self.weight = weight
         self.covariance = kriging.covariance(self._nodes)
         self.nugget = kriging.variogram.nugget
@@ -102,10 +105,25 @@ class PlanningModel:
         return own + sum(model.integrated_variance for model in self.beside)
 
     @cached_property
+    def gain(self) -> Array:
+        """A of each node: the diagonal of :attr:`gram`."""
+        return np.asarray(self.weight @ self.covariance[: self._cells] ** 2)
+
+    @cached_property
     def gram(self) -> Array:
-        """``sum_g omega_g C(g, a) C(g, b)`` of every two nodes; its diagonal is A of each."""
+        """``sum_g omega_g C(g, a) C(g, b)`` of every two nodes."""
+        return self.gram_of(slice(None))
+
+    def gram_of(self, nodes: Indices | slice) -> Array:
+        """Rows of :attr:`gram` for some nodes, which take less time than all; shape (s, m)."""
         to_cells = self.covariance[: self._cells]
-        return np.asarray((to_cells.T * self.weight) @ to_cells)
+        return np.asarray((to_cells[:, nodes].T * self.weight) @ to_cells)
+
+    @cached_property
+    def _tree(self) -> KDTree:
+        from scipy.spatial import KDTree
+
+        return KDTree(self._nodes)
 
     def nearest_nodes(self, xy: ArrayLike) -> Indices:
         """Numbers of the nodes nearest to places of shape (..., 2)."""
@@ -168,6 +186,21 @@ class PlanningModel:
         :param nodes: nodes at which is counted before, the stop's own last, shape (k, m)
         :param seconds: exposure at each of these, shape (k, m) [s]
         """
+        noise = self.factor * self.rate[node]
+        if seconds.any():
+            on_way, gain, left = self._after_ways(node, nodes, seconds)
+        else:
+            on_way, gain = np.zeros(len(node)), self.gain[node]
+            left = self.covariance[node, node]
+        # A place that is known for certain (no variance, no gain) must not divide by nothing.
+        variance = np.maximum(np.maximum(left, 0.0) + self.nugget, 1e-12 * self.rate[node])
+        return on_way, gain, variance, noise
+
+    def _after_ways(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:
+        """The fall by counts on the way to each stop, and then A and the variance without nugget of the stop.
+
+        Parameters as of :meth:`_at_stops`.
+        """
         noisy = self.covariance[nodes[:, :, None], nodes[:, None, :]]
         places = np.arange(nodes.shape[1])
         noisy[:, places, places] += self.noise(nodes, seconds)
@@ -179,10 +212,7 @@ class PlanningModel:
         v = solved[:, :, -1]
         gain = self.gram[node, node] - 2 * (v * self.gram[nodes, node[:, None]]).sum(axis=1)
         gain = np.maximum(gain + np.einsum("ki,kij,kj->k", v, gram, v), 0.0)
-        variance = np.maximum(self.covariance[node, node] - (across * v).sum(axis=1), 0.0) + self.nugget
-        # A place that is known for certain (no variance, no gain) must not divide by nothing.
-        variance = np.maximum(variance, 1e-12 * self.rate[node])
-        return on_way, gain, variance, self.factor * self.rate[node]
+        return on_way, gain, self.covariance[node, node] - (across * v).sum(axis=1)
 
 
 def best_dwell(

@@ -75,6 +75,13 @@ class Prospect:
         return np.flatnonzero(np.isfinite(self._travel_s) & (self._travel_s < self._budget_s))
 
     @cached_property
+    def _reachable_stops(self) -> Sequence[Stop]:
+        """These candidates."""
+        if len(self.reachable) == len(self.stops):
+            return self.stops
+        return tuple(self.stops[number] for number in self.reachable.tolist())
+
+    @cached_property
     def worth(self) -> Worth:
         """Worth of each :attr:`reachable` candidate, in that order."""
         stops = self.reachable
@@ -109,12 +116,12 @@ class Prospect:
 
     def place(self, row: int) -> tuple[float, float]:
         """Place of a :attr:`reachable` candidate [m]."""
-        stop = self.stops[int(self.reachable[row])]
+        stop = self._reachable_stops[row]
         return stop.x_m, stop.y_m
 
     def travel_from(self, row: int) -> Array:
         """Travel times from a reachable candidate to all of them [s]."""
-        return self._travel.travel_s(self.place(row), [self.stops[number] for number in self.reachable.tolist()])
+        return self._travel.travel_s(self.place(row), self._reachable_stops)
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
         """Nodes on the way from a place to a reachable candidate, and the exposure at each [s].
@@ -125,7 +132,7 @@ class Prospect:
         count = min(math.ceil(drive_s / self._counting.cadence_s - _ROUNDING), MOST_PLACES)
         if count <= 0:
             return np.empty(0, np.intp), np.empty(0)
-        places = along(self._travel.route(place, self.stops[int(self.reachable[row])]), count)
+        places = along(self._travel.route(place, self._reachable_stops[row]), count)
         return self.model.nearest_nodes(places), np.full(count, drive_s / count)
 
     def ways(self, stops: Indices) -> tuple[Indices, Array]:

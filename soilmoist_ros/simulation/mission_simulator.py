@@ -219,7 +219,7 @@ class _Simulation:
         if self.now_s == robot.record_s:
             here = robot.body.at(self.now_s)
             reported = self.reported(robot, here)
-            if here != robot.told:
+            if here != robot.told or self.now_s >= robot.deadline_s:  # what is due comes before the record
                 robot.told = here
                 self.give(robot, Moved(self.now_s, *reported))
             self.give(robot, RecordArrived(self.now_s, self.record(robot)))
