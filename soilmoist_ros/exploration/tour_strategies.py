@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.route import Route, open_route
+from soilmoist_ros.exploration.route import Route, nearest_neighbour, open_route, timed_route
 from soilmoist_ros.exploration.strategy import Choice, Situation, Stop
 from soilmoist_ros.exploration.strategy_rules import (
     UNIT,
@@ -28,6 +28,8 @@ MOST_CELLS = 5000
 """Cells that the k-means sees; of more, every n-th."""
 LLOYD_ROUNDS = 50
 """Rounds of the k-means."""
+_ROUNDING = 1e-9
+"""Relative difference below which two numbers may be equal."""
 
 
 @dataclass
@@ -168,7 +170,7 @@ class Lattice:
             self.plan = _lattice(situation, rng)
             self.size = len(self.plan)
         possible = reachable(situation)
-        names = {stop.name for stop, ok in zip(situation.candidates, possible, strict=True) if ok}
+        names = {stop.name for stop, ok in zip(situation.candidates, possible.tolist(), strict=True) if ok}
         ahead = [stop for stop in self.plan if stop.name in names]
         if not ahead:
             return None
@@ -183,22 +185,42 @@ def _lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, ...]
     if not len(possible):
         return ()
     cells = situation.map_xy[:: max(len(situation.map_xy) // MOST_CELLS, 1)]
-    shortest = situation.expected_dwell_s + float(situation.travel_s[possible].min())
     most = int(min(situation.time_left_s // max(situation.expected_dwell_s, 1.0) + 1, MOST_STOPS, len(possible)))
     seeds = rng.integers(2**31, size=2)
-    best = _Tour(possible[[np.argmin(situation.travel_s[possible])]], Route((0,), 0.0, np.zeros(1), shortest))
+    best, size = possible[[np.argmin(situation.travel_s[possible])]], 1
     low, high = 1, most
     while low <= high:
         count = (low + high) // 2
         centres = k_means(cells, count, np.random.default_rng(seeds[0]))
-        tour = _tour(situation, _snapped(centres, situation, possible), np.random.default_rng(seeds[1]))
-        if tour.route.duration_s > situation.time_left_s:
+        chosen = _snapped(centres, situation, possible)
+        visited, fits = len(chosen), _surely_fits(situation, chosen)
+        if fits is None:
+            tour = _tour(situation, chosen, np.random.default_rng(seeds[1]))
+            visited, fits = len(tour.order), tour.route.duration_s <= situation.time_left_s
+        if not fits:
             high = count - 1
             continue
         low = count + 1
-        if len(tour.order) >= len(best.order):
-            best = tour
-    return tuple(situation.candidates[int(index)] for index in best.order)
+        if visited >= size:
+            best, size = chosen, visited
+    order = _tour(situation, best, np.random.default_rng(seeds[1])).order
+    return tuple(situation.candidates[int(index)] for index in order)
+
+
+def _surely_fits(situation: Situation, chosen: Indices) -> bool | None:
+    """Whether the shortest tour of some candidates fits into the time left, ``None`` if that is not plain.
+
+    It is no longer than the tour of the nearest neighbour, and at each candidate it arrives by some leg.
+    """
+    start, between = situation.travel_s[chosen], situation.travel_between_s(chosen)
+    if not (np.isfinite(start).all() and np.isfinite(between).all()):
+        return None
+    left_s = situation.time_left_s - len(chosen) * situation.expected_dwell_s
+    order = nearest_neighbour(start, between)
+    if timed_route(order, start, between).travel_s < left_s * (1 - _ROUNDING):
+        return True
+    arriving = np.vstack([start, between + np.diag(np.full(len(chosen), np.inf))])
+    return False if arriving.min(axis=0).sum() > left_s * (1 + _ROUNDING) else None
 
 
 def _snapped(centres: Array, situation: Situation, possible: Indices) -> Indices:
