@@ -94,6 +94,7 @@ class Explorer:
         self._map_xy = grid.cells
         self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
         self._cells = spread_cells(grid.mask, MOST_CELLS)[grid.mask]
+        self._cells_xy = self._map_xy[self._cells]
         self._weighed = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
 
@@ -156,7 +157,11 @@ class Explorer:
             expected_dwell_s=self.dwell.expected_s(
                 float(live_map.rate.mean()) if known_rate else self.nominal_rate_cps
             ),
-            prospect=cache(lambda: self._prospect(live_map, beside, weighed, place, request)),
+            prospect=cache(
+                lambda: self._prospect(
+                    live_map, beside, weighed, travel_s[np.searchsorted(kept, weighed)], place, request
+                )
+            ),
         )
 
     def _beside(self, live_map: LiveMap, others: Sequence[Errand]) -> list[Property]:
@@ -166,7 +171,7 @@ class Explorer:
         """
         if live_map.fit is None:
             return []
-        cells = live_map.grid.cells[self._cells]
+        cells = self._cells_xy
         found = []
         for each in self.properties:
             varies = 0.0 if each.live_map.fit is None else variation(each.live_map.fit.variogram, cells)
@@ -180,11 +185,12 @@ class Explorer:
         live_map: LiveMap,
         beside: Sequence[Property],
         numbers: NDArray[np.intp],
+        travel_s: Array,
         position_xy: tuple[float, float],
         request: RequestPlan,
     ) -> Prospect | None:
-        """The stops of these numbers as a planner weighs them, ``None`` without a map."""
-        kriging, cells = live_map.kriging, live_map.grid.cells[self._cells]
+        """The stops of these numbers, and travel times, as a planner weighs them; ``None`` without a map."""
+        kriging, cells = live_map.kriging, self._cells_xy
         if kriging is None:
             return None
         stops = tuple(self.stops[number] for number in numbers.tolist())
@@ -196,7 +202,6 @@ class Explorer:
             if each.live_map.kriging is not None
         ]
         model = PlanningModel(kriging, cells, weights, stops_xy, self.factor, models)
-        travel_s = self.travel.travel_s(position_xy, stops)
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)
@@ -210,7 +215,9 @@ class Explorer:
             numbers = np.union1d(np.flatnonzero(self._weighed), [chosen])
             live_map = foreseen(self.live_map, others)
             beside = self._beside(live_map, others)
-            prospect = self._prospect(live_map, beside, numbers, (*situation.position_xy.tolist(),), request)
+            place = (*situation.position_xy.tolist(),)
+            travel_s = self.travel.travel_s(place, [self.stops[number] for number in numbers.tolist()])
+            prospect = self._prospect(live_map, beside, numbers, travel_s, place, request)
         rule = None if prospect is None else prospect.dwell(stop)
         return "" if rule is None else str(rule)
 

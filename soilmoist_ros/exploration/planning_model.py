@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,9 +84,7 @@ class PlanningModel:
         factor: float = 1.0,
         beside: Sequence[PlanningModel] = (),
     ) -> None:
-        from scipy.spatial import KDTree
-
-        away, nearest = KDTree(cells_xy).query(stops_xy)
+        away, nearest = _nearest_cells(cells_xy.tobytes(), stops_xy.tobytes())
         own = away > _SAME_M
         self._cells = len(cells_xy)
         self.stop_nodes: Indices = np.where(own, self._cells + np.cumsum(own) - 1, nearest)
@@ -213,6 +211,19 @@ class PlanningModel:
         gain = self.gram[node, node] - 2 * (v * self.gram[nodes, node[:, None]]).sum(axis=1)
         gain = np.maximum(gain + np.einsum("ki,kij,kj->k", v, gram, v), 0.0)
         return on_way, gain, self.covariance[node, node] - (across * v).sum(axis=1)
+
+
+@lru_cache(maxsize=4)
+def _nearest_cells(cells_xy: bytes, stops_xy: bytes) -> tuple[Array, Indices]:
+    """Distance to the nearest cell of each stop, and its number; places of shape (n, 2) by their bytes.
+
+    Kept, because most plans of a mission, and of a campaign, have the same stops.
+    """
+    from scipy.spatial import KDTree
+
+    cells, stops = (np.frombuffer(xy).reshape(-1, 2) for xy in (cells_xy, stops_xy))
+    away, nearest = KDTree(cells).query(stops)
+    return away, nearest
 
 
 def best_dwell(
