@@ -312,13 +312,7 @@ class Moves:
         """Times at which something happens without an event, and what."""
         state, rules, goal, counting = self.state, self.rules, self.state.goal, self.state.counting
         match state.phase:
-            case Phase.PLANNING:
-                assert state.plan is not None
-                return [(self.leave_by_s(), self.time_up), (state.plan.deadline_s, self.plan_late)]
-            case Phase.TRAVELLING:
-                assert goal is not None
-                return [(self.leave_by_s(), self.time_up), (goal.deadline_s, self.goal_late)]
-            case Phase.COUNTING:
+            case Phase.COUNTING:  # the phase of nearly all steps
                 assert counting is not None
                 assert counting.since_s is not None
                 longest_s = counting.since_s + rules.dwell.longest_s - counting.before_s
@@ -326,6 +320,12 @@ class Moves:
                 if not counting.silent:
                     times.append((counting.heard_s + rules.silence_limit_s, self.silence))
                 return times
+            case Phase.PLANNING:
+                assert state.plan is not None
+                return [(self.leave_by_s(), self.time_up), (state.plan.deadline_s, self.plan_late)]
+            case Phase.TRAVELLING:
+                assert goal is not None
+                return [(self.leave_by_s(), self.time_up), (goal.deadline_s, self.goal_late)]
             case Phase.PAUSED if state.resume is not Todo.RETURN and state.resume is not Todo.FINISH:
                 return [(self.leave_by_s(), self.time_up_in_pause)]
             case Phase.CANCELLING:

@@ -263,6 +263,6 @@ def _row_blocks(rows: int, columns: int) -> list[slice]:
 
 
 def _refuse(bad: NDArray[np.bool_], values: Array, rule: str) -> None:
-    if bad.any():
+    if np.count_nonzero(bad):  # quicker than any(), and asked several times of every map
         index = int(np.argmax(bad))
         raise ValueError(f"{rule}, got {values[index]} at index {index}")
