@@ -23,8 +23,8 @@ TOLERANCE = 3e-12
 WORTH_SHARE = 0.5
 """With more points than this share of the cells there is nothing to gain."""
 _TAIL = 3
-_KEPT = 64
-"""Matrices kept of axes and degrees."""
+_KEPT = 32
+"""Sets of points that are kept."""
 _LEAST_GROWTH, _LARGEST_GROWTH = 1.12, 1.5
 
 
@@ -48,7 +48,7 @@ def raster_by_interpolation(
         spent += math.prod(degrees)
         if spent > WORTH_SHARE * cells:
             return None
-        nodes = ChebyshevNodes(x_m, y_m, degrees)
+        nodes = _nodes(x_m.tobytes(), y_m.tobytes(), degrees)
         coefficients = nodes.coefficients(evaluate(nodes.x_m, nodes.y_m))
         tails = nodes.tails(coefficients, scale)
         if max(tails) <= TOLERANCE:
@@ -73,12 +73,12 @@ class ChebyshevNodes:
         boxes = [(float(axis.min()), float(axis.max())) for axis in (x_m, y_m)]
         self.x_m, self.y_m = (_points(degree, *box) for degree, box in zip(degrees, boxes, strict=True))
         self._across, self._along = (
-            _known_polynomials(axis.tobytes(), degree) for axis, degree in zip((x_m, y_m), degrees, strict=True)
+            _polynomials(axis, degree, *box) for axis, degree, box in zip((x_m, y_m), degrees, boxes, strict=True)
         )
         self._symmetric = np.abs(y_m + y_m[::-1] - sum(boxes[1])).max() <= 1e-12 * np.abs(y_m).max()
         half = (len(y_m) + 1) // 2
         self._even, self._odd = (np.ascontiguousarray(self._along[:half, parity::2]) for parity in (0, 1))
-        self._of_columns, self._of_rows = (_to_coefficients(degree) for degree in degrees)
+        self._of_columns, self._of_rows = (_coefficients(np.eye(degree)) for degree in degrees)
 
     def coefficients(self, values: Array) -> Array:
         """Chebyshev coefficients of k surfaces from their values at the points, both of shape (k, q, p)."""
@@ -103,6 +103,12 @@ class ChebyshevNodes:
         np.add(even, odd, out=raster[:, :half])
         np.subtract(even[:, :mirrored], odd[:, :mirrored], out=raster[:, half:][:, ::-1])
         return raster
+
+
+@lru_cache(maxsize=_KEPT)
+def _nodes(x_m: bytes, y_m: bytes, degrees: tuple[int, ...]) -> ChebyshevNodes:
+    """Points for axes given by their bytes; kept, as the maps of all missions on a field have the same axes."""
+    return ChebyshevNodes(np.frombuffer(x_m), np.frombuffer(y_m), degrees)
 
 
 def first_degrees(x_m: Array, y_m: Array, length_m: float) -> tuple[int, ...]:
@@ -144,22 +150,6 @@ def _coefficients(values: Array) -> Array:
     coefficients: Array = np.asarray(dct(values, axis=-1), float) / values.shape[-1]
     coefficients[..., 0] /= 2
     return coefficients
-
-
-@lru_cache(maxsize=_KEPT)
-def _to_coefficients(degree: int) -> Array:
-    """Matrix that takes values at the points to coefficients."""
-    return _coefficients(np.eye(degree))
-
-
-@lru_cache(maxsize=_KEPT)
-def _known_polynomials(axis: bytes, degree: int) -> Array:
-    """Chebyshev polynomials below a degree at the places of an axis, given by its bytes.
-
-    Kept, because the maps of a mission, and the missions of a campaign, have the same axes.
-    """
-    places = np.frombuffer(axis)
-    return _polynomials(places, degree, float(places.min()), float(places.max()))
 
 
 def _polynomials(axis: Array, degree: int, low: float, high: float) -> Array:
