@@ -75,11 +75,13 @@ class Mission:
     def __init__(self, rules: MissionRules, state: MissionState | None = None) -> None:
         self.rules = rules
         self.state = state if state is not None else MissionState()
+        self._last = _Turn(rules, self.state)
 
     def step(self, event: Event) -> tuple[Action, ...]:
         """Take in an event; see :func:`step`."""
-        self.state, actions = step(self.rules, self.state, event)
-        return actions
+        self._last = _turn(self.rules, self.state, event)
+        self.state = self._last.state
+        return tuple(self._last.actions)
 
     @property
     def status(self) -> MissionStatus:
@@ -89,8 +91,7 @@ class Mission:
     @property
     def next_deadline_s(self) -> float | None:
         """Time of the next :class:`Tick` that does something if nothing else happens before; ``None`` for none."""
-        first = _Turn(self.rules, self.state).next_deadline()
-        return None if first is None else first[0]
+        return self._last.deadline_s
 
     def snapshot(self) -> str:
         """The state as JSON; the rules are not part of it."""
@@ -112,6 +113,12 @@ def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[Missio
 
     :raises ValueError: if the time of the event is not finite
     """
+    turn = _turn(rules, state, event)
+    return turn.state, tuple(turn.actions)
+
+
+def _turn(rules: MissionRules, state: MissionState, event: Event) -> _Turn:
+    """A step that has been done."""
     if not math.isfinite(event.now_s):
         raise ValueError(f"the time of an event must be finite, got {event!r}")
     now_s = event.now_s if state.now_s is None else max(state.now_s, event.now_s)
@@ -120,7 +127,7 @@ def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[Missio
     turn.meet_deadlines()
     if shown(turn.state) != shown(state):
         turn.do(Publish(turn.state))
-    return turn.state, tuple(turn.actions)
+    return turn
 
 
 class _Turn(Moves):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from operator import itemgetter
 from typing import assert_never
 
@@ -338,17 +339,18 @@ class Moves:
             case _:
                 return []
 
-    def next_deadline(self) -> tuple[float, Callable[[], None]] | None:
-        """The first of them; ``None`` for none."""
-        return min(self.deadlines(), key=itemgetter(0), default=None)
+    @cached_property
+    def deadline_s(self) -> float | None:
+        """The first of them, ``None`` for none; when the step is complete."""
+        return min((time_s for time_s, _ in self.deadlines()), default=None)
 
     def meet_deadlines(self) -> None:
         """Do what is due, the earliest first; after a gap without events that may be several things."""
         for _ in range(_MOST_AT_ONCE):
-            first = self.next_deadline()
-            if first is None or first[0] > self.now_s:
+            self.deadline_s, act = min(self.deadlines(), key=itemgetter(0), default=(None, None))
+            if self.deadline_s is None or act is None or self.deadline_s > self.now_s:
                 break
-            first[1]()
+            act()
 
     def time_up(self) -> None:
         """The time is used up but for the way home."""
