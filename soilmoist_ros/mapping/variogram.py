@@ -273,7 +273,11 @@ def empirical_semivariogram(
         sum of w [s]; NaN, NaN, 0 in an empty class
     :raises ValueError: as :class:`~soilmoist_ros.mapping.samples.Samples`, or for unusable edges
     """
-    samples = as_samples(xy, counts, exposure_s)
+    return semivariogram_of(as_samples(xy, counts, exposure_s), edges)
+
+
+def semivariogram_of(samples: Samples, edges: ArrayLike) -> tuple[Array, Array, Array]:
+    """As :func:`empirical_semivariogram`, of samples that have been checked."""
     limits = np.asarray(edges, float)
     if limits.ndim != 1 or len(limits) < 2:
         raise ValueError("edges must hold at least two values")

@@ -16,7 +16,7 @@ from soilmoist_ros.mapping.variogram import (
     Variogram,
     check_model,
     default_edges,
-    empirical_semivariogram,
+    semivariogram_of,
 )
 
 Array = NDArray[np.float64]
@@ -174,11 +174,9 @@ class _Bins:
         if edges is None and len(places) < 2:
             return cls((nothing, nothing, nothing, nothing))
         limits = default_edges(places.xy) if edges is None else np.asarray(edges, float)
-        some = slice(None, None, -(-len(places) // MOST_PAIRED_PLACES))
-        semivariogram = empirical_semivariogram(
-            places.xy[some], places.counts[some], places.exposure_s[some], limits
-        )
-        return cls((*semivariogram, limits))
+        if (every := -(-len(places) // MOST_PAIRED_PLACES)) > 1:
+            places = Samples(places.xy[::every], places.counts[::every], places.exposure_s[::every])
+        return cls((*semivariogram_of(places, limits), limits))
 
 
 def _fit_soft_l1(places: Samples, model: ModelName, bins: _Bins) -> VariogramFit:

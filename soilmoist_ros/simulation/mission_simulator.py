@@ -198,9 +198,9 @@ class _Simulation:
         self.enter_series()
         next_entry_s = self.settings.series_every_s
         while not all(robot.ended for robot in self.robots):
-            due = {robot: robot.next_s(self.now_s) for robot in self.robots}
-            self.now_s = min(next_entry_s, *due.values())
-            for robot, due_s in due.items():
+            due = [robot.next_s(self.now_s) for robot in self.robots]
+            self.now_s = min(next_entry_s, *due)
+            for robot, due_s in zip(self.robots, due, strict=True):
                 if due_s == self.now_s:
                     self.advance(robot)
             if self.now_s == next_entry_s:
