@@ -144,7 +144,7 @@ class FreeTravel(_Model):
         self.motion = motion
         self._area = DrivableArea(polygons, no_go) if len(polygons) else None
         self._seen: dict[tuple[float, float], Array] = {}
-        self._asked: tuple[tuple[Stop, ...], Array, NDArray[np.bool_]] = ((), np.empty((0, 2)), np.empty(0, bool))
+        self._asked: list[tuple[tuple[Stop, ...], Array, NDArray[np.bool_]]] = []
 
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """See :class:`TravelModel`."""
@@ -178,13 +178,15 @@ class FreeTravel(_Model):
         return np.asarray(lengths + np.hypot(*(start - from_xy)))
 
     def _places(self, stops: Sequence[Stop]) -> tuple[Array, NDArray[np.bool_]]:
-        """Places of stops, and whether each is inside the field; remembered of the tuple asked for last."""
-        if stops is self._asked[0]:
-            return self._asked[1:]
+        """Places of stops, and whether each is inside the field; remembered of the last two tuples."""
+        for asked in self._asked:
+            if asked[0] is stops:
+                self._asked = [*(each for each in self._asked if each is not asked), asked]
+                return asked[1:]
         places = stops_xy(stops)
         inside = np.ones(len(places), bool) if self._area is None else self._area.contains(places)
         if isinstance(stops, tuple):
-            self._asked = stops, places, inside
+            self._asked = [*self._asked[-1:], (stops, places, inside)]
         return places, inside
 
     def _to_corners(self, place: Array) -> Array:

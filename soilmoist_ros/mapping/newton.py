@@ -46,22 +46,22 @@ def minimise(
     :param tolerance: largest component of the gradient at the end, bounds left out
     :param most_steps: evaluations at most
     """
-    at = np.clip(start, -bound, bound)
+    at = _within(start, bound)
     value, gradient, hessian = expand(at)
     learned = np.zeros_like(hessian)
     damping = _FIRST_DAMPING
     for _ in range(most_steps):
-        free = _free(at, gradient, bound)
+        free = np.flatnonzero(_free(at, gradient, bound))
         steepest = np.abs(gradient[free]).max(initial=0.0)
         if steepest <= tolerance:
             return Minimum(at, value, gradient, True)
         if damping > _MOST_DAMPING:
             break
-        curvature, axes = np.linalg.eigh((hessian + learned)[np.ix_(free, free)])
+        curvature, axes = np.linalg.eigh((hessian + learned)[free[:, None], free])
         curvature = np.maximum(curvature, _LEAST_CURVATURE)
         tried = at.copy()
         tried[free] -= axes @ (axes.T @ gradient[free] / (curvature * (1 + damping)))
-        tried = np.clip(tried, -bound, bound)
+        tried = _within(tried, bound)
         then = expand(tried)
         # So near to the minimum that values differ by rounding only, a flatter place is a better one.
         flatter = np.abs(then[1][_free(tried, then[1], bound)]).max(initial=0.0) < steepest
@@ -74,9 +74,14 @@ def minimise(
         damping = max(damping / 10, _LEAST_DAMPING)
         square = step @ step
         missing = change - (hessian + learned) @ step
-        learned = learned + (np.outer(missing, step) + np.outer(step, missing)) / square
-        learned -= (missing @ step) / square**2 * np.outer(step, step)
+        across = missing[:, None] * step
+        learned = learned + (across + across.T) / square
+        learned -= (missing @ step) / square**2 * (step[:, None] * step)
     return Minimum(at, value, gradient, False)
+
+
+def _within(place: Array, bound: float) -> Array:
+    return np.asarray(np.minimum(np.maximum(place, -bound), bound))
 
 
 def _free(at: Array, gradient: Array, bound: float) -> NDArray[np.bool_]:
