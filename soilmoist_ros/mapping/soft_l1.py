@@ -8,6 +8,7 @@ best of them, damped Newton steps on all three parameters within their bounds fi
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +39,8 @@ _MOST_STEPS = 100
 _CONVERGED = 1e-8
 _LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e12
 _LOG_STEP = 1e-4
-_LITTLE_SHORTER = math.exp(-2 * _LOG_STEP)
+_SHORTER = np.array([[1.0], [math.exp(-2 * _LOG_STEP)]])
+"""Factors of the squared lags: none, and that of a range a little longer."""
 _DIAGONAL = np.arange(3)
 
 
@@ -71,44 +73,64 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
     most_sill = max(MOST_SILL, 2 * least_sill)
     lower = np.array([0.0, np.log(RANGES[0]), least_sill])
     upper = np.array([MOST_NUGGET, np.log(RANGES[1]), most_sill])
-    at = _promising(lag, gamma, correlation, lower, upper)
-    cost, gradient, hessian, scale = _expand(at, lag, gamma, correlation)
-    damping = np.full((len(at), 1), 1e-4)
-    converged = np.zeros(len(at), bool)
+    starts = _promising(lag, gamma, correlation, lower, upper)
+    descents = [_Descent(start, lag, gamma, correlation, lower, upper) for start in starts]
     for _ in range(_MOST_STEPS):
-        system, slope = hessian.copy(), gradient
-        system[:, _DIAGONAL, _DIAGONAL] += damping * scale
-        held = ((at <= lower) & (gradient > 0)) | ((at >= upper) & (gradient < 0))
+        for descent in descents:
+            descent.step()
+        if all(descent.converged for descent in descents):
+            break
+    best = min(descents, key=lambda descent: descent.cost)
+    nugget, log_range, structured = best.at.tolist()
+    return SoftL1Fit(nugget, float(np.exp(log_range)), structured, best.cost, best.converged)
+
+
+class _Descent:
+    """A descent from one start by damped Newton steps within the bounds.
+
+    :param at: nugget, logarithm of the range and structured sill to begin with, shape (3,)
+
+    The other parameters are those of :func:`_promising`.
+    """
+
+    def __init__(
+        self, at: Array, lag: Array, gamma: Array, model: CorrelationModel, lower: Array, upper: Array
+    ) -> None:
+        self.at = at
+        self.converged = False
+        self._expand = partial(_expand, lag=lag, gamma=gamma, model=model)
+        self._lower, self._upper = lower, upper
+        self._damping = 1e-4
+        self.cost, self._gradient, self._hessian, self._scale = self._expand(at)
+
+    def step(self) -> None:
+        """Take one step, if it leads downwards."""
+        at, lower, upper, slope = self.at, self._lower, self._upper, self._gradient
+        system = self._hessian.copy()
+        system[_DIAGONAL, _DIAGONAL] += self._damping * self._scale
+        held = ((at <= lower) & (slope > 0)) | ((at >= upper) & (slope < 0))
         if held.any():  # at their bounds
-            system[held[:, :, None] | held[:, None, :]] = 0.0
-            system[:, _DIAGONAL, _DIAGONAL] += held
-            slope = np.where(held, 0.0, gradient)
-        tried = at - np.linalg.solve(system, slope[:, :, None])[:, :, 0]
+            system[held] = system[:, held] = 0.0
+            system[_DIAGONAL, _DIAGONAL] += held
+            slope = np.where(held, 0.0, slope)
+        tried = at - np.linalg.solve(system, slope)
         kept = np.minimum(np.maximum(tried, lower), upper)
         if (over := kept != tried).any():  # go to the bound, and as far with the others as is best then
             system[over] = 0.0
-            system[:, _DIAGONAL, _DIAGONAL] += over
-            right = np.where(over, at - kept, slope)
-            tried = at - np.linalg.solve(system, right[:, :, None])[:, :, 0]
+            system[_DIAGONAL, _DIAGONAL] += over
+            tried = at - np.linalg.solve(system, np.where(over, at - kept, slope))
             kept = np.minimum(np.maximum(tried, lower), upper)
-        tried = kept
-        promised = (np.abs(tried - at) * np.abs(slope)).sum(axis=1)
-        then = _expand(tried, lag, gamma, correlation)
-        gain = cost - then[0]
-        converged |= (np.maximum(np.abs(gain), promised) <= _CONVERGED * cost + 1e-16) & (damping[:, 0] < 1)
-        better = gain > 0
-        if better.all():
-            at, (cost, gradient, hessian, scale) = tried, then
-        elif better.any():
-            for old, new in zip((at, cost, gradient, hessian, scale), (tried, *then), strict=True):
-                old[better] = new[better]
-        damping = np.maximum(damping * np.where(better, 0.1, 10.0)[:, None], _LEAST_DAMPING)
-        converged |= damping[:, 0] > _MOST_DAMPING  # no lower point is to be found
-        if converged.all():
-            break
-    best = int(np.argmin(cost))
-    nugget, log_range, structured = at[best].tolist()
-    return SoftL1Fit(nugget, float(np.exp(log_range)), structured, float(cost[best]), bool(converged[best]))
+        promised = float((np.abs(kept - at) * np.abs(slope)).sum())
+        then = self._expand(kept)
+        gain = self.cost - then[0]
+        if max(abs(gain), promised) <= _CONVERGED * self.cost + 1e-16 and self._damping < 1:
+            self.converged = True
+        if gain > 0:
+            self.at = kept
+            self.cost, self._gradient, self._hessian, self._scale = then
+        self._damping = max(self._damping * (0.1 if gain > 0 else 10.0), _LEAST_DAMPING)
+        if self._damping > _MOST_DAMPING:  # no lower point is to be found
+            self.converged = True
 
 
 def _promising(lag: Array, gamma: Array, model: CorrelationModel, lower: Array, upper: Array) -> Array:
@@ -142,26 +164,24 @@ def _promising(lag: Array, gamma: Array, model: CorrelationModel, lower: Array, 
     return np.column_stack([nugget, np.log(_TRIED), structured])[best]
 
 
-def _expand(at: Array, lag: Array, gamma: Array, model: CorrelationModel) -> tuple[Array, Array, Array, Array]:
-    """Cost, gradient, Hessian and the scale of each parameter at points (nugget, log range, structured sill)."""
-    nugget, log_range, structured = at.T[:, :, None]
+def _expand(at: Array, lag: Array, gamma: Array, model: CorrelationModel) -> tuple[float, Array, Array, Array]:
+    """Cost, gradient, Hessian and the scale of each parameter at (nugget, log range, structured sill)."""
+    nugget, log_range, structured = at
     square = (lag * np.exp(-log_range)) ** 2
-    squares = np.empty((2, *square.shape))
-    squares[0], squares[1] = square, square * _LITTLE_SHORTER
-    (value, _), (slope, next_slope) = model.with_slope(squares)
-    bend = (next_slope - slope) / _LOG_STEP
-    slopes = np.empty((*square.shape, 3))
-    slopes[:, :, 0] = 1.0
-    slopes[:, :, 1] = -structured * slope
-    slopes[:, :, 2] = 1 - value
-    residual = nugget + structured * slopes[:, :, 2] - gamma
+    value, slope = model.with_slope(square * _SHORTER)
+    bend = (slope[1] - slope[0]) / _LOG_STEP
+    slopes = np.empty((len(lag), 3))
+    slopes[:, 0] = 1.0
+    slopes[:, 1] = -structured * slope[0]
+    slopes[:, 2] = 1 - value[0]
+    residual = nugget + structured * slopes[:, 2] - gamma
     root = np.sqrt(1 + (residual / OUTLIER) ** 2)
-    pull = (residual / root)[:, None, :]
-    gradient = (pull @ slopes)[:, 0, :]
-    hessian = (slopes / (root * root * root)[:, :, None]).transpose(0, 2, 1) @ slopes
-    scale = hessian.diagonal(axis1=1, axis2=2) + 1e-9
-    hessian[:, 1, 1] -= (pull @ (structured * bend)[:, :, None])[:, 0, 0]
-    mixed = (pull @ slope[:, :, None])[:, 0, 0]
-    hessian[:, 1, 2] -= mixed
-    hessian[:, 2, 1] -= mixed
-    return OUTLIER**2 * (root - 1).sum(axis=1), gradient, hessian, scale
+    pull = residual / root
+    gradient = pull @ slopes
+    hessian = (slopes / (root * root * root)[:, None]).T @ slopes
+    scale = hessian.diagonal() + 1e-9
+    hessian[1, 1] -= pull @ (structured * bend)
+    mixed = pull @ slope[0]
+    hessian[1, 2] -= mixed
+    hessian[2, 1] -= mixed
+    return OUTLIER**2 * float((root - 1).sum()), gradient, hessian, scale
