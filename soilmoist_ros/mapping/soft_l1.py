@@ -32,6 +32,8 @@ _USUAL = np.array([0.1, 1.0])
 _USUAL_REACH = 0.6
 """Practical range, in units of the largest lag, where the classes do not tell."""
 _TIE = 1e-6
+_TIES = _TIE * np.array([1.0, 0.0, 1.0, *_USUAL])
+"""What holds nugget and structured sill near the usual, in the normal equations."""
 _TRIED = np.geomspace(*RANGES, 40)
 _REWEIGHTINGS = 5
 _POLISHED = 3
@@ -143,9 +145,7 @@ def _promising(lag: Array, gamma: Array, model: CorrelationModel, lower: Array, 
     terms = np.stack([np.ones_like(x), x, x * x, np.broadcast_to(gamma, x.shape), x * gamma], axis=2)
     weight = np.ones_like(x)
     for _ in range(_REWEIGHTINGS):
-        one, first, second, right, right_first = (weight[:, None, :] @ terms)[:, 0, :].T
-        one, second = one + _TIE, second + _TIE
-        right, right_first = right + _TIE * _USUAL[0], right_first + _TIE * _USUAL[1]
+        one, first, second, right, right_first = ((weight[:, None, :] @ terms)[:, 0, :] + _TIES).T
         determinant = one * second - first * first
         nugget = (right * second - right_first * first) / determinant
         nugget = np.minimum(np.maximum(nugget, lower[0]), upper[0])
