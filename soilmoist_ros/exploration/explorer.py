@@ -194,14 +194,14 @@ class Explorer:
         if kriging is None:
             return None
         stops = tuple(self.stops[number] for number in numbers.tolist())
-        weights, stops_xy = self._weights(kriging, cells), self._xy[numbers]
+        weights, places = self._weights(kriging, cells), self._xy[numbers]
         even = np.full(len(cells), weights.mean())
         models = [
-            PlanningModel(each.live_map.kriging, cells, each.weight * even, stops_xy)
+            PlanningModel(each.live_map.kriging, cells, each.weight * even, places)
             for each in beside
             if each.live_map.kriging is not None
         ]
-        model = PlanningModel(kriging, cells, weights, stops_xy, self.factor, models)
+        model = PlanningModel(kriging, cells, weights, places, self.factor, models)
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)

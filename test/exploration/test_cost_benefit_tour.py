@@ -72,6 +72,21 @@ def test_the_tour_is_worth_more_than_to_stay_at_its_first_stop_and_sorting_short
     assert tour.time_s <= straight + 30.0
 
 
+@pytest.mark.parametrize("on_way", [True, False])
+def test_what_is_left_of_each_stop_is_that_of_the_posterior_after_the_tour(on_way):
+    prospect = situation(on_way=on_way).prospect()
+    model = prospect.model
+    tour = _Tour(prospect, int(np.argmax(prospect.worth.value)))
+    tour.insert(900.0)
+    nodes, seconds = tour.counted()
+    noisy = model.covariance[np.ix_(nodes, nodes)] + np.diag(model.noise(nodes, seconds))
+    left = model.covariance - model.covariance[:, nodes] @ np.linalg.solve(noisy, model.covariance[nodes])
+    stops = model.stop_nodes[prospect.reachable]
+    gain, variance, _ = tour._left(model, nodes, seconds)
+    np.testing.assert_allclose(gain, model.weight @ left[: len(model.weight), stops] ** 2, rtol=1e-8)
+    np.testing.assert_allclose(variance, np.diag(left)[stops] + model.nugget, rtol=1e-8)
+
+
 def test_without_a_map_or_time_it_does_as_ivr():
     now = situation(left_s=30.0)
     assert CostBenefitTour().choose(now, rng()) is None

@@ -73,6 +73,25 @@ def test_the_worth_of_a_stop_is_the_fall_with_and_without_it(seed, overhead_s, d
         assert worth.on_way[row] + stop == pytest.approx(both, rel=1e-6, abs=1e-10)
 
 
+@settings(deadline=None, max_examples=10)
+@given(seed=st.integers(0, 1000))
+def test_where_nothing_is_counted_on_the_way_a_stop_is_worth_as_much_as_after_next_to_nothing(seed):
+    stops = np.vstack([np.random.default_rng([seed, 1]).uniform(0, 55, (3, 2)), CELLS[:2]])
+    model = PlanningModel(kriging(seed), CELLS, EVEN, stops)
+    all_s = np.full(len(stops), 600.0)
+    nothing, hardly = (
+        model.worth(np.arange(len(stops)), np.full(len(stops), 60.0), np.empty((len(stops), 0), int),
+                    np.empty((len(stops), 0)), overhead_s, all_s)
+        for overhead_s in (0.0, 1e-9)
+    )  # fmt: skip
+    assert (nothing.on_way == 0).all()
+    for name in ("gain", "variance", "dwell_s", "value"):
+        np.testing.assert_allclose(getattr(nothing, name), getattr(hardly, name), rtol=1e-6)
+    nodes = model.stop_nodes
+    np.testing.assert_allclose(model.gram_of(nodes), model.gram[nodes], rtol=1e-12)
+    np.testing.assert_allclose(model.gain, np.diag(model.gram), rtol=1e-12)
+
+
 def test_stops_that_are_cells_share_their_nodes():
     model = PlanningModel(kriging(), CELLS, EVEN, np.vstack([[3.0, 3.0], CELLS[7], [1.0, 1.0]]))
     assert model.stop_nodes.tolist() == [len(CELLS), 7, len(CELLS) + 1]

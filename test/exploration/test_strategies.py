@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.route import timed_route
+from soilmoist_ros.exploration.route import open_route, timed_route
 from soilmoist_ros.exploration.strategies import NEEDS_NO_MAP, PRESETS, STRATEGIES, make_strategy
 from soilmoist_ros.exploration.strategy import Situation, Stop
 from soilmoist_ros.exploration.strategy_rules import Preset, weighted_order
-from soilmoist_ros.exploration.tour_strategies import AdaptiveSampling, k_means
+from soilmoist_ros.exploration.tour_strategies import AdaptiveSampling, _surely_fits, k_means
 from soilmoist_ros.exploration.travel import FreeTravel, RobotMotion
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(12) * 5.0, np.arange(10) * 5.0))
@@ -268,6 +268,18 @@ def test_the_lattice_fits_the_time_and_is_kept(left):
         assert choice.stop == stop
     assert f"place {len(planned)} of {len(planned)}" in choice.reason
     assert strategy.choose(now, rng()) is None
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 1000), count=st.integers(1, 8), left=st.floats(100, 9000))
+def test_bounds_tell_whether_a_tour_fits_only_if_the_shortest_one_does(seed, count, left):
+    now = situation(left=left)
+    chosen = rng(seed).choice(len(now.candidates), count, replace=False)
+    fits = _surely_fits(now, chosen)
+    shortest = open_route(now.travel_s[chosen], now.travel_between_s(chosen), rng(), now.expected_dwell_s)
+    assert fits is None or fits == (shortest.duration_s <= left)
+    assert fits is not None or shortest.duration_s == pytest.approx(left, rel=0.5)
+    assert _surely_fits(after(now, travel_s=np.full(len(now.candidates), np.inf)), chosen) is None
 
 
 def test_the_lattice_skips_what_can_no_longer_be_reached():
