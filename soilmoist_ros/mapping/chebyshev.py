@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ TOLERANCE = 3e-12
 """Size of the last coefficients, relative to the scale of a surface, at which it counts as resolved."""
 WORTH_SHARE = 0.5
 """With more points than this share of the cells there is nothing to gain."""
+_NEGLIGIBLE = TOLERANCE / 30
+"""Size of coefficients, relative to the scale, that make no difference."""
 _TAIL = 3
 _KEPT = 32
 """Sets of points that are kept."""
@@ -52,8 +55,21 @@ def raster_by_interpolation(
         coefficients = nodes.coefficients(evaluate(nodes.x_m, nodes.y_m))
         tails = nodes.tails(coefficients, scale)
         if max(tails) <= TOLERANCE:
-            return nodes.raster(coefficients)
+            return nodes.raster(coefficients, scale)
         degrees = tuple(math.ceil(d * _growth(tail)) for d, tail in zip(degrees, tails, strict=True))
+
+
+class Coefficients(NamedTuple):
+    """Chebyshev coefficients of k surfaces: along each axis those of even degree first, then those of odd degree.
+
+    :param values: shape (k, q, p)
+    :param sizes_x: largest of each degree along x, shape (k, p)
+    :param sizes_y: largest of each degree along y, shape (k, q)
+    """
+
+    values: Array
+    sizes_x: Array
+    sizes_y: Array
 
 
 class ChebyshevNodes:
@@ -70,39 +86,97 @@ class ChebyshevNodes:
     """
 
     def __init__(self, x_m: Array, y_m: Array, degrees: tuple[int, ...]) -> None:
-        boxes = [(float(axis.min()), float(axis.max())) for axis in (x_m, y_m)]
-        self.x_m, self.y_m = (_points(degree, *box) for degree, box in zip(degrees, boxes, strict=True))
-        self._across, self._along = (
-            _polynomials(axis, degree, *box) for axis, degree, box in zip((x_m, y_m), degrees, boxes, strict=True)
-        )
-        self._symmetric = np.abs(y_m + y_m[::-1] - sum(boxes[1])).max() <= 1e-12 * np.abs(y_m).max()
-        half = (len(y_m) + 1) // 2
-        self._even, self._odd = (np.ascontiguousarray(self._along[:half, parity::2]) for parity in (0, 1))
-        self._of_columns, self._of_rows = (_coefficients(np.eye(degree)) for degree in degrees)
+        self._across, self._along = (_Series(*of_axis) for of_axis in zip((x_m, y_m), degrees, strict=True))
+        self.x_m, self.y_m = self._across.points, self._along.points
 
-    def coefficients(self, values: Array) -> Array:
-        """Chebyshev coefficients of k surfaces from their values at the points, both of shape (k, q, p)."""
-        return np.asarray(self._of_rows.T @ (values @ self._of_columns))
+    def coefficients(self, values: Array) -> Coefficients:
+        """Chebyshev coefficients of k surfaces from their values at the points, shape (k, q, p)."""
+        coefficients = self._along.of_values.T @ (values @ self._across.of_values)
+        sizes = np.abs(coefficients)
+        return Coefficients(coefficients, sizes.max(axis=1), sizes.max(axis=2))
 
-    def tails(self, coefficients: Array, scale: Array) -> tuple[float, float]:
+    def tails(self, coefficients: Coefficients, scale: Array) -> tuple[float, float]:
         """Size of the last coefficients along x and y, relative to the scale of each surface, shape (k,)."""
-        beyond_x, beyond_y = np.abs(coefficients[:, :, -_TAIL:]), np.abs(coefficients[:, -_TAIL:, :])
-        return float((beyond_x.max((1, 2)) / scale).max()), float((beyond_y.max((1, 2)) / scale).max())
+        tails_x = coefficients.sizes_x[:, self._across.last].max(axis=1) / scale
+        tails_y = coefficients.sizes_y[:, self._along.last].max(axis=1) / scale
+        return float(tails_x.max()), float(tails_y.max())
 
-    def raster(self, coefficients: Array) -> Array:
-        """The surfaces on the raster, shape (k, ny, nx)."""
-        on_columns = coefficients @ self._across.T
-        if not self._symmetric:
-            return np.asarray(self._along @ on_columns)
+    def raster(self, coefficients: Coefficients, scale: Array) -> Array:
+        """The surfaces on the raster, shape (k, ny, nx); coefficients too small to matter are left out."""
+        rasters = np.empty((len(scale), len(self._along), len(self._across)))
+        for raster, least, values, sizes_x, sizes_y in zip(
+            rasters, _NEGLIGIBLE * scale, *coefficients, strict=True
+        ):
+            even_x, odd_x = _first_terms(sizes_x > least)
+            even_y, odd_y = _first_terms(sizes_y > least)
+            on_columns = self._across.sums(values.T[even_x], values.T[odd_x])
+            self._along.sums(on_columns.T[even_y], on_columns.T[odd_y], out=raster)
+        return rasters
+
+
+class _Series:
+    """Sums of Chebyshev polynomials at places of their interval; those of even degree come first.
+
+    :param axis_m: the places, from one end to the other, shape (places,) [m]
+    :param degree: number of polynomials
+
+    Attributes
+    ----------
+    points : NDArray
+        Chebyshev points, shape (degree,) [m]
+    of_values : NDArray
+        matrix whose row i has the coefficients of what is 1 at point i and 0 at the others
+    last : NDArray
+        which polynomials have the highest degrees
+    """
+
+    def __init__(self, axis_m: Array, degree: int) -> None:
+        low, high = float(axis_m.min()), float(axis_m.max())
+        order = np.r_[0:degree:2, 1:degree:2]
+        self.points = _points(degree, low, high)
+        self.of_values = np.ascontiguousarray(_coefficients(np.eye(degree))[:, order])
+        self.last = np.flatnonzero(order >= degree - _TAIL)
         # Polynomials of even degree are the same on both sides of the middle, odd ones change their sign.
-        rows = len(self._along)
-        half, mirrored = (rows + 1) // 2, rows // 2
-        even = self._even @ on_columns[:, ::2]
-        odd = self._odd @ on_columns[:, 1::2]
-        raster = np.empty((len(coefficients), rows, len(self._across)))
-        np.add(even, odd, out=raster[:, :half])
-        np.subtract(even[:, :mirrored], odd[:, :mirrored], out=raster[:, half:][:, ::-1])
-        return raster
+        symmetric = np.abs(axis_m + axis_m[::-1] - (low + high)).max() <= 1e-12 * np.abs(axis_m).max()
+        self._mirrored = len(axis_m) // 2 if symmetric else 0
+        polynomials = _polynomials(axis_m[: len(axis_m) - self._mirrored], degree, low, high)
+        self._even, self._odd = (np.ascontiguousarray(polynomials[:, parity::2]) for parity in (0, 1))
+
+    def __len__(self) -> int:
+        return len(self._even) + self._mirrored
+
+    def sums(self, of_even: Array, of_odd: Array, out: Array | None = None) -> Array:
+        """Sums at all places, shape (places, m), of the first polynomials of even and of odd degree.
+
+        :param of_even: coefficients, shape (k, m)
+        :param of_odd: likewise
+        :param out: takes the sums
+        """
+        half, mirrored = len(self._even), self._mirrored
+        sums = np.empty((len(self), of_even.shape[1])) if out is None else out
+        even = np.matmul(self._even[:, : len(of_even)], of_even, out=sums[:half])
+        odd = self._odd[:, : len(of_odd)] @ of_odd
+        np.subtract(even[:mirrored], odd[:mirrored], out=sums[half:][::-1])
+        even += odd
+        return sums
+
+
+def _first_terms(matter: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Those of the terms of even and of odd degree, which come after them, up to the last that matters."""
+    half = (len(matter) + 1) // 2
+    even = half - int(matter[:half][::-1].argmax())
+    return slice(even), slice(half, len(matter) - int(matter[half:][::-1].argmax()))
+
+
+def interpolation(axis_m: Array, degree: int) -> tuple[Array, Array]:
+    """Polynomial interpolation along an axis.
+
+    :returns: Chebyshev points of its range, shape (degree,); matrix that takes values there to the places of the
+        axis, shape (places, degree)
+    """
+    low, high = float(axis_m.min()), float(axis_m.max())
+    matrix = _polynomials(axis_m, degree, low, high) @ _coefficients(np.eye(degree)).T
+    return _points(degree, low, high), np.asarray(matrix)
 
 
 @lru_cache(maxsize=_KEPT)

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.chebyshev import TOLERANCE, WORTH_SHARE, ChebyshevNodes, first_degrees
+from soilmoist_ros.mapping.covariances import AxesCovariances, Covariances, PointCovariances
 from soilmoist_ros.mapping.field_grid import FieldGrid
 from soilmoist_ros.mapping.kriging_rows import KrigingRows
 from soilmoist_ros.mapping.samples import Samples, merge_exactly
+from soilmoist_ros.mapping.tile_covariances import TileCovariances, tile_shape
 from soilmoist_ros.mapping.variogram import Variogram
 
 Array = NDArray[np.float64]
@@ -23,10 +25,12 @@ _FINER = 1.15
 class MapFollower:
     """Maps one set of samples after the other; quick where they have most in common.
 
-    The maps are those of :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging` but for rounding. Each
-    depends on its samples and variogram alone, bit for bit, whatever was mapped before; see
-    :mod:`~soilmoist_ros.mapping.kriging_rows`, which keeps the rows: for Gaussian variograms those of Chebyshev
-    points, from which the map is interpolated, for others those of the cells. Not for two threads at a time.
+    The maps are those of :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`, with errors that are as a
+    rule some 1e-12 of the standard deviation and of the variance of the rate. Each depends on its samples and
+    variogram alone, bit for bit, whatever was mapped before; see :mod:`~soilmoist_ros.mapping.kriging_rows`, which
+    makes the rows: for Gaussian variograms those of Chebyshev points, from which the map is interpolated, for
+    others those of the cells, on large fields by :mod:`~soilmoist_ros.mapping.tile_covariances`. Not for two
+    threads at a time.
 
     :param grid: the field
     :param keep_nugget: as :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`
@@ -36,11 +40,14 @@ class MapFollower:
         self.grid = grid
         self.keep_nugget = keep_nugget
         self._cells: KrigingRows | None = None
+        self._tile_shape: tuple[int, int] | None = None
+        self._position = np.empty((0, 0), int)  # numbers of the cells of the box among its targets
         self._levels: list[tuple[ChebyshevNodes, KrigingRows]] = []
         self._levels_of: Variogram | None = None
         rows, columns = (np.flatnonzero(grid.mask.any(axis=axis)) for axis in (1, 0))
         self._outside = ~grid.mask
         self._box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        self._inside = grid.x_m[self._box[1]], grid.y_m[self._box[0]], grid.mask[self._box]
 
     def follow(self, samples: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
         """Rate [counts/s] and kriging variance [(counts/s)^2], the variance not yet clipped at 0.
@@ -54,57 +61,68 @@ class MapFollower:
         places = samples if _are_distinct(samples.xy) else merge_exactly(samples)[0]
         found = self._interpolated(places, variogram, mean_rate) if variogram.model == "gaussian" else None
         if found is None:
-            found = self._dense(places, variogram, mean_rate)
+            found = self._direct(places, variogram, mean_rate)
         if found is not None:
             found[1] += variogram.sill if self.keep_nugget else variogram.structured_sill
         return found
 
-    def _dense(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
-        if self._cells is None:
-            self._cells = KrigingRows(self.grid.cells, self.keep_nugget)
+    def _direct(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+        """Both surfaces from rows of the cells themselves."""
+        x_m, y_m, mask = self._inside
+        shape = tile_shape(variogram, x_m, y_m, mask)
+        if self._cells is None or shape != self._tile_shape:
+            covariances: Covariances
+            if shape is None:
+                covariances = PointCovariances(self.grid.cells, self.keep_nugget)
+                self._position = np.zeros(mask.shape, int)
+                self._position[mask] = np.arange(covariances.size)
+            else:
+                covariances = TileCovariances(x_m, y_m, mask, self.keep_nugget, shape)
+                self._position = covariances.position
+            self._cells, self._tile_shape = KrigingRows(covariances), shape
         surfaces = self._cells.follow(places, variogram, mean_rate)
         if surfaces is None:
             return None
-        rasters = np.full((2, *self.grid.shape), np.nan)
-        for raster, surface in zip(rasters, surfaces, strict=True):
-            raster[self.grid.mask] = surface
-        return rasters
+        return self._on_grid(surfaces.take(self._position, axis=1))
 
     def _interpolated(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
         """Both surfaces from as few Chebyshev points as resolve them; ``None`` if that is no gain."""
-        grid, box = self.grid, self._box
         if variogram != self._levels_of:
             self._levels, self._levels_of = [], variogram
         if variogram.structured_sill == 0:
             return None
-        x_m, y_m = grid.x_m[box[1]], grid.y_m[box[0]]
+        x_m, y_m, mask = self._inside
         length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)  # as in PoissonKriging
         first, spent = first_degrees(x_m, y_m, length_m), 0
         for level in itertools.count():
             degrees = tuple(math.ceil(degree * _FINER**level) for degree in first)
             spent += math.prod(degrees)
-            if spent > WORTH_SHARE * np.count_nonzero(grid.mask):
+            if spent > WORTH_SHARE * np.count_nonzero(mask):
                 return None
             if level == len(self._levels):
                 nodes = ChebyshevNodes(x_m, y_m, degrees)
-                x, y = np.meshgrid(nodes.x_m, nodes.y_m)
-                self._levels.append((nodes, KrigingRows(np.column_stack([x.ravel(), y.ravel()]), False)))
+                self._levels.append((nodes, KrigingRows(_of_nodes(variogram, nodes))))
             nodes, rows = self._levels[level]
             surfaces = rows.follow(places, variogram, mean_rate)
             if surfaces is None:
                 return None
-            coefficients = nodes.coefficients(np.array(surfaces).reshape(2, len(nodes.y_m), len(nodes.x_m)))
+            coefficients = nodes.coefficients(surfaces.reshape(2, len(nodes.y_m), len(nodes.x_m)))
             scale = np.array([math.sqrt(variogram.sill), variogram.sill])
             if max(nodes.tails(coefficients, scale)) <= TOLERANCE:
                 break
-        rasters = nodes.raster(coefficients)
-        if rasters.shape[1:] != grid.shape:
-            inside, rasters = rasters, np.empty((2, *grid.shape))
-            rasters[:, *box] = inside
-        if self._outside.any():
-            rasters[:, self._outside] = np.nan
+        rasters = self._on_grid(nodes.raster(coefficients, scale))
         if self.keep_nugget and variogram.nugget > 0:
             self._add_needles(rasters, places, rows)
+        return rasters
+
+    def _on_grid(self, inside: Array) -> Array:
+        """Rasters of the whole grid from those of the box around the field."""
+        rasters = inside
+        if inside.shape[1:] != self.grid.shape:
+            rasters = np.empty((2, *self.grid.shape))
+            rasters[:, *self._box] = inside
+        if self._outside.any():
+            rasters[:, self._outside] = np.nan
         return rasters
 
     def _add_needles(self, rasters: Array, places: Samples, rows: KrigingRows) -> None:
@@ -117,8 +135,17 @@ class MapFollower:
         )
         here = np.flatnonzero((grid.x_m[column] == x) & (grid.y_m[row] == y) & grid.mask[row, column])
         if len(here):
-            rasters[:, row[here], column[here]] = np.array(rows.at_samples(here))
+            rasters[:, row[here], column[here]] = rows.at_samples(here)
+
+
+def _of_nodes(variogram: Variogram, nodes: ChebyshevNodes) -> Covariances:
+    """Covariances with Chebyshev points, row by row."""
+    if variogram.anisotropy == 1 or variogram.angle_deg % 90 == 0:
+        return AxesCovariances(nodes.x_m, nodes.y_m)
+    x, y = np.meshgrid(nodes.x_m, nodes.y_m)
+    return PointCovariances(np.column_stack([x.ravel(), y.ravel()]), False)
 
 
 def _are_distinct(xy: Array) -> bool:
-    return len(np.unique(xy[:, 0] + 1j * xy[:, 1])) == len(xy)
+    x = np.sort(xy[:, 0])
+    return bool((x[1:] > x[:-1]).all()) or len(np.unique(xy[:, 0] + 1j * xy[:, 1])) == len(xy)

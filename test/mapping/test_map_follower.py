@@ -1,5 +1,5 @@
+import contextlib
 import dataclasses
-import math
 from unittest import mock
 
 import numpy as np
@@ -7,10 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, kriging_rows, make_soil_map
-from soilmoist_ros.mapping.kriging_rows import BLOCK, LEAST_TAIL, KrigingRows
+from soilmoist_ros.mapping import (
+    FieldGrid,
+    PoissonKriging,
+    Samples,
+    Variogram,
+    covariances,
+    kriging_rows,
+    make_soil_map,
+    tile_covariances,
+)
+from soilmoist_ros.mapping.kriging_rows import BLOCK, LEAST_TAIL
 from soilmoist_ros.mapping.map_follower import MapFollower
 from soilmoist_ros.mapping.support import way_spread
+from soilmoist_ros.mapping.tile_covariances import TileCovariances
+from soilmoist_ros.mapping.variogram import MODELS
 
 SMALL = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 4.0)
 FINE = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 1.0)
@@ -78,6 +89,16 @@ ACTIONS = ("append", "append", "grow", "move", "widen", "refit", "forget", "agai
 steps = st.lists(st.tuples(st.sampled_from(ACTIONS), st.integers(0, 2 * BLOCK)), min_size=1, max_size=6)
 
 
+@contextlib.contextmanager
+def small_tiles():
+    """Tiles where they are no gain."""
+    with (
+        mock.patch.object(tile_covariances, "CELLS", 150),
+        mock.patch.object(tile_covariances, "WORTH_SHARE", 99.0),
+    ):
+        yield
+
+
 def follow(follower, mission):
     return follower.follow(mission.samples, mission.variogram, mission.mean_rate)
 
@@ -103,8 +124,35 @@ def check_mission(grid, model, keep_nugget, first, actions, seed):
 @settings(max_examples=8, deadline=None)
 @given(st.integers(1, 2 * BLOCK + LEAST_TAIL), steps, st.integers(0, 99))
 def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(model, keep_nugget, first, actions, seed):
-    with mock.patch.object(kriging_rows, "_TILE", 64):
+    with mock.patch.object(covariances, "_AT_ONCE", 64), mock.patch.object(kriging_rows, "_AT_ONCE", 64):
         check_mission(SMALL, model, keep_nugget, first, actions, seed)
+
+
+@pytest.mark.parametrize(
+    ("model", "keep_nugget"), [("matern32", True), ("exponential", False), ("spherical", True)]
+)
+@settings(max_examples=5, deadline=None)
+@given(st.integers(1, 2 * BLOCK + LEAST_TAIL), steps, st.integers(0, 99))
+def test_so_are_those_of_tiles(model, keep_nugget, first, actions, seed):
+    with small_tiles():
+        check_mission(FINE, model, keep_nugget, first, actions, seed)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_maps_of_large_fields_are_those_of_kriging(model):
+    rng = np.random.default_rng(7)
+    ring = [(0, 0), (300, 40), (260, 200), (20, 180)]
+    grid = FieldGrid.from_polygon(ring, 1.0)
+    mission = Mission(model, 7)
+    mission.append(90)
+    mission.columns[:, :2] = rng.uniform((10, 10), (270, 180), (90, 2))
+    mission.columns[:5, :2] = grid.cells[rng.integers(len(grid.cells), size=5)]
+    for mission.variogram in variograms(model):
+        follower = MapFollower(grid, True)
+        found = follow(follower, mission)
+        if model not in ("gaussian", "spherical") and mission.variogram.anisotropy == 1:
+            assert isinstance(follower._cells._covariances, TileCovariances)
+        np.testing.assert_allclose(found, kriged(mission, grid, True), rtol=0, atol=2e-11)
 
 
 @pytest.mark.parametrize("keep_nugget", [True, False])
@@ -121,7 +169,7 @@ def test_a_mission_in_single_steps_fills_blocks():
         follow(follower, mission)
         mission.move(0)
         found = follow(follower, mission)
-    assert follower._cells._full == 2 * BLOCK
+    assert len(follower._cells._blocks) == 2
     assert found.tobytes() == follow(MapFollower(FINE, True), mission).tobytes()
 
 
@@ -210,8 +258,3 @@ def test_memory_does_not_grow_while_the_robot_stands():
         mission.move(0)
         follow(follower, mission)
     assert [id(block) for block in follower._cells._blocks] == blocks
-
-
-def test_targets_are_shared_out_over_tiles_of_one_width():
-    rows = KrigingRows(np.random.default_rng(0).uniform(0, 50, (kriging_rows._TILE + 1, 2)), False)
-    assert rows._x.shape == (2, math.ceil((kriging_rows._TILE + 1) / 16) * 8)
