@@ -8,7 +8,9 @@ counts Z_i and exposures t_i, and a target 0::
 
 With the Cholesky factor L of the matrix, W = L^-1 C_.0, b = L^-1 1 and a = L^-1 (Z/t - c), where c is the
 generalised least-squares mean, this becomes ``rate = c + a.W`` and
-``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse.
+``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse. For many samples on a
+large raster the inverse of L is cheaper: it need not meet all covariances, see
+:mod:`~soilmoist_ros.mapping.tile_covariances`.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from soilmoist_ros.mapping.chebyshev import raster_by_interpolation
 from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.support import Supports
 from soilmoist_ros.mapping.targets import Points, RasterCells, Targets, check_raster, coincident
+from soilmoist_ros.mapping.tile_covariances import bands, tile_shape
 from soilmoist_ros.mapping.variogram import Variogram
 
 Array = NDArray[np.float64]
@@ -37,6 +40,10 @@ MEAN_RATE_DRIFT = 0.01
 """Relative drift of the mean rate after which :meth:`PoissonKriging.add` renews the noise variances."""
 _TILE_ELEMENTS = 400_000
 """Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
+FEWEST_TILED = 256
+"""Samples from which on the cells of a large raster are kriged by tiles: about where that is a gain."""
+_LEAST_PIVOT = 1e-6
+"""Share of a sample's variance that those before must leave unexplained for the inverse of L to be used."""
 
 _NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
 _log = logging.getLogger(__name__)
@@ -185,7 +192,7 @@ class PoissonKriging:
         if self.variogram.model == "gaussian" and self._interpolate(rasters, x, y, wanted):
             if progress is not None:
                 progress(1.0)
-        else:
+        elif not self._by_tiles(rasters, x, y, wanted, progress):
             cells = RasterCells(self.variogram, places.xy, x, y, wanted, places.spread)
             rasters[:, wanted] = self._predict(cells, progress)
         return rasters[0], rasters[1]
@@ -223,6 +230,38 @@ class PoissonKriging:
             here, _ = coincident(np.column_stack([x_m[column], y_m[row]]), places.xy)
             row, column = row[here], column[here]
             rasters[:, row, column] = self._predict(self._targets(np.column_stack([x_m[column], y_m[row]])), None)
+        return True
+
+    def _by_tiles(
+        self, rasters: Array, x_m: Array, y_m: Array, wanted: NDArray[np.bool_], progress: Progress | None
+    ) -> bool:
+        """Fill the wanted cells by :mod:`~soilmoist_ros.mapping.tile_covariances`, if that is a gain.
+
+        :returns: whether it was; if not, nothing is filled in
+        """
+        from scipy.linalg.lapack import dtrtri
+
+        places, (factor, ones, residual, mean) = self._places, self._solution
+        if len(places) < FEWEST_TILED or self.variogram.model == "spherical":  # whose edge meets many tiles
+            return False
+        if not all((np.diff(axis) > 0).all() for axis in (x_m, y_m)):
+            return False
+        shape = tile_shape(self.variogram, x_m, y_m, wanted)
+        if shape is None or (np.diag(factor) ** 2 < _LEAST_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
+            return False
+        inverse = np.ascontiguousarray(np.tril(dtrtri(factor, lower=1)[0]))
+        samples = np.column_stack([places.xy, places.spread])
+        done, cells = 0, int(np.count_nonzero(wanted))
+        for band, tiles in bands(self.variogram, samples, x_m, y_m, wanted, self.keep_nugget, shape):
+            rate, of_ones, squares = tiles.sums(inverse, np.array([residual, ones]))
+            surfaces = np.array(
+                [mean + rate, (of_ones - 1) ** 2 / (ones @ ones) - squares + self._target_variance]
+            )
+            rasters[:, band] = np.where(wanted[band], surfaces.take(tiles.position, axis=1), np.nan)
+            done += int(np.count_nonzero(wanted[band]))
+            if progress is not None:
+                progress(done / cells)
+        self.clipped_variances = clip_negative(rasters[1], self.variogram.sill)
         return True
 
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:

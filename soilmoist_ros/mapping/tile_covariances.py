@@ -35,6 +35,10 @@ CELLS = 2000
 """Cells that a tile is to have: about what leaves the fewest numbers of 70,000."""
 _AT_ONCE = 8
 """Tiles that sums are made for at a time: what comes between stays in the cache."""
+_ROWS = 128
+"""Rows of W made at a time."""
+_KEPT_AT_ONCE = 8_000_000
+"""Covariances kept at a time where none is needed again (64 MB)."""
 WORTH_SHARE = 0.75
 """With more numbers per sample than this share of the cells there is nothing to gain."""
 
@@ -119,6 +123,21 @@ class TileCovariances:
             for number, tile in enumerate(self._near[some]):
                 tile.add_combined(weights, sums[:, number])
             yield slice(start * cells, (start + _AT_ONCE) * cells), sums.reshape(m, -1)
+
+    def sums(self, inverse: Array, data: Array) -> Array:
+        """Sums over the rows of W, the inverse of L times the covariances of all samples.
+
+        :param inverse: inverse of the Cholesky factor L, lower triangle, shape (n, n)
+        :param data: factors of the rows, shape (k, n)
+        :returns: data W, and below it the sum of the squares, shape (k + 1, size)
+        """
+        sums = np.zeros((len(data) + 1, self.size))
+        for start in range(0, len(inverse), _ROWS):
+            those = slice(start, start + _ROWS)
+            for some, rows in self.combine(inverse[those, : those.stop]):
+                sums[:-1, some] += data[:, those] @ rows
+                sums[-1, some] += np.einsum("ij,ij->j", rows, rows)
+        return sums
 
 
 class _NearRows:
@@ -217,8 +236,33 @@ def tile_shape(variogram: Variogram, x_m: Array, y_m: Array, mask: Mask) -> tupl
     width = min(math.sqrt(CELLS * y_step / x_step), len(x_m))
     height = min(CELLS / width, len(y_m))
     shape = _length(len(y_m), height), _length(len(x_m), CELLS / height)
-    kept = 9 * math.prod(shape) + np.count_nonzero(_wanted(mask, shape)) * POINTS**2
-    return shape if kept <= most else None
+    return shape if _kept(mask, shape) <= most else None
+
+
+def bands(
+    variogram: Variogram, samples: Array, x_m: Array, y_m: Array, mask: Mask, nugget: bool, shape: tuple[int, int]
+) -> Iterator[tuple[slice, TileCovariances]]:
+    """Covariances of samples with the cells of a raster, some rows of it at a time, so that little is kept.
+
+    The other parameters are those of :class:`TileCovariances`.
+
+    :param samples: x, y and the spread, shape (n, 5)
+    :returns: rows, and the covariances with their cells; rows without a wanted cell are left out
+    """
+    parts = -(-len(samples) * _kept(mask, shape) // _KEPT_AT_ONCE)
+    height = -(-len(y_m) // (shape[0] * parts)) * shape[0]
+    for start in range(0, len(y_m), height):
+        band = slice(start, start + height)
+        if mask[band].any():
+            tiles = TileCovariances(x_m, y_m[band], mask[band], nugget, shape)
+            tiles.begin(variogram)
+            tiles.keep(samples, 0, 2 * len(samples) * tiles.size)  # all, if need be
+            yield band, tiles
+
+
+def _kept(mask: Mask, shape: tuple[int, int]) -> int:
+    """Numbers kept per sample at most."""
+    return 9 * math.prod(shape) + int(np.count_nonzero(_wanted(mask, shape))) * POINTS**2
 
 
 def _step(axis: Array) -> Array:
