@@ -35,10 +35,10 @@ CELLS = 2000
 """Cells that a tile is to have: about what leaves the fewest numbers of 70,000."""
 _AT_ONCE = 8
 """Tiles that sums are made for at a time: what comes between stays in the cache."""
-_ROWS = 128
+_ROWS = 64
 """Rows of W made at a time."""
-_KEPT_AT_ONCE = 8_000_000
-"""Covariances kept at a time where none is needed again (64 MB)."""
+_KEPT_AT_ONCE = 4_000_000
+"""Covariances kept at a time where none is needed again (32 MB)."""
 WORTH_SHARE = 0.75
 """With more numbers per sample than this share of the cells there is nothing to gain."""
 

@@ -45,7 +45,7 @@ def test_they_are_those_of_points(variogram, keep_nugget):
     kriging, told = survey(variogram, keep_nugget=keep_nugget), []
     with (
         mock.patch.object(poisson_kriging, "RasterCells", side_effect=AssertionError("not by tiles")),
-        mock.patch.object(tile_covariances, "_KEPT_AT_ONCE", 2_000_000),
+        mock.patch.object(tile_covariances, "_KEPT_AT_ONCE", 1_500_000),
     ):
         rasters = kriging.predict_grid(X_M, Y_M, mask, told.append)
     cells, expected = by_points(kriging, X_M, Y_M, mask)
