@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
+from soilmoist_ros.console import FILE, MODELS, progress_bar, rate_error, told_plainly
 from soilmoist_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -207,13 +207,11 @@ def print_replay(replay: Replay) -> None:
             f"{last.samples} stops: {mission.ended}"
         )
         if math.isfinite(last.mse):
-            covered = f"{100 * last.coverage95:.0f} % of the cells within their 95 % interval"
-            click.echo(f"rate       MSE {last.mse:.4f} (counts/s)2, {covered}")
+            click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
         if math.isfinite(last.vwc_rmse):
             click.echo(f"moisture   RMSE {last.vwc_rmse:.4f} m3/m3")
         if math.isfinite(last.also_mse):
-            covered = f"{100 * last.also_coverage95:.0f} % of the cells within their 95 % interval"
-            click.echo(f"also       MSE {last.also_mse:.4f} (counts/s)2, {covered}")
+            click.echo(f"also       {rate_error(last.also_mse, last.also_coverage95)}")
     click.echo(f"records    {len(replay.run.track)}, merged into {len(samples)} samples")
     click.echo(f"map        {replay.comparison}")
     if mission is not None and mission.also is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.console import FILE, MODELS, progress_bar, told_plainly
+from soilmoist_ros.console import FILE, MODELS, progress_bar, rate_error, told_plainly
 
 
 @click.command("simulate")
@@ -89,13 +89,11 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
     if result.soil_map is None:
         click.echo("map        no map: the mission ended before the first")
     else:
-        covered = f"{100 * last.coverage95:.0f} % of the cells within their 95 % interval"
-        click.echo(f"rate       MSE {last.mse:.4f} (counts/s)2, {covered}")
+        click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
         rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
         click.echo(f"moisture   {rmse if result.soil_map.curve else 'not mapped: the field has no calibration'}")
         if result.also is not None and result.also.soil_map is not None:
-            covered = f"{100 * last.also_coverage95:.0f} % of the cells within their 95 % interval"
-            click.echo(f"also       MSE {last.also_mse:.4f} (counts/s)2, {covered}")
+            click.echo(f"also       {rate_error(last.also_mse, last.also_coverage95)}")
         if (plan := mission_efficiency(result)) is not None:
             click.echo(f"efficiency {100 * plan.reached:.0f} % of what any plan could have done in the time")
     for path in written:

@@ -38,6 +38,11 @@ def told_plainly(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
+def rate_error(mse: float, coverage95: float) -> str:
+    """How good a map of a rate is: mean squared error [(counts/s)^2], and share of the cells in their interval."""
+    return f"MSE {mse:.4f} (counts/s)2, {100 * coverage95:.0f} % of the cells within their 95 % interval"
+
+
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """Report steps: a bar with the time left on a terminal, a plain line per step and tenth otherwise."""

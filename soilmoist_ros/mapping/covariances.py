@@ -56,6 +56,19 @@ class Covariances(Protocol):
         ...
 
 
+def add_rows(covariances: Covariances, weights: Array, data: Array, of_data: Array, squares: Array) -> None:
+    """Add what weighted sums over samples come to, row by row.
+
+    :param weights: rows of weights, shape (m, n)
+    :param data: k factors of each row, shape (k, m)
+    :param of_data: to which the sums of the rows times these factors are added, shape (k, size)
+    :param squares: to which the sum of their squares is added, shape (size,)
+    """
+    for some, rows in covariances.combine(weights):
+        of_data[:, some] += data @ rows
+        squares[some] += np.einsum("ij,ij->j", rows, rows)
+
+
 class PointCovariances:
     """Covariances with arbitrary places, all of them kept.
 

@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.covariances import Covariances, SamplePoints, scaled
+from soilmoist_ros.mapping.covariances import Covariances, SamplePoints, add_rows, scaled
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.support import Supports
 from soilmoist_ros.mapping.variogram import Variogram
@@ -151,9 +151,7 @@ class KrigingRows:
         sums = self._blocks[-1].copy() if start else self._no_rows()
         data = np.ascontiguousarray(self._data[:, start:stop])
         weights = self._unit[start:stop, :stop] / self._diagonal[start:stop, None]
-        for some, rows in self._covariances.combine(weights):
-            sums[::2, some] += data @ rows
-            sums[1, some] += np.einsum("ij,ij->j", rows, rows)
+        add_rows(self._covariances, weights, data, sums[::2], sums[1])
         self._blocks.append(sums)
 
     def _make_tail(self, full: int, n: int) -> None:

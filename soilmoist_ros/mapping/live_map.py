@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.field_grid import FieldGrid
 from soilmoist_ros.mapping.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod, VariogramFit, estimate_variogram
@@ -46,7 +46,7 @@ class LiveMap:
         self.model = model
         self.method = method
         self.keep_nugget = keep_nugget
-        self.samples = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
+        self.samples = NO_SAMPLES
         self.fit: VariogramFit | None = None
         self.kriging: PoissonKriging | None = None
         self.rate: Array = np.full(np.count_nonzero(grid.mask), np.nan)

@@ -140,7 +140,7 @@ class MapFollower:
 
 def _of_nodes(variogram: Variogram, nodes: ChebyshevNodes) -> Covariances:
     """Covariances with Chebyshev points, row by row."""
-    if variogram.anisotropy == 1 or variogram.angle_deg % 90 == 0:
+    if variogram.along_axes:
         return AxesCovariances(nodes.x_m, nodes.y_m)
     x, y = np.meshgrid(nodes.x_m, nodes.y_m)
     return PointCovariances(np.column_stack([x.ravel(), y.ravel()]), False)

@@ -9,12 +9,10 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from soilmoist_ros.mapping.field_grid import FieldGrid
 from soilmoist_ros.mapping.map_follower import MapFollower
 from soilmoist_ros.mapping.sample_merger import DrivenWays, SampleMerger
-from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram import ModelName
 from soilmoist_ros.mapping.variogram_fit import FitMethod, VariogramFit, estimate_variogram
@@ -34,8 +32,6 @@ FACTORS = (0.01, 100.0)
 """Products of the correction factors beyond which a record is taken for a mistake."""
 RECENT = 30
 """Number of last records by which the stream of records is judged."""
-
-_NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
 
 
 class Skip(enum.Enum):
@@ -93,8 +89,8 @@ class MapState:
 
     records: int = 0
     stamp_s: float = 0.0
-    samples: Samples = _NO_SAMPLES
-    fit_samples: Samples = _NO_SAMPLES
+    samples: Samples = NO_SAMPLES
+    fit_samples: Samples = NO_SAMPLES
 
 
 @dataclass(frozen=True)

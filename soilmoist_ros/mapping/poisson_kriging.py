@@ -25,7 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.errors import IllConditionedError
 from soilmoist_ros.mapping.chebyshev import raster_by_interpolation
-from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
+from soilmoist_ros.mapping.kriging_rows import LEAST_PIVOT
+from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.support import Supports
 from soilmoist_ros.mapping.targets import Points, RasterCells, Targets, check_raster, coincident
 from soilmoist_ros.mapping.tile_covariances import bands, tile_shape
@@ -42,10 +43,7 @@ _TILE_ELEMENTS = 400_000
 """Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
 FEWEST_TILED = 256
 """Samples from which on the cells of a large raster are kriged by tiles: about where that is a gain."""
-_LEAST_PIVOT = 1e-6
-"""Share of a sample's variance that those before must leave unexplained for the inverse of L to be used."""
 
-_NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
 _log = logging.getLogger(__name__)
 
 
@@ -93,7 +91,7 @@ class PoissonKriging:
         self.clipped_variances = 0
         self._records: Samples | None = None
         self._record_place: NDArray[np.intp] = np.empty(0, int)
-        self._places = _NO_SAMPLES
+        self._places = NO_SAMPLES
         self._solution = _Solution(np.empty((0, 0)), np.empty(0), np.empty(0), float("nan"))
 
     # -- samples ---------------------------------------------------------------------------------------
@@ -247,7 +245,7 @@ class PoissonKriging:
         if not all((np.diff(axis) > 0).all() for axis in (x_m, y_m)):
             return False
         shape = tile_shape(self.variogram, x_m, y_m, wanted)
-        if shape is None or (np.diag(factor) ** 2 < _LEAST_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
+        if shape is None or (np.diag(factor) ** 2 < LEAST_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
             return False
         inverse = np.ascontiguousarray(np.tril(dtrtri(factor, lower=1)[0]))
         samples = np.column_stack([places.xy, places.spread])

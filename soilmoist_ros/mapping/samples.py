@@ -266,3 +266,6 @@ def _refuse(bad: NDArray[np.bool_], values: Array, rule: str) -> None:
     if np.count_nonzero(bad):  # quicker than any(), and asked several times of every map
         index = int(np.argmax(bad))
         raise ValueError(f"{rule}, got {values[index]} at index {index}")
+
+
+NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))

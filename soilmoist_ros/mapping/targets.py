@@ -82,7 +82,7 @@ class RasterCells:
         self._variogram = variogram
         self._separable = variogram.model == "gaussian"
         self._points = None
-        if variogram.anisotropy > 1 and variogram.angle_deg % 90:
+        if not variogram.along_axes:
             self._points = Points(variogram, places_xy, self.xy, spread)
             return
         self._places = Supports(places_xy, spread)

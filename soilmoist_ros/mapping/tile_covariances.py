@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.chebyshev import interpolation
-from soilmoist_ros.mapping.covariances import Needles, Rows, SamplePoints, scaled
+from soilmoist_ros.mapping.covariances import Needles, Rows, SamplePoints, add_rows, scaled
 from soilmoist_ros.mapping.variogram import Variogram
 
 Array = NDArray[np.float64]
@@ -134,9 +134,7 @@ class TileCovariances:
         sums = np.zeros((len(data) + 1, self.size))
         for start in range(0, len(inverse), _ROWS):
             those = slice(start, start + _ROWS)
-            for some, rows in self.combine(inverse[those, : those.stop]):
-                sums[:-1, some] += data[:, those] @ rows
-                sums[-1, some] += np.einsum("ij,ij->j", rows, rows)
+            add_rows(self, inverse[those, : those.stop], data[:, those], sums[:-1], sums[-1])
         return sums
 
 

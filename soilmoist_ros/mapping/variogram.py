@@ -192,6 +192,11 @@ class Variogram:
         """Distance at which 95 % of the structured variance is reached (spherical: all of it) [m]."""
         return self.range_m * MODELS[self.model].practical
 
+    @property
+    def along_axes(self) -> bool:
+        """Whether the longest range lies along an axis, or no direction is special."""
+        return self.anisotropy == 1 or self.angle_deg % 90 == 0
+
     def scaled(self, xy: Array) -> Array:
         """Places in the plane where the variogram is isotropic, in units of the range.
 

@@ -13,7 +13,7 @@ from soilmoist_ros.reporting import maps
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.section import Section
-from soilmoist_ros.reporting.statistics import truth_score
+from soilmoist_ros.reporting.statistics import INTERVAL_SD, truth_score
 from soilmoist_ros.reporting.style import (
     FAINT,
     INK,
@@ -129,7 +129,7 @@ def _panels(run: MapRun) -> list[_Panel]:
         return [of_map, _Panel("Standard deviation", rate_sd, sd_limits, maps.colours(maps.RATE_SD.colours))]
     error = rate - np.asarray(run.truth_rate, float)
     most = robust_range(np.abs(error))[1]
-    outside = np.where(np.abs(error) > 1.96 * rate_sd, np.sign(error), 0.0)
+    outside = np.where(np.abs(error) > INTERVAL_SD * rate_sd, np.sign(error), 0.0)
     return [
         _Panel("True rate", np.where(inside, run.truth_rate, np.nan), limits, rates),
         of_map,

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 1000
 MOST_CELLS = 1500
+INTERVAL_SD = 1.96
+"""Half the width of a 95 % interval, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ class LeaveOneOut:
     @property
     def coverage95(self) -> float:
         """Share of samples inside their 95 % interval [0..1]; should be 0.95."""
-        return float(np.mean(np.abs(self.observed - self.predicted) <= 1.96 * self.sd))
+        return float(np.mean(np.abs(self.observed - self.predicted) <= INTERVAL_SD * self.sd))
 
 
 class _Kriging:
@@ -256,5 +258,5 @@ def truth_score(soil_map: SoilMap, truth_rate: ArrayLike) -> TruthScore:
         raise ValueError(f"the truth has shape {truth.shape}, the map {soil_map.rate.shape}")
     mask = np.asarray(soil_map.grid.mask, bool) & np.isfinite(truth) & np.isfinite(soil_map.rate)
     error = (soil_map.rate - truth)[mask]
-    inside = np.abs(error) <= 1.96 * soil_map.rate_sd[mask]
+    inside = np.abs(error) <= INTERVAL_SD * soil_map.rate_sd[mask]
     return TruthScore(float(np.sqrt(np.mean(error**2))), float(error.mean()), float(inside.mean()))
