@@ -11,7 +11,7 @@ from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.nodes.launching import parameters_from
+from soilmoist_ros.nodes.system.launching import parameters_from
 
 TOPICS = ("counts", "fix", "pressure", "temperature", "relative_humidity", "plan", "plan_markers", "mission")
 """What the mapper does not publish itself."""

@@ -15,8 +15,8 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.nodes.launching import parameters_from
-from soilmoist_ros.property_names import property_weights
+from soilmoist_ros.exploration.planning.property_names import property_weights
+from soilmoist_ros.nodes.system.launching import parameters_from
 from soilmoist_ros.recording.journal import ENTRIES
 
 PARAMETERS = {

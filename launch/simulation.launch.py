@@ -15,13 +15,13 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.nodes.launching import parameters_from
-from soilmoist_ros.property_names import property_name
-from soilmoist_ros.run_folder import CONFIGURATION
-from soilmoist_ros.simulation.channel import mission_fields
-from soilmoist_ros.simulation.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.mission_run import MissionSettings
-from soilmoist_ros.simulation.surrogate_field import surrogate_field_names
+from soilmoist_ros.exploration.planning.property_names import property_name
+from soilmoist_ros.nodes.system.launching import parameters_from
+from soilmoist_ros.recording.run_folder import CONFIGURATION
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
+from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.mission.channel import mission_fields
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 
 SIMULATOR = {
     "field": (

@@ -9,7 +9,7 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.point_cloud import FRAME, check_fields, points_to_message
-from soilmoist_ros.recording.point_cloud import count_records
+from soilmoist_ros.recording.bag.point_cloud import count_records
 from soilmoist_ros.sensing.records import CountRecord
 
 # Viewers take x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from msg_adapters.stamps import to_time
-from soilmoist_ros.health import Health, Level
+from soilmoist_ros.foundation.health import Health, Level
 
 
 def diagnostics_to_message(

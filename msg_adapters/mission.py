@@ -10,9 +10,9 @@ from datetime import UTC, datetime
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.diagnostics import health_from_status, health_to_status
-from soilmoist_ros.exploration.mission_types import MissionStatus, Phase
-from soilmoist_ros.exploration.strategy import Stop
-from soilmoist_ros.health import Health, Level
+from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.health import Health, Level
 
 
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from soilmoist_ros.mapping.variogram import Variogram
-from soilmoist_ros.mapping.variogram_fit import VariogramFit
+from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.mapping.variogram.model import Variogram
 
 _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from soilmoist_ros.recording.metadata import Qos, Request
+from soilmoist_ros.recording.bag.metadata import Qos, Request
 
 _KEEP: Final = 100
 """Messages that a publisher keeps if it is not known how many the recorded one kept."""

@@ -17,12 +17,12 @@ from std_msgs.msg import Header
 
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message
 from msg_adapters.stamps import to_time
-from soilmoist_ros.mapping.field_grid import FieldGrid
+from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.soil_map import SoilMap
 
 BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd")
 CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *BANDS)])
-"""A cell: its centre in the plane z = 0 [m], and the :class:`~soilmoist_ros.mapping.soil_map.Bands`."""
+"""A cell: its centre in the plane z = 0 [m], and the :class:`Bands`."""
 OUTSIDE: Final = -1
 """Uncertainty of a cell outside the field."""
 

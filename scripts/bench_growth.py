@@ -28,7 +28,7 @@ def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> di
     """Merge, krige; time of each [s] and peak memory of this process [MB]."""
     import resource
 
-    from soilmoist_ros.map_workers import tile_workers
+    from soilmoist_ros.cli.map_workers import tile_workers
     from soilmoist_ros.mapping import FieldGrid, Variogram, make_soil_map, merge_records
 
     rng = np.random.default_rng(1)

@@ -26,7 +26,7 @@ import numpy as np
 from bench_mapping import RANGE_M, ROOT, SILL, Task, make_task
 
 from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.map_follower import MapFollower
+from soilmoist_ros.mapping.kriging.raster import MapFollower
 
 LIBKRIGING_SHARES = (1 / 30, 1 / 3, 2 / 3, 1.0)
 """Shares of the records after which libKriging is timed."""

@@ -33,9 +33,9 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 import numpy as np
 import psutil
 
-from soilmoist_ros.nodes.loopback import free_domain, loopback_environment
-from soilmoist_ros.nodes.process_group import ProcessGroup
-from soilmoist_ros.run_folder import write_parameters
+from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
+from soilmoist_ros.nodes.system.process_group import ProcessGroup
+from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.records import CountRecord
 
 Row = dict[str, object]
@@ -130,7 +130,7 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
 
         from msg_adapters.counts import counts_to_message
         from msg_adapters.stamps import to_seconds
-        from soilmoist_ros.nodes.qos import LATCHED, RECORDS
+        from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
 
         arrivals: dict[float, float] = {}
 
@@ -248,7 +248,16 @@ def whole_system(folder: Path, speed: float, settle_s: float, seconds: float) ->
     :param settle_s: time after the start of the last node before CPU time counts [s]
     :param seconds: time during which it counts [s]
     """
-    command = [sys.executable, "-m", "soilmoist_ros.cli", "demo", "--out", str(folder / "run"), "--hours", "4"]
+    command = [
+        sys.executable,
+        "-m",
+        "soilmoist_ros.cli.main",
+        "demo",
+        "--out",
+        str(folder / "run"),
+        "--hours",
+        "4",
+    ]
     command += ["--speed", f"{speed:g}", "--strategy", "greedy", "--dwell", "ami:0.03"]
     folder.mkdir()
     with (folder / "demo.log").open("wb") as log:

@@ -22,18 +22,18 @@ from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros.exploration.dwell import parse_dwell
-from soilmoist_ros.exploration.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.graph_builders import open_lattice
-from soilmoist_ros.exploration.mission_types import PlanKind, RequestPlan
-from soilmoist_ros.exploration.strategies import STRATEGIES, make_strategy
-from soilmoist_ros.exploration.travel import FreeTravel, GraphTravel, RobotMotion
-from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy
+from soilmoist_ros.exploration.travel.graph_builders import open_lattice
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.live_map import LiveMap
-from soilmoist_ros.simulation.mission_run import MissionSettings
-from soilmoist_ros.simulation.mission_simulator import simulate_mission
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 AIRFIELD = MissionSettings(field="synthetic-high", dwell="ami:0.03", hours=2.0, preset="authors")
 FITS = {

@@ -22,9 +22,9 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import Variogram
-from soilmoist_ros.mapping.support import footprint_spread
-from soilmoist_ros.mapping.variogram import MODELS
-from soilmoist_ros.mapping.variogram_fit import estimate_variogram
+from soilmoist_ros.mapping.samples.spread import footprint_spread
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import MODELS
 
 SIDE_M = 280.0
 SPREAD = footprint_spread(radius_m=10.0)

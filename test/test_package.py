@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import soilmoist_ros
-from soilmoist_ros.cli import main
-from soilmoist_ros.configuration import config_folder, resource_names
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies import STRATEGIES
-from soilmoist_ros.simulation.campaign_file import load_campaign, missions
-from soilmoist_ros.simulation.surrogate_field import surrogate_field, surrogate_field_names
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies.registry import STRATEGIES
+from soilmoist_ros.foundation.configuration import config_folder, resource_names
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.campaign.campaign_file import load_campaign, missions
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -72,15 +72,15 @@ def test_every_file_of_the_configuration_is_installed():
 @pytest.mark.parametrize(
     ("module", "more"),
     [
-        ("cli", {"numpy", "pydantic", "ruamel.yaml"}),
+        ("cli.main", {"numpy", "pydantic", "ruamel.yaml"}),
         ("mapping", {"pydantic", "ruamel.yaml"}),
         # what the nodes start with
-        ("sensing.live_driver", {"mcap", "rosbags"}),
-        ("online_survey", {"mcap", "rosbags", "soilmoist_ros.reporting"}),
-        ("exploration.mission_control", {"mcap", "rosbags"}),
+        ("sensing.survey.live_driver", {"mcap", "rosbags"}),
+        ("replay.online_survey", {"mcap", "rosbags", "soilmoist_ros.reporting"}),
+        ("exploration.control.mission_control", {"mcap", "rosbags"}),
         ("recording.journal", {"numpy", "pydantic", "mcap", "rosbags"}),
-        ("recording.bag_recorder", {"numpy", "rosbags"}),
-        ("simulation.virtual_system", {"mcap", "rosbags", "soilmoist_ros.reporting"}),
+        ("recording.bag.recorder", {"numpy", "rosbags"}),
+        ("simulation.system", {"mcap", "rosbags", "soilmoist_ros.reporting"}),
     ],
 )
 def test_the_core_is_light_to_import(module, more):

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
-from soilmoist_ros.configuration import Section, load_model
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.mapping.field_grid import FieldGrid, default_cell_m
+from soilmoist_ros.foundation.configuration import Section, load_model
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
 Vertex = tuple[float, float]
 Ring = Annotated[list[Vertex], Setting(min_length=3)]

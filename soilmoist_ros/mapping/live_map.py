@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.field_grid import FieldGrid
-from soilmoist_ros.mapping.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
-from soilmoist_ros.mapping.variogram import ModelName
-from soilmoist_ros.mapping.variogram_fit import FitMethod, VariogramFit, estimate_variogram
-from soilmoist_ros.sensing.moisture import CalibrationCurve
+from soilmoist_ros.mapping.variogram.fit import FitMethod, VariogramFit, estimate_variogram
+from soilmoist_ros.mapping.variogram.model import ModelName
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ class LiveMap:
     :param grid: the field
     :param model: variogram model
     :param method: how the variogram is fitted
-    :param keep_nugget: as :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`
+    :param keep_nugget: as :class:`PoissonKriging`
 
     Attributes
     ----------

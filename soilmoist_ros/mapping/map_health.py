@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.health import Health, Level
+from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.mapping.field_map import OnlineMap
 from soilmoist_ros.mapping.map_worker import MapWorker
-from soilmoist_ros.mapping.online_map import OnlineMap
 
 
 def map_health(online: OnlineMap, worker: MapWorker, now_s: float) -> Health:

@@ -6,7 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 
-from soilmoist_ros.mapping.online_map import MapState
+from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.mapping.soil_map import SoilMap
 
 _log = logging.getLogger(__name__)

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.field_grid import FieldGrid
-from soilmoist_ros.mapping.map_follower import MapFollower
-from soilmoist_ros.mapping.poisson_kriging import PoissonKriging, clip_negative
-from soilmoist_ros.mapping.samples import Samples, noise_rate
-from soilmoist_ros.mapping.tiled_kriging import Accuracy, Compute, TiledKriging
-from soilmoist_ros.mapping.variogram import Variogram
-from soilmoist_ros.mapping.variogram_fit import VariogramFit
-from soilmoist_ros.sensing.moisture import CalibrationCurve
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
+from soilmoist_ros.mapping.kriging.raster import MapFollower
+from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
+from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
+from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class SoilMap:
     :param curve: calibration, ``None`` if the map is of the rate only
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
     :param made_by: the fitted kriging that made the map; ``None`` if a
-        :class:`~soilmoist_ros.mapping.map_follower.MapFollower` did
+        :class:`MapFollower` did
     :param undefined_vwc_cells: inside cells whose rate is too low for any soil moisture (rate <= A1 N0);
         0 without a curve
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
@@ -132,10 +132,10 @@ def make_soil_map(
     :param grid: the field
     :param variogram: a variogram, or the result of a fit
     :param curve: calibration that turns the rate into soil moisture
-    :param keep_nugget: as :class:`~soilmoist_ros.mapping.poisson_kriging.PoissonKriging`
+    :param keep_nugget: as :class:`PoissonKriging`
     :param progress: called with the fraction done, from above 0 to 1
     :param most_exact: number of samples beyond which it is
-        :class:`~soilmoist_ros.mapping.tiled_kriging.TiledKriging` that makes the map
+        :class:`TiledKriging` that makes the map
     :param compute: computes the tiles, as there
     :param follower: of the same grid and nugget, makes the map if it can
     :raises ValueError: without samples

@@ -18,19 +18,19 @@ from std_msgs.msg import String
 
 from msg_adapters.counts import counts_to_message
 from msg_adapters.stamps import to_time
-from soilmoist_ros.nodes.field_simulator_parameters import PARAMETERS, mission_settings
-from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED, RECORDS
-from soilmoist_ros.nodes.run import run
-from soilmoist_ros.nodes.virtual_navigation import NavigationServer
-from soilmoist_ros.property_names import property_name
-from soilmoist_ros.simulation.faulty_link import Reachable, Sent
-from soilmoist_ros.simulation.field_files import write_field_file, write_site_file, write_truth_file
-from soilmoist_ros.simulation.line_server import LineServer, write_ports_file
-from soilmoist_ros.simulation.scenario import load_scenario
-from soilmoist_ros.simulation.simulated_time import SimulatedTime, read_start_time
-from soilmoist_ros.simulation.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
-from soilmoist_ros.simulation.virtual_system import GNSS, LOGGER, CountedBeside, Output, VirtualSystem
+from soilmoist_ros.exploration.planning.property_names import property_name
+from soilmoist_ros.nodes.navigation.virtual_navigation import NavigationServer
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.field_simulator import PARAMETERS, mission_settings
+from soilmoist_ros.nodes.runtime.qos import CLOCK, DEFAULT, LATCHED, RECORDS
+from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file, write_truth_file
+from soilmoist_ros.simulation.robot.faulty_link import Reachable, Sent
+from soilmoist_ros.simulation.robot.line_server import LineServer, write_ports_file
+from soilmoist_ros.simulation.robot.scenario import load_scenario
+from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
+from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
+from soilmoist_ros.simulation.system import GNSS, LOGGER, CountedBeside, Output, VirtualSystem
 
 MAP_FRAME = "map"
 TICK_S = 0.02

@@ -20,16 +20,16 @@ from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.model import Model, model_to_message
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
+from soilmoist_ros.mapping.field_map import MapState, Skip
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
-from soilmoist_ros.mapping.online_map import MapState, Skip
 from soilmoist_ros.mapping.soil_map import SoilMap
-from soilmoist_ros.mapping.variogram import ModelName
-from soilmoist_ros.mapping.variogram_fit import FitMethod
-from soilmoist_ros.nodes import qos
-from soilmoist_ros.nodes.parameters import Parameter, Parameters, other_namespaces
-from soilmoist_ros.nodes.run import run
-from soilmoist_ros.online_survey import open_survey, read_earlier
+from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.mapping.variogram.model import ModelName
+from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, other_namespaces
+from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.replay.online_survey import open_survey, read_earlier
 
 PARAMETERS = (
     Parameter(name="field", default="", description="field file, or the name of a shipped one"),

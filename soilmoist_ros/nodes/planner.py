@@ -12,24 +12,24 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from soilmoist_ros.configuration import resource
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.goal_client import GoalClient, GoalLimits
-from soilmoist_ros.exploration.mission_control import MissionControl
-from soilmoist_ros.exploration.mission_journal import MissionJournal, interrupted_mission
-from soilmoist_ros.exploration.mission_types import Verb
-from soilmoist_ros.exploration.navigator import Ended, Navigator
-from soilmoist_ros.exploration.pose_client import PoseClient
-from soilmoist_ros.exploration.topological_map import read_topological_map
+from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
+from soilmoist_ros.exploration.mission.types import Verb
+from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
+from soilmoist_ros.exploration.navigation.pose_client import PoseClient
+from soilmoist_ros.exploration.planning.property_names import property_weights
+from soilmoist_ros.exploration.travel.topological_map import read_topological_map
+from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.goal_pose_navigator import GoalPoseNavigator
-from soilmoist_ros.nodes.goto_node_navigator import GotoNodeNavigator, action_class
-from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.planner_inputs import PlannerInputs
-from soilmoist_ros.nodes.planner_outlets import PlannerOutlets
-from soilmoist_ros.nodes.planner_parameters import PARAMETERS, explorer_settings, mission_rules
-from soilmoist_ros.nodes.run import run
-from soilmoist_ros.property_names import property_weights
+from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
+from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_class
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.planner import PARAMETERS, explorer_settings, mission_rules
+from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
+from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutlets
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
 
 __all__ = ["PARAMETERS", "Planner", "main"]

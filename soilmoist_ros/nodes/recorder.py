@@ -21,19 +21,19 @@ from std_srvs.srv import Trigger
 
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.offered_qos import offered_qos, requested_qos
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.nodes.parameter_collector import ParameterCollector
-from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.qos import DEFAULT
-from soilmoist_ros.nodes.recorder_parameters import PARAMETERS
-from soilmoist_ros.nodes.run import run
-from soilmoist_ros.property_names import property_weights
-from soilmoist_ros.recording.bag_recorder import BagRecorder, check_name, free_bytes, next_bag
-from soilmoist_ros.recording.definitions import find_definition
-from soilmoist_ros.recording.metadata import Qos, Request, Topic, request_for
-from soilmoist_ros.recording.recorder_health import recorder_health
-from soilmoist_ros.recording.topic_choice import TopicChoice
-from soilmoist_ros.run_configuration import RunConfiguration
+from soilmoist_ros.exploration.planning.property_names import property_weights
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.parameters.collector import ParameterCollector
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.recorder import PARAMETERS
+from soilmoist_ros.nodes.runtime.qos import DEFAULT
+from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.recording.bag.definitions import find_definition
+from soilmoist_ros.recording.bag.metadata import Qos, Request, Topic, request_for
+from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
+from soilmoist_ros.recording.bag.recorder_health import recorder_health
+from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+from soilmoist_ros.recording.run_configuration import RunConfiguration
 
 __all__ = ["PARAMETERS", "Recorder", "main"]
 

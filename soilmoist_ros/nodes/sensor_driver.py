@@ -16,15 +16,15 @@ from msg_adapters.counts import counts_to_message
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.environment import fix_from_message, fix_to_message, weather_to_messages
 from msg_adapters.raw_line import line_to_message
-from soilmoist_ros.configuration import resource
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes import qos
-from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.run import run
-from soilmoist_ros.nodes.sensor_driver_parameters import PARAMETERS, SETTINGS
-from soilmoist_ros.sensing.live_driver import Batch, DriverSettings, LiveDriver
-from soilmoist_ros.sensing.site import Site, load_site
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
+from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.survey.live_driver import Batch, DriverSettings, LiveDriver
 
 _RELEASE_S = 0.1
 _DIAGNOSTICS_S = 1.0

@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.errors import InputError, Mistake
+from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.records import CountRecord
 
 COLUMNS: Final = tuple(field.name for field in fields(CountRecord))

@@ -7,24 +7,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from soilmoist_ros.configuration import resource
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.map_run import input_file
-from soilmoist_ros.mapping.variogram import ModelName
-from soilmoist_ros.mapping.variogram_fit import FitMethod
-from soilmoist_ros.online_survey import OnlineSurvey, open_survey
-from soilmoist_ros.recording.bag_reader import BagReader
+from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.mapping.variogram.model import ModelName
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import OnLine, compare, read_on_line
+from soilmoist_ros.replay.log_map import loss_rows
 from soilmoist_ros.replay.mission import last_mission, read_statuses, replay_mission
+from soilmoist_ros.replay.online_survey import OnlineSurvey, open_survey
 from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
 from soilmoist_ros.replay.second import Second, not_mapped, read_second
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
+from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.run_folder import bag_of, configuration_of, read_parameters
+from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.site import load_site
-from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
-from soilmoist_ros.survey_map import loss_rows
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Progress = Callable[[str, float], None]
 Source = Literal["counts", "raw"]
@@ -104,7 +105,7 @@ def replay_bag(
     :param settings: choices
     :param progress: called as the work goes on
     :raises InputError: if the bag or a file cannot be used, or no map can be made
-    :raises IllConditionedError: as :meth:`~soilmoist_ros.mapping.online_map.OnlineMap.compute`
+    :raises IllConditionedError: as :meth:`OnlineMap.compute`
     """
     chosen = settings or ReplaySettings()
     bag = bag_of(bag)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.mapping.online_map import MapState, OnlineMap
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field_map import MapState, OnlineMap
 from soilmoist_ros.mapping.soil_map import SoilMap
-from soilmoist_ros.recording.point_cloud import points
+from soilmoist_ros.recording.bag.point_cloud import points
 from soilmoist_ros.replay.topics import CLOUD, RunTopics
 
 _BANDS = ("rate", "rate_sd", "vwc", "vwc_sd")

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.recording.bag_reader import BagReader
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.replay.topics import TEXT, RunTopics
-from soilmoist_ros.sensing.log_file import matching_formats
-from soilmoist_ros.sensing.log_values import split_lines
-from soilmoist_ros.sensing.logger_reader import parse_log
-from soilmoist_ros.sensing.nmea import parse_nmea
+from soilmoist_ros.sensing.formats.log_file import matching_formats
+from soilmoist_ros.sensing.formats.log_values import split_lines
+from soilmoist_ros.sensing.formats.logger_reader import parse_log
+from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.nmea import parse_nmea
+from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Problem
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.robot_logger import FORMAT_NAME
-from soilmoist_ros.sensing.site import Site
-from soilmoist_ros.sensing.survey import process_logs
-from soilmoist_ros.sensing.track import Track
+from soilmoist_ros.sensing.survey.survey import process_logs
 
 
 @dataclass(frozen=True)

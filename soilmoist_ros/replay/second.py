@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from soilmoist_ros.mapping.online_map import MapState
-from soilmoist_ros.online_survey import OnlineSurvey
-from soilmoist_ros.property_names import property_weights
+from soilmoist_ros.exploration.planning.property_names import property_weights
+from soilmoist_ros.mapping.field_map import MapState
+from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.comparison import OnLine, compare, read_on_line
+from soilmoist_ros.replay.online_survey import OnlineSurvey
 from soilmoist_ros.replay.topics import CLOUD, RunTopics
-from soilmoist_ros.run_folder import read_parameters
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.mission_run import Mapped
-from soilmoist_ros.simulation.surrogate_field import SurrogateField, surrogate_field
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.mission.mission_run import Mapped
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Self
 
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.recording.bag_reader import BagReader
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.reader import BagReader
 
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 TEXT: Final = "std_msgs/msg/String"

@@ -12,7 +12,6 @@ from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
-    from soilmoist_ros.reporting.run import MapRun
 
 
 def field_polygon(soil_map: SoilMap) -> Any:
@@ -62,12 +61,6 @@ def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
     """Places of the records that have one, in order, shape (n, 2) [m]."""
     xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)
     return np.asarray(xy[np.isfinite(xy).all(axis=1)])
-
-
-def tracks_xy(run: MapRun) -> list[NDArray[np.float64]]:
-    """The line of each robot, of shape (n, 2) [m]: through its records, or as it drove if there are several."""
-    mission = run.mission
-    return [track_xy(run.track)] if mission is None or len(mission.tracks) < 2 else list(mission.tracks)
 
 
 def distance_m(track: Sequence[CountRecord]) -> float:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soilmoist_ros import __version__
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.reporting.mission_tables import write_series, write_visits
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
+from soilmoist_ros.reporting.files.strict_json import write_json
+from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary
 from soilmoist_ros.reporting.outputs import NAMES, second_names, write_outputs
 from soilmoist_ros.reporting.run import LossRow, MapRun
-from soilmoist_ros.reporting.strict_json import write_json
-from soilmoist_ros.reporting.summary import SCHEMA, mission_summary
-from soilmoist_ros.simulation.mission_run import MissionResult
+from soilmoist_ros.simulation.mission.mission_run import MissionResult
 
 if TYPE_CHECKING:
     from pyproj import CRS

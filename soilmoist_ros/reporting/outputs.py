@@ -8,19 +8,19 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.reporting.geojson import write_samples
-from soilmoist_ros.reporting.geotiff import export_crs, write_geotiff
-from soilmoist_ros.reporting.mission_tables import write_series, write_visits
-from soilmoist_ros.reporting.properties_section import second_run
-from soilmoist_ros.reporting.report import write_report
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.files.geojson import write_samples
+from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
+from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
+from soilmoist_ros.reporting.files.summary import write_summary
+from soilmoist_ros.reporting.page.properties_section import second_run
+from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.reporting.summary import write_summary
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-    from soilmoist_ros.simulation.mission_run import MissionResult
+    from soilmoist_ros.simulation.mission.mission_run import MissionResult
 
 NAMES = ("summary.json", "map.tif", "samples.geojson", "report.html")
 MISSION_NAMES = ("series.csv", "visits.csv")

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.reporting.geometry import distance_m
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.reporting.geometry import distance_m, track_xy
 from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
-    from soilmoist_ros.simulation.mission_run import MissionResult
+    from soilmoist_ros.simulation.mission.mission_run import MissionResult
 
 
 @dataclass(frozen=True)
@@ -163,6 +163,12 @@ class MapRun:
         if self.mission is not None and self.mission.series:
             return self.mission.series[-1].distance_m
         return distance_m(self.track)
+
+    @property
+    def tracks_xy(self) -> list[NDArray[np.float64]]:
+        """The line of each robot, shape (n, 2) [m]: through its records, or as it drove if there are several."""
+        mission = self.mission
+        return [track_xy(self.track)] if mission is None or len(mission.tracks) < 2 else list(mission.tracks)
 
     @property
     def calibrated(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from soilmoist_ros.errors import Mistake
+from soilmoist_ros.foundation.errors import Mistake
 
 
 class Severity(enum.IntEnum):

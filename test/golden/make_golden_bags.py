@@ -25,24 +25,23 @@ from msg_adapters.mission import mission_to_message
 from msg_adapters.raw_line import line_to_message
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message
-from soilmoist_ros.exploration.mission_state import mission_status
-from soilmoist_ros.exploration.mission_types import Action, MissionStatus, Publish
-from soilmoist_ros.mapping.online_map import OnlineMap
-from soilmoist_ros.online_survey import open_survey
-from soilmoist_ros.recording.bag_writer import BagWriter
-from soilmoist_ros.recording.definitions import find_definition
-from soilmoist_ros.recording.metadata import Qos, Topic
-from soilmoist_ros.run_folder import write_parameters
-from soilmoist_ros.sensing.logger_reader import parse_log
-from soilmoist_ros.sensing.nmea import parse_nmea
+from soilmoist_ros.exploration.mission.types import Action, MissionStatus, Publish
+from soilmoist_ros.mapping.field_map import OnlineMap
+from soilmoist_ros.recording.bag.definitions import find_definition
+from soilmoist_ros.recording.bag.metadata import Qos, Topic
+from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.run_folder import write_parameters
+from soilmoist_ros.replay.online_survey import open_survey
+from soilmoist_ros.sensing.formats.logger_reader import parse_log
+from soilmoist_ros.sensing.position.nmea import parse_nmea
+from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.records import NAN, CountRecord
-from soilmoist_ros.sensing.survey import process_logs
-from soilmoist_ros.sensing.track import Track
-from soilmoist_ros.simulation import mission_simulator
-from soilmoist_ros.simulation.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.mission_run import MissionResult, MissionSettings
-from soilmoist_ros.simulation.surrogate_field import surrogate_field
-from soilmoist_ros.simulation.virtual_survey import START_S, simulate_log, stop_and_go
+from soilmoist_ros.sensing.survey.survey import process_logs
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.mission import simulator as mission_simulator
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings
+from soilmoist_ros.simulation.robot.virtual_survey import START_S, simulate_log, stop_and_go
 
 HERE = Path(__file__).resolve().parent
 FIELD = "half-wet"
@@ -144,7 +143,7 @@ class _Recorded(mission_simulator._Simulation):
 
     def carry_out(self, robot: mission_simulator._Robot, action: Action) -> None:
         if isinstance(action, Publish):
-            status = mission_status(robot.mission.rules, action.state)
+            status = robot.mission.status
             self.events.append(replace(status, now_s=status.now_s + START_S))
         super().carry_out(robot, action)
 

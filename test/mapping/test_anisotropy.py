@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from soilmoist_ros.exploration.efficiency import least_variance
+from soilmoist_ros.exploration.planning.efficiency import least_variance
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, estimate_variogram
-from soilmoist_ros.mapping.reml import ANISOTROPY_PENALTY, RestrictedLikelihood, maximise_reml
-from soilmoist_ros.mapping.tiled_kriging import TiledKriging
-from soilmoist_ros.mapping.variogram import MODELS, isotropic_plane
+from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
+from soilmoist_ros.mapping.variogram.model import MODELS, isotropic_plane
+from soilmoist_ros.mapping.variogram.reml import ANISOTROPY_PENALTY, RestrictedLikelihood, maximise_reml
 
 ratios = st.floats(1.0, 20.0)
 angles = st.floats(-360.0, 360.0)

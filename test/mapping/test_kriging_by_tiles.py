@@ -5,8 +5,9 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import PoissonKriging, Variogram, poisson_kriging, tile_covariances
-from soilmoist_ros.mapping.poisson_kriging import FEWEST_TILED
+from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.mapping.kriging import poisson_kriging, tile_covariances
+from soilmoist_ros.mapping.kriging.poisson_kriging import FEWEST_TILED
 
 X_M, Y_M = 3.0 * np.arange(260), 2.0 * np.arange(200)
 

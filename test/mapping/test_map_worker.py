@@ -3,11 +3,11 @@ import threading
 import numpy as np
 import pytest
 
-from soilmoist_ros.health import Level
+from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.mapping.field_map import MapState, OnlineMap, OnlineSettings
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
-from soilmoist_ros.mapping.online_map import MapState, OnlineMap, OnlineSettings
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 LIMIT_S = 20.0

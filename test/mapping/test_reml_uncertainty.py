@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.reml import Prior, RestrictedLikelihood, maximise_reml
+from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood, maximise_reml
 
 SIDE_M = 60.0
 CELLS = np.array(list(product(np.arange(3.0, SIDE_M, 6.0), repeat=2)))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, estimate_variogram, make_soil_map
-from soilmoist_ros.sensing.moisture import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 FIELD = FieldGrid.from_polygon([[0, 0], [60, 0], [60, 50], [20, 50]], 2.0)
 MODEL = Variogram("matern32", 0.01, 20.0, 0.3)

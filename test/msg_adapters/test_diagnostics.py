@@ -16,7 +16,7 @@ from msg_adapters.diagnostics import (
     health_from_status,
     health_to_status,
 )
-from soilmoist_ros.health import Health, Level, worst
+from soilmoist_ros.foundation.health import Health, Level, worst
 
 words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
 healths = st.builds(Health, words, st.sampled_from(Level), words, st.dictionaries(words, words, max_size=3))

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 from msg_adapters.mission import mission_from_message, mission_to_message
-from soilmoist_ros.exploration.mission_types import MissionStatus, Phase
-from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.travel.stop import Stop
 
 NUMBER = st.floats(0, 1e9)
 WORD = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)

@@ -9,7 +9,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.plan import path_to_places, plan_to_markers, plan_to_path, pose_stamped
-from soilmoist_ros.exploration.strategy import Stop
+from soilmoist_ros.exploration.travel.stop import Stop
 
 METRES = st.floats(-1e4, 1e4)
 STOPS = st.lists(st.builds(Stop, st.text("abc", min_size=1), METRES, METRES), max_size=6)

@@ -24,7 +24,7 @@ from msg_adapters.soil_map import (
 )
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.sensing.moisture import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 STAMP_S = 1780000000.1234567
 VARIOGRAM = Variogram("matern32", 0.01, 12.0, 0.2)

@@ -19,7 +19,7 @@ from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from soilmoist_ros.nodes.loopback import free_domain, loopback_environment
+from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
 
 LIMIT_S = 60.0
 """Longest time to wait for something that should happen at once; machines that run tests are busy."""

@@ -19,16 +19,16 @@ from virtual_navigation import VirtualNavigation, World
 
 from msg_adapters.counts import counts_from_message, counts_to_message
 from msg_adapters.samples import samples_from_message
-from soilmoist_ros.cli import main
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.mission_types import Phase
-from soilmoist_ros.nodes.qos import LATCHED, RECORDS
-from soilmoist_ros.online_survey import open_survey
-from soilmoist_ros.recording.bag_info import bag_info
-from soilmoist_ros.recording.bag_reader import BagReader
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
+from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.journal_lines import decode
-from soilmoist_ros.recording.recovery import recover_bag
 from soilmoist_ros.replay import replay_bag
+from soilmoist_ros.replay.online_survey import open_survey
 
 # What rclpy says when a server of the test goes away in the middle of an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -21,13 +21,13 @@ from std_msgs.msg import String
 
 from msg_adapters.counts import counts_from_message
 from msg_adapters.stamps import to_seconds
-from soilmoist_ros.exploration.topological_map import parse_topological_map
+from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.qos import CLOCK, DEFAULT, LATCHED, RECORDS
-from soilmoist_ros.sensing.logger_reader import RecordParser
-from soilmoist_ros.sensing.nmea import NmeaParser
-from soilmoist_ros.sensing.robot_logger import FORMAT_NAME
-from soilmoist_ros.simulation.surrogate_field import surrogate_field
+from soilmoist_ros.nodes.runtime.qos import CLOCK, DEFAULT, LATCHED, RECORDS
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
+from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
+from soilmoist_ros.sensing.position.nmea import NmeaParser
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 START_S = 1780293600.0  # 2026-06-01T06:00:00Z
 

@@ -15,11 +15,11 @@ import yaml
 from rclpy.context import Context
 from rclpy.node import Node
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.launching import parameters_from
-from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.sensing.site import load_site
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.system.launching import parameters_from
+from soilmoist_ros.sensing.moisture.site import load_site
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 FILES = sorted((ROOT / "launch").glob("*.launch.py"))

@@ -22,9 +22,9 @@ from msg_adapters.point_cloud import FRAME
 from msg_adapters.samples import samples_from_message
 from msg_adapters.soil_map import map_cells, soil_map_from_message, uncertainty_from_message
 from msg_adapters.stamps import to_seconds
-from soilmoist_ros.health import Level
-from soilmoist_ros.nodes import qos
-from soilmoist_ros.online_survey import open_survey
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.replay.online_survey import open_survey
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 BEGIN_S = 1.78e9

@@ -11,13 +11,13 @@ from geometry_msgs.msg import PoseStamped
 from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import STOPS, VirtualNavigation, World
 
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.exploration.goal_client import GoalClient, GoalLimits
-from soilmoist_ros.exploration.navigator import Outcome
-from soilmoist_ros.exploration.pose_client import PoseClient
-from soilmoist_ros.exploration.strategy import Stop
-from soilmoist_ros.nodes.goal_pose_navigator import GoalPoseNavigator
-from soilmoist_ros.nodes.goto_node_navigator import GotoNodeNavigator, action_class
+from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration.navigation.navigator import Outcome
+from soilmoist_ros.exploration.navigation.pose_client import PoseClient
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
+from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_class
 
 # What rclpy says when a server of the test goes away in the middle of an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -18,8 +18,8 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters.mission import mission_from_message
 from msg_adapters.plan import path_to_places
 from msg_adapters.samples import samples_from_message
-from soilmoist_ros.exploration.mission_types import Phase
-from soilmoist_ros.nodes.qos import LATCHED
+from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.nodes.runtime.qos import LATCHED
 
 # What rclpy says when a server of the test goes away in the middle of an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

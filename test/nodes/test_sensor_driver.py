@@ -23,14 +23,14 @@ from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.environment import fix_from_message, fix_to_message, weather_from_message
 from msg_adapters.raw_line import line_from_message
 from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.health import Level
-from soilmoist_ros.nodes import qos
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.sensing.robot_logger import format_header, format_record
-from soilmoist_ros.simulation.virtual_gnss import nmea_sentences, sentences_without_fix
-from soilmoist_ros.simulation.virtual_survey import write_survey
+from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
+from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
 T0 = datetime(2026, 6, 1, 8, tzinfo=UTC).timestamp()
 FRAME = LocalFrame(53.268, -0.5245)

@@ -16,14 +16,14 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters.counts import counts_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.samples import samples_from_message
-from soilmoist_ros.exploration.mission_types import Phase
-from soilmoist_ros.nodes.qos import LATCHED, RECORDS
+from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
+from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.replay import ReplaySettings, replay_bag
-from soilmoist_ros.run_folder import CONFIGURATION, write_parameters
-from soilmoist_ros.simulation.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.mission_run import MissionSettings
-from soilmoist_ros.simulation.mission_simulator import simulate_mission
-from soilmoist_ros.simulation.surrogate_field import surrogate_field
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 # What rclpy says when nodes of the system go away in the middle of an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -26,14 +26,14 @@ from msg_adapters.counts import counts_to_message
 from msg_adapters.model import Model, model_to_message
 from msg_adapters.samples import samples_to_message
 from msg_adapters.stamps import to_time
-from soilmoist_ros.exploration.strategy import Stop
-from soilmoist_ros.exploration.topological_map import make_topological_map
-from soilmoist_ros.exploration.travel_graph import TravelGraph
-from soilmoist_ros.geodesy import LocalFrame
-from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.variogram import Variogram
-from soilmoist_ros.mapping.variogram_fit import VariogramFit
-from soilmoist_ros.nodes.qos import CLOCK, LATCHED, RECORDS, SENSOR
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.sensing.records import CountRecord
 
 FRAME = LocalFrame(53.268, -0.5245)

@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from bags import Sample, fill
 
-from soilmoist_ros.recording.bag_writer import BagWriter
+from soilmoist_ros.recording.bag.writer import BagWriter
 
 
 @pytest.fixture

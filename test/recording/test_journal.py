@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.journal import Journal, load_journal
 from soilmoist_ros.recording.journal_lines import Entry, decode, encode
 

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.record_table import COLUMNS, read_records, write_records
 from soilmoist_ros.sensing.records import NAN, CountRecord
 

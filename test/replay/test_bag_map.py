@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.replay import ReplaySettings, replay_bag
 from soilmoist_ros.replay.mission import last_mission
 from soilmoist_ros.reporting.outputs import write_outputs

@@ -11,10 +11,10 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from soilmoist_ros.cli import main
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters, write_parameters
 from soilmoist_ros.replay import ReplaySettings, replay_bag
-from soilmoist_ros.run_folder import CONFIGURATION, read_parameters, write_parameters
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden" / "drive_and_stop"
 TWICE = ("/counts", "/samples", "/soil_map")

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from soilmoist_ros.geodesy import LocalFrame
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
-from soilmoist_ros.reporting import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, style
-from soilmoist_ros.sensing.moisture import CalibrationCurve
+from soilmoist_ros.reporting import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
+from soilmoist_ros.reporting.page import style
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 CURVE = CalibrationCurve(7.0, 1.4, lattice_water=0.02)

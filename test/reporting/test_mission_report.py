@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 import rasterio
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import make_soil_map
-from soilmoist_ros.reporting import report
 from soilmoist_ros.reporting.mission_report import mission_run, write_mission
-from soilmoist_ros.reporting.mission_section import course_chart, mission_part, trajectory_map
-from soilmoist_ros.reporting.report import render_report
-from soilmoist_ros.reporting.wording import doubts, facts, headline
-from soilmoist_ros.sensing.moisture import CalibrationCurve
-from soilmoist_ros.simulation.mission_run import MissionSettings, SeriesRow
+from soilmoist_ros.reporting.page import report
+from soilmoist_ros.reporting.page.mission_section import course_chart, mission_part, trajectory_map
+from soilmoist_ros.reporting.page.report import render_report
+from soilmoist_ros.reporting.page.wording import doubts, facts, headline
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings, SeriesRow
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"
 NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "series.csv", "visits.csv"]

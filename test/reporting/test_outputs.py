@@ -7,7 +7,7 @@ import sys
 import pytest
 import rasterio
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting import outputs, write_outputs
 
 NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html"]

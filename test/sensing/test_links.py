@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.links import LinkState, open_source
 from soilmoist_ros.sensing.links.line_buffer import LineBuffer
 from soilmoist_ros.sensing.links.line_reader import LineReader

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.errors import InputError
-from soilmoist_ros.sensing.logger_format import LoggerFormat, load_logger_format
-from soilmoist_ros.sensing.logger_reader import Kind, RecordParser, detect_format, read_log
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
+from soilmoist_ros.sensing.formats.logger_reader import Kind, RecordParser, detect_format, read_log
+from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.records import LoggerRecord
-from soilmoist_ros.sensing.robot_logger import format_header, format_record
 
 
 def write(tmp_path: Path, data: bytes) -> Path:

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 
-from soilmoist_ros.errors import InputError
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.links.line_source import LineSource
 from soilmoist_ros.sensing.links.reconnecting import ReconnectingSource, Retry
 from soilmoist_ros.sensing.links.recording import PlaybackClock, RecordingSource, StampOf

@@ -52,7 +52,7 @@ class Retry:
 
 
 class ReconnectingSource:
-    """A :class:`~soilmoist_ros.sensing.links.line_source.LineSource` over connections that may break.
+    """A :class:`LineSource` over connections that may break.
 
     :param uri: name of the link, for messages
     :param connect: makes a connection, or raises ``OSError``

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
-from soilmoist_ros.sensing.log_file import read_lines
 
 StampOf = Callable[[bytes], float | None]
 """When a line was sent [s since 1970 UTC], ``None`` if it does not tell."""
@@ -72,7 +72,7 @@ class PlaybackClock:
 
 
 class RecordingSource:
-    """A :class:`~soilmoist_ros.sensing.links.line_source.LineSource` that plays a file.
+    """A :class:`LineSource` that plays a file.
 
     :param path: the file
     :param speed: how many times faster than it was recorded; 0 for as fast as possible

@@ -1,0 +1,146 @@
+"""Subcommands of ``soilmoist`` that simulate missions without ROS: ``simulate`` and ``campaign``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, told_plainly
+
+
+@click.command("simulate")
+@click.option(
+    "--field", default="synthetic-high", show_default=True, help="Built-in field, or a field file with a truth."
+)
+@click.option("--strategy", default="greedy", show_default=True,
+              help="greedy, monte_carlo, adaptive_sampling, random, lattice, ivr or gcb.")  # fmt: skip
+@click.option("--dwell", default="ami:0.03", show_default=True,
+              help="fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) is that) or optimal.")  # fmt: skip
+@click.option(
+    "--hours", type=click.FloatRange(min=0, min_open=True), help="Mission time [h]. Default: the field's."
+)
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all randomness.")
+@click.option(
+    "--variogram", type=click.Choice(MODELS), default="gaussian", show_default=True, help="Variogram model."
+)
+@click.option("--fit", type=click.Choice(["soft_l1", "reml"]), default="soft_l1", show_default=True,
+              help="Variogram fit: the published one, or restricted maximum likelihood.")  # fmt: skip
+@click.option("--preset", type=click.Choice(["paper", "authors"]), default="paper", show_default=True,
+              help="Constants of the strategies: the paper's text, or the authors' experiments.")  # fmt: skip
+@click.option("--map-from", type=click.Choice(["stops", "records"]), default="stops", show_default=True,
+              help="Map what is counted at the stops, as published, or on the way too.")  # fmt: skip
+@click.option("--target", type=click.Choice(["rate", "vwc"]), default="rate", show_default=True,
+              help="What is to be known well: the rate, or the moisture (ivr, gcb, optimal).")  # fmt: skip
+@click.option(
+    "--graph", type=FILE, help='Topological map to travel on; "lattice" lays one. Default: straight lines.'
+)
+@click.option(
+    "--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m]. Default: the field's."
+)
+@click.option("--footprint", "footprint_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
+              help="Radius of the sensor's Gaussian footprint [m]; 0: a point.")  # fmt: skip
+@click.option("--speed", "speed_mps", type=click.FloatRange(min=0, min_open=True), default=0.6, show_default=True,
+              help="Speed of the robot [m/s].")  # fmt: skip
+@click.option("--robots", type=click.IntRange(min=1), default=1, show_default=True,
+              help="Robots that share one map. All begin at the same corner of the field; none goes where "
+              "another is going or counting, and they do not get in each other's way.")  # fmt: skip
+@click.option("--random-field", is_flag=True,
+              help="Draw what is random in the field (patches, random fields) from the seed as well.")  # fmt: skip
+@click.option("--also", default="", help="Field of a second property that the robot counts and maps beside: "
+              "built-in, or a field file with a truth, on the same ground. Default: none.")  # fmt: skip
+@click.option("--also-weight", type=click.FloatRange(min=0), default=1.0, show_default=True,
+              help="What a share of its variation is worth to the planner, one of the first property's being 1; "
+              "0: it is mapped, not planned for.")  # fmt: skip
+@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@told_plainly
+def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
+    """Explore a surrogate field with a simulated robot, without ROS.
+
+    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out; of a
+    second property NAME also map_NAME.tif and samples_NAME.geojson.
+    """
+    from soilmoist_ros.exploration.travel.travel import polyline_length_m
+    from soilmoist_ros.reporting.mission_report import write_mission
+    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+    from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+    from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+    from soilmoist_ros.simulation.mission.simulator import simulate_mission
+
+    settings = MissionSettings(
+        field=field,
+        hours=hours or surrogate_field(field).hours,
+        travel="free" if graph is None else "graph",
+        graph=None if graph is None or str(graph) == "lattice" else str(graph),
+        **choices,
+    )
+    with progress_bar() as progress:
+        result = simulate_mission(settings, lambda share: progress("exploring", share))
+        progress("writing the results", 1.0)
+        written = write_mission(out, result)
+    last = result.series[-1]
+    click.echo(
+        f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}"
+    )
+    if settings.robots > 1:
+        click.echo(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
+    if result.soil_map is None:
+        click.echo("map        no map: the mission ended before the first")
+    else:
+        click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
+        rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
+        click.echo(f"moisture   {rmse if result.soil_map.curve else 'not mapped: the field has no calibration'}")
+        if result.also is not None and result.also.soil_map is not None:
+            click.echo(f"also       {rate_error(last.also_mse, last.also_coverage95)}")
+        if (plan := mission_efficiency(result)) is not None:
+            click.echo(f"efficiency {100 * plan.reached:.0f} % of what any plan could have done in the time")
+    for path in written:
+        click.echo(f"wrote {path}")
+
+
+@click.command("campaign")
+@click.argument("campaign")
+@click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
+@click.option("--scheduler", help="Address of a Dask scheduler to run on instead, such as tcp://host:8786.")
+@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@told_plainly
+def campaign_command(campaign: str, workers: int | None, scheduler: str | None, out: Path) -> None:
+    """Run the many missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
+
+    Finished missions are kept in the folder --out: run the same command again to go on after an interruption.
+    Writes results.parquet, results.csv and report.html.
+    """
+    from soilmoist_ros.reporting.campaign.report import write_campaign_report
+    from soilmoist_ros.simulation.campaign.campaign import CampaignInterrupted, load_campaign, run_campaign
+    from soilmoist_ros.simulation.mission.simulator import simulate_mission
+
+    plan = load_campaign(campaign)
+    try:
+        with progress_bar() as progress:
+            outcome = run_campaign(
+                plan,
+                out,
+                simulate_mission,
+                workers,
+                scheduler,
+                lambda done, total, left_s: progress(f"simulating {total} missions", done / max(total, 1)),
+            )
+    except CampaignInterrupted as stopped:
+        click.echo(str(stopped), err=True)
+        sys.exit(130)
+    for remark in outcome.remarks:
+        click.echo(f"note: {remark}")
+    click.echo(
+        f"missions   {outcome.computed} simulated, {outcome.reused} taken over, {len(outcome.failures)} failed"
+    )
+    for failure in outcome.failures:
+        click.echo(f"failed: {failure}", err=True)
+    with progress_bar() as progress:
+        progress("writing the report", 1.0)
+        report = write_campaign_report(plan, out, outcome.failures)
+    for path in (*outcome.written, *filter(None, [report])):
+        click.echo(f"wrote {path}")
+    if not outcome.complete:
+        sys.exit(1)

@@ -1,0 +1,1 @@
+"""One mission on one robot: requests for a plan, other robots, navigation results, commands."""

@@ -1,0 +1,265 @@
+"""From the map and the robot's place to the next stop: prepares the situation and asks the strategy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.control.team import Errand, foreseen, taken
+from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
+from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
+from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
+from soilmoist_ros.exploration.planning.properties import Property, variation
+from soilmoist_ros.exploration.planning.prospect import MOST_CELLS, MOST_STOPS, Counting, Prospect
+from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
+from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
+from soilmoist_ros.exploration.travel.travel import TravelModel
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+Array = NDArray[np.float64]
+_ON_THE_WAY_TOO = Counting()
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The answer to a plan request.
+
+    :param choice: the next stop, ``None`` if nothing is worth going to or can be reached
+    :param travel_s: travel time to it [s], ``None`` without a choice
+    """
+
+    choice: Choice | None
+    travel_s: float | None
+
+
+class Explorer:
+    """Chooses stops for one mission.
+
+    :param live_map: the map under way
+    :param stops: stops that may be chosen
+    :param travel: ways and times
+    :param strategy: the strategy of this mission
+    :param warm_up: the strategy until the map may guide
+    :param dwell: dwell rule, to expect how long a measurement takes
+    :param min_dwell_s: a stop must leave at least this for counting [s]
+    :param nominal_rate_cps: rate to expect before there is a map [counts/s]
+    :param home: where the robot must be at the end, if anywhere
+    :param kept_for_home_s: time that the mission keeps for the way home from a place [s]; stops that it would find
+        too late for are not offered
+    :param rng: source of all randomness
+    :param counting: when the robot counts
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
+    :param properties: what is mapped beside, and is to be known as well
+    """
+
+    def __init__(
+        self,
+        live_map: LiveMap,
+        stops: tuple[Stop, ...],
+        travel: TravelModel,
+        strategy: Strategy,
+        warm_up: Strategy,
+        dwell: DwellRule,
+        rng: np.random.Generator,
+        min_dwell_s: float = 60.0,
+        nominal_rate_cps: float = 4.0,
+        home: Stop | None = None,
+        counting: Counting = _ON_THE_WAY_TOO,
+        curve: CalibrationCurve | None = None,
+        kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
+        properties: Sequence[Property] = (),
+    ) -> None:
+        self.live_map = live_map
+        self.stops = stops
+        self.travel = travel
+        self.strategy = strategy
+        self.warm_up = warm_up
+        self.dwell = dwell
+        self.rng = rng
+        self.min_dwell_s = min_dwell_s
+        self.nominal_rate_cps = nominal_rate_cps
+        self.home = home
+        self.counting = counting
+        self.curve = curve
+        self.properties = tuple(properties)
+        self.factor = 1.0
+        self._xy = stops_xy(stops)
+        grid = live_map.grid
+        self._map_xy = grid.cells
+        self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
+        self._cells = spread_cells(grid.mask, MOST_CELLS)[grid.mask]
+        self._cells_xy = self._map_xy[self._cells]
+        self._weighed = self._few_stops()
+        self._home_s = self._way_home_s(kept_for_home_s)
+
+    def plan(self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[Errand] = ()) -> Plan:
+        """Choose the next stop.
+
+        :param request: what the mission asks for
+        :param position_xy: where the robot is [m]
+        :param others: what other robots on the field are about
+        """
+        situation = self.situation(request, position_xy, others)
+        strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
+        choice = strategy.choose(situation, self.rng)
+        if choice is None:
+            return Plan(None, None)
+        if isinstance(self.dwell, Optimal) and not choice.dwell:
+            choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
+        return Plan(choice, float(self.travel.travel_s(position_xy, [choice.stop])[0]))
+
+    def situation(
+        self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[Errand] = ()
+    ) -> Situation:
+        """What the strategy is shown.
+
+        Stops that are ruled out or taken by other robots are left out, those too far cannot be reached, and what
+        the others are about to count seems counted.
+        """
+        live_map = foreseen(self.live_map, others)
+        free = ~taken(self._xy, others, live_map.grid.cell_m)
+        if request.blacklisted:
+            ruled_out = set(request.blacklisted)
+            free &= np.array([stop.name not in ruled_out for stop in self.stops], bool)
+        kept = np.flatnonzero(free)
+        candidates, candidates_xy, home_s = self.stops, self._xy, self._home_s
+        if len(kept) < len(candidates):
+            candidates = tuple(self.stops[index] for index in kept)
+            candidates_xy, home_s = self._xy[kept], self._home_s[kept]
+        travel_s = self.travel.travel_s(position_xy, candidates)
+        fits = travel_s + self.min_dwell_s + home_s <= request.budget_left_s
+        known_rate = live_map.fit is not None
+        weighed = np.flatnonzero(free & self._weighed)
+        place = (float(position_xy[0]), float(position_xy[1]))
+        beside = self._beside(live_map, others)
+        return Situation(
+            candidates=candidates,
+            candidates_xy=candidates_xy,
+            variance=sum(
+                (p.weight * self._variance(p.live_map, kept) for p in beside), self._variance(live_map, kept)
+            ),
+            map_variance=sum((p.weight * p.live_map.variance for p in beside), live_map.variance)
+            if known_rate
+            else np.ones(len(live_map.variance)),
+            map_xy=self._map_xy,
+            cell_m=live_map.grid.cell_m,
+            position_xy=np.asarray(position_xy, float),
+            measured_xy=live_map.samples.xy,
+            travel_s=np.where(fits, travel_s, np.inf),
+            travel_between_s=lambda indices: self.travel.between_s(candidates, indices),
+            time_left_s=request.time_left_s,
+            expected_dwell_s=self.dwell.expected_s(
+                float(live_map.rate.mean()) if known_rate else self.nominal_rate_cps
+            ),
+            prospect=cache(
+                lambda: self._prospect(
+                    live_map, beside, weighed, travel_s[np.searchsorted(kept, weighed)], place, request
+                )
+            ),
+        )
+
+    def _beside(self, live_map: LiveMap, others: Sequence[Errand]) -> list[Property]:
+        """The further properties that matter, as far as there are maps, weighed in units of the first's variance.
+
+        What other robots are about to count seems counted.
+        """
+        if live_map.fit is None:
+            return []
+        cells = self._cells_xy
+        found = []
+        for each in self.properties:
+            varies = 0.0 if each.live_map.fit is None else variation(each.live_map.fit.variogram, cells)
+            if each.weight > 0 and varies > 0:
+                unit = variation(live_map.fit.variogram, cells) / varies
+                found.append(Property(foreseen(each.live_map, others), each.weight * unit))
+        return found
+
+    def _prospect(
+        self,
+        live_map: LiveMap,
+        beside: Sequence[Property],
+        numbers: NDArray[np.intp],
+        travel_s: Array,
+        position_xy: tuple[float, float],
+        request: RequestPlan,
+    ) -> Prospect | None:
+        """The stops of these numbers, and travel times, as a planner weighs them; ``None`` without a map."""
+        kriging, cells = live_map.kriging, self._cells_xy
+        if kriging is None:
+            return None
+        stops = tuple(self.stops[number] for number in numbers.tolist())
+        weights, places = self._weights(kriging, cells), self._xy[numbers]
+        even = np.full(len(cells), weights.mean())
+        models = [
+            PlanningModel(each.live_map.kriging, cells, each.weight * even, places)
+            for each in beside
+            if each.live_map.kriging is not None
+        ]
+        model = PlanningModel(kriging, cells, weights, places, self.factor, models)
+        budget_s = request.budget_left_s - self._home_s[numbers]
+        travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
+        return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)
+
+    def _dwell_at(self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[Errand]) -> str:
+        """Dwell rule of a stop, empty without a map."""
+        assert situation.prospect is not None
+        prospect = situation.prospect()
+        if prospect is not None and stop not in prospect.stops:
+            chosen = next(number for number, other in enumerate(self.stops) if other.name == stop.name)
+            numbers = np.union1d(np.flatnonzero(self._weighed), [chosen])
+            live_map = foreseen(self.live_map, others)
+            beside = self._beside(live_map, others)
+            place = (*situation.position_xy.tolist(),)
+            travel_s = self.travel.travel_s(place, [self.stops[number] for number in numbers.tolist()])
+            prospect = self._prospect(live_map, beside, numbers, travel_s, place, request)
+        rule = None if prospect is None else prospect.dwell(stop)
+        return "" if rule is None else str(rule)
+
+    def _weights(self, kriging: PoissonKriging, cells: Array) -> Array:
+        """Weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
+        weights = np.full(len(cells), 1 / len(cells))
+        if self.curve is not None:
+            weights = weights * self.curve.weight(kriging.predict(cells)[0])
+        return weights
+
+    def _few_stops(self) -> NDArray[np.bool_]:
+        """Stops that are weighed: all, or so many that lie evenly."""
+        if self._stops_are_cells:
+            return self._cells
+        if len(self.stops) <= MOST_STOPS:
+            return np.ones(len(self.stops), bool)
+        chosen = np.zeros(len(self.stops), bool)
+        chosen[:: -(-len(self.stops) // MOST_STOPS)] = True
+        return chosen
+
+    def _variance(self, live_map: LiveMap, kept: NDArray[np.intp]) -> Array:
+        if live_map.kriging is None:
+            return np.ones(len(kept))
+        if self._stops_are_cells:
+            return live_map.variance[kept]
+        return live_map.kriging.predict(self._xy[kept])[1]
+
+    def _way_home_s(self, kept_s: Callable[[tuple[float, float]], float] | None) -> Array:
+        if self.home is None:
+            return np.zeros(len(self.stops))
+        # Ways are taken to be as long back as forth.
+        times = self.travel.travel_s((self.home.x_m, self.home.y_m), self.stops)
+        if kept_s is not None:
+            times = np.maximum(times, [kept_s((stop.x_m, stop.y_m)) for stop in self.stops])
+        return times
+
+
+def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:
+    """A stop at the centre of each cell inside the field, for free travel; named by row and column."""
+    rows, columns = np.nonzero(grid.mask)
+    return tuple(
+        Stop(f"r{row}c{column}", x, y)
+        for row, column, (x, y) in zip(rows.tolist(), columns.tolist(), grid.cells.tolist(), strict=True)
+    )

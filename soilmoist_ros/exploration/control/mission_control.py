@@ -1,0 +1,409 @@
+"""Runs a mission on a real robot: what comes in goes to the mission, what it asks for is carried out.
+
+No ROS in here: the node passes messages in and out, and tests do the same without any.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from queue import SimpleQueue
+from threading import Lock
+from typing import Protocol
+
+import numpy as np
+
+from soilmoist_ros.exploration.control.explorer import Explorer
+from soilmoist_ros.exploration.control.mission_feed import MissionFeed
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.control.planning_queue import PlanDesk, PlanJob, answer
+from soilmoist_ros.exploration.control.team import errand, taken
+from soilmoist_ros.exploration.mission.journal import MissionJournal
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import (
+    Action,
+    Answer,
+    CancelGoal,
+    Command,
+    Finish,
+    GoTo,
+    MissionRules,
+    MissionStatus,
+    Phase,
+    PlanFailed,
+    PlanKind,
+    Planned,
+    Publish,
+    RequestPlan,
+    SampleDone,
+    Save,
+    Tick,
+    Verb,
+)
+from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.sensing.records import CountRecord
+
+POSITION_OLD_S = 10.0
+"""A position older than this is a fault [s]."""
+RECORD_OLD_S = 60.0
+"""A record older than this is one, too [s]."""
+
+_log = logging.getLogger(__name__)
+
+
+class Outlets(Protocol):
+    """Where a mission's actions go. No method waits."""
+
+    def now_s(self) -> float:
+        """Time on the clock that stamps the records [s]; 0 while it does not run yet."""
+        ...
+
+    def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
+        """Show the mission and the stops ahead, the next one first."""
+        ...
+
+    def save(self, reason: str) -> None:
+        """Let the mapper save the map."""
+        ...
+
+    def finish(self, finish: Finish) -> None:
+        """The mission has ended."""
+        ...
+
+    def wake(self) -> None:
+        """Call :meth:`MissionControl.hand_on` soon, from another thread than this one."""
+        ...
+
+
+class MissionControl:
+    """A mission and all around it.
+
+    :param field: the field
+    :param settings: how stops are chosen
+    :param rules: what governs the mission, without its home
+    :param home: name of the stop to return to; empty to stay at the last stop
+    :param map_wait_s: longest wait for the map before a stop is chosen [s]
+    :param make_navigator: makes the navigator, which is given the function that takes its reports
+    :param outlets: where actions go
+    :param journal: where the mission is written down
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        settings: ExplorerSettings,
+        rules: MissionRules,
+        home: str,
+        map_wait_s: float,
+        make_navigator: Callable[[Callable[[Ended], None]], Navigator],
+        outlets: Outlets,
+        journal: MissionJournal | None = None,
+    ) -> None:
+        self._field = field
+        self._settings = settings
+        self._home = home
+        self._outlets = outlets
+        self._ways: Ways | None = None
+        self._no_ways = "the map of the navigation"
+        self._journal = journal or MissionJournal(None)
+        self._interrupted = ""
+        self._resume_when_ready = False
+        self._closed = False
+        self._start(Mission(rules))
+        self._desk = PlanDesk(map_wait_s)
+        self._desk_lock = Lock()
+        self._pool = ThreadPoolExecutor(1, "planning")
+        self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
+        self._explorer: tuple[float | None, Ways, Explorer] | None = None  # of the pool's thread
+        self._choice: Choice | None = None
+        self._others: dict[str, MissionStatus | None] = {}
+        self.navigator = make_navigator(self.ended)
+
+    def _start(self, mission: Mission) -> None:
+        self._journal.keep(mission)
+        self._mission = mission
+        self._feed = MissionFeed(mission, self._carry_out, lambda event: self._journal.note(mission, event))
+
+    def take_up(self, mission: Mission, auto: bool) -> None:
+        """Go on with a mission that was interrupted; the robot does not move before somebody resumes it.
+
+        :param mission: the mission as it was
+        :param auto: resume by itself, once all that is needed is there
+        """
+        doing, stop = mission.state.phase, mission.state.target
+        self._interrupted = f"resumable: interrupted while {doing}{f' ({stop.stop.name})' if stop else ''}"
+        self._resume_when_ready = auto
+        self._start(mission)
+        now_s = max(self._outlets.now_s(), mission.state.now_s or 0.0)
+        self._feed.command(now_s, Verb.PAUSE)
+        if mission.state.goal is not None:
+            self.navigator.cancel(mission.state.goal.goal_id)  # the robot may still be driving there
+
+    # What comes in -------------------------------------------------------------------------------------------
+
+    def use_ways(self, graph: TravelGraph | None) -> None:
+        """Where the robot may go: along a graph, or straight where nothing is in the way.
+
+        :raises InputError: if it does not fit the field, or does not know the home
+        """
+        try:
+            ways = Ways(self._field, self._settings.motion, graph, self._mission.rules.arrival_radius_m)
+            home = ways.stop(self._home) if self._home else None
+        except Exception as error:
+            self._no_ways = f"a map that can be used ({error})"
+            raise
+        self._mission.rules = replace(self._mission.rules, home=home)
+        self._ways = ways
+
+    @property
+    def under_way(self) -> bool:
+        """Whether a mission has started and not ended."""
+        return self._mission.state.under_way
+
+    @property
+    def takes_ways(self) -> bool:
+        """Whether :meth:`use_ways` may be called: not in mid-mission, unless there are none yet."""
+        return self._ways is None or not self.under_way
+
+    def missing(self) -> tuple[str, ...]:
+        """What is missing before a mission can start."""
+        missing = {
+            "the time (is /clock published?)": self._outlets.now_s() <= 0,
+            self._no_ways: self._ways is None,
+            "a position": self._feed.place is None,
+            self.navigator.waiting_for: bool(self.navigator.waiting_for),
+        }
+        return tuple(what for what, lacks in missing.items() if lacks)
+
+    def command(self, verb: Verb) -> Answer:
+        """The operator asks for something."""
+        sets_off = verb is Verb.RESUME or (verb is Verb.START and not self.under_way)
+        if sets_off and (missing := self.missing()):
+            return Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
+        answer = self._feed.command(self._outlets.now_s(), verb)
+        if answer.accepted and verb is not Verb.PAUSE:
+            self._interrupted, self._resume_when_ready = "", False
+            self.show()
+        return answer
+
+    def fix(self, place: tuple[float, float]) -> None:
+        """The robot is here [m]."""
+        now_s = self._outlets.now_s()
+        self._feed.fix(now_s, place)
+        if self._feed.place is not None:
+            self.navigator.moved(self._feed.place, now_s)
+
+    def records(self, records: Sequence[CountRecord]) -> None:
+        """Records have come."""
+        now_s = self._outlets.now_s()
+        before_s = self._feed.place_s
+        self._feed.records(now_s, records)
+        if self._feed.place is not None and self._feed.place_s != before_s:
+            self.navigator.moved(self._feed.place, now_s)
+
+    def samples(self, samples: Samples, stamp_s: float) -> None:
+        """The merged samples have come."""
+        with self._desk_lock:
+            self._desk.take_samples(samples, stamp_s)
+        self._plan_if_due()
+
+    def fit(self, fit: VariogramFit | None, stamp_s: float) -> None:
+        """Their variogram has come."""
+        with self._desk_lock:
+            self._desk.take_fit(fit, stamp_s)
+        self._plan_if_due()
+
+    def expect_property(self, name: str, weight: float) -> None:
+        """A further property is mapped beside, and to be known as well.
+
+        :param name: which
+        :param weight: what a share of its variation is worth, that of the first being 1
+        """
+        with self._desk_lock:
+            self._desk.expect_property(name, weight)
+
+    def records_of(self, name: str, records: Sequence[CountRecord]) -> None:
+        """Records of a further property have come: they are written down, so that its map can go on, too."""
+        for record in records:
+            if math.isfinite(record.x_m) and math.isfinite(record.y_m):
+                self._journal.note_beside(name, self._outlets.now_s(), record)
+
+    def samples_of(self, name: str, samples: Samples, stamp_s: float) -> None:
+        """The merged samples of a further property have come."""
+        with self._desk_lock:
+            self._desk.take_samples_of(name, samples, stamp_s)
+        self._plan_if_due()
+
+    def fit_of(self, name: str, fit: VariogramFit | None, stamp_s: float) -> None:
+        """Their variogram has come."""
+        with self._desk_lock:
+            self._desk.take_fit_of(name, fit, stamp_s)
+        self._plan_if_due()
+
+    def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
+        """Another robot has told how its mission stands.
+
+        :param name: which robot
+        :param status: of its mission, ``None`` while nothing has been heard of it
+        :param goes_first: whether it keeps the stop when both have chosen the same at the same time
+        """
+        self._others[name] = status
+        pending = errand(status) if status is not None else None
+        with self._desk_lock:
+            self._desk.take_other(name, pending)
+        state, ways = self._mission.state, self._ways
+        if not goes_first or pending is None or ways is None or state.target is None:
+            return
+        place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
+        if state.phase is Phase.TRAVELLING and taken(place, [pending], ways.grid.cell_m)[0]:
+            self._feed.give(Command(self._outlets.now_s(), Verb.SKIP, f"because {name} goes there"))
+
+    def ended(self, ended: Ended) -> None:
+        """The navigator reports the end of a goal."""
+        if not self._closed:
+            self._feed.ended(self._outlets.now_s(), ended)
+
+    def tick(self) -> None:
+        """Time has passed; to be called several times a second."""
+        self.navigator.tick()
+        if self._outlets.now_s() > 0:
+            self._feed.give(Tick(self._outlets.now_s()))
+        if self._resume_when_ready and self._mission.state.phase is Phase.PAUSED and not self.missing():
+            self.command(Verb.RESUME)
+        self._plan_if_due()
+
+    def hand_on(self) -> None:
+        """Hand the plans that are ready to the mission."""
+        while not self._answers.empty():
+            event = replace(self._answers.get(), now_s=self._outlets.now_s())
+            if isinstance(event, Planned):
+                self._choice = event.choice
+            self._feed.give(event)
+
+    def close(self) -> None:
+        """Stop the robot: nobody would know what to do when it arrives."""
+        self._closed = True
+        if self._mission.state.goal is not None:
+            self.navigator.cancel(self._mission.state.goal.goal_id)
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    # What is shown -------------------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Show the mission as it is."""
+        status = self._mission.status
+        missing = self.missing() if status.phase is Phase.IDLE else ()
+        if missing:
+            status = replace(status, reason=f"waiting for {', '.join(missing)}")
+        if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
+            status = replace(status, reason=f"{self._interrupted}; resume or abort")
+        target, choice = status.target, self._choice
+        ahead: tuple[Stop, ...] = () if target is None else (target,)
+        if choice is not None and choice.stop == target:
+            ahead = (choice.stop, *choice.ahead)
+        more = {"on_the_way": self.navigator.on_the_way, "records_without_place": str(self._records_lost)}
+        self._outlets.show(status, ahead, more)
+
+    def health(self) -> list[Health]:
+        """How well what the mission depends on works."""
+        now_s = self._outlets.now_s()
+        navigation = self.navigator.waiting_for
+        there = Health("navigation", Level.OK, self.navigator.on_the_way or "there")
+        if navigation:
+            there = Health("navigation", self._severity, f"waiting for {navigation}")
+        problem = self._journal.problem
+        with self._desk_lock:
+            beside, weighed = self._desk.faults_beside, ", ".join(self._desk.weighed)
+        known = [Health("properties", Level.OK, f"the last stop was chosen with the map of {weighed}")]
+        unheard = [name for name, status in self._others.items() if status is None]
+        return [
+            *([Health("journal", Level.ERROR, problem)] if problem else []),
+            *([Health("others", Level.WARN, f"nothing has come of {', '.join(unheard)}")] if unheard else []),
+            *([Health("properties", Level.WARN, "; ".join(beside))] if beside else known if weighed else []),
+            there,
+            self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),
+            self._age("records", now_s - self._feed.record_s, RECORD_OLD_S),
+        ]
+
+    @property
+    def _records_lost(self) -> int:
+        return self._feed.records_without_place
+
+    @property
+    def _severity(self) -> Level:
+        return Level.ERROR if self.under_way else Level.WARN
+
+    def _age(self, name: str, age_s: float, limit_s: float) -> Health:
+        values = {"without_place": str(self._records_lost)} if name == "records" else {}
+        if math.isinf(age_s):
+            return Health(name, self._severity, "none has come", values)
+        level = self._severity if age_s > limit_s else Level.OK
+        return Health(name, level, f"{age_s:.0f} s old", {"age_s": f"{age_s:.1f}", **values})
+
+    # What the mission asks for -------------------------------------------------------------------------------
+
+    def _carry_out(self, action: Action) -> None:
+        match action:
+            case RequestPlan():
+                with self._desk_lock:
+                    self._desk.ask(action, self._outlets.now_s())
+                self._plan_if_due()
+            case GoTo():
+                self.navigator.go(action.goal_id, action.stop)
+            case CancelGoal():
+                self.navigator.cancel(action.goal_id)
+            case SampleDone():
+                measured_s = self._mission.state.last_stamp_s
+                if measured_s is not None:
+                    with self._desk_lock:
+                        self._desk.measured(measured_s)
+            case Publish():
+                self._journal.keep(self._mission)
+                self.show()
+            case Save(reason=reason):
+                self._outlets.save(reason)
+            case Finish():
+                self._outlets.finish(action)
+            case _:
+                pass  # counting is shown by the status
+
+    # Planning ------------------------------------------------------------------------------------------------
+
+    def _plan_if_due(self) -> None:
+        with self._desk_lock:
+            job = self._desk.due(self._outlets.now_s(), self._feed.place)
+            if job is not None:
+                for fault in self._desk.faults_beside if job.request.kind is PlanKind.EXPLORE else ():
+                    _log.warning(fault)
+                self._pool.submit(self._plan, job, self._mission.state.started_s)
+
+    def _plan(self, job: PlanJob, started_s: float | None) -> None:
+        """In the pool's thread: choose a stop.
+
+        Strategies remember what they planned, so each mission has its own.
+        """
+        try:
+            ways = self._ways
+            assert ways is not None, "a mission does not start without ways"
+            held = self._explorer
+            if held is None or held[0] != started_s or held[1] is not ways:
+                explorer = make_explorer(ways, self._settings, self._mission.rules)
+                held = self._explorer = (started_s, ways, explorer)
+            if job.late:
+                _log.warning("choosing the next stop without what was measured last: the mapper is late")
+            event = answer(held[2], job, self._settings.needs_map)
+        except Exception as error:
+            _log.exception("planning failed")
+            event = PlanFailed(0.0, job.request.plan_id, f"{type(error).__name__}: {error}")
+        self._answers.put(event)
+        self._outlets.wake()

@@ -1,0 +1,118 @@
+"""Feeds a mission with what happens, from any thread, one event at a time."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from threading import RLock
+
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import (
+    Action,
+    Answer,
+    Command,
+    Event,
+    GoalFailed,
+    GoalReached,
+    Moved,
+    RecordArrived,
+    Verb,
+)
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.sensing.records import CountRecord
+
+FIX_SILENCE_S = 5.0
+"""Without a fix for this time the positions of records serve, which are older [s]."""
+
+_log = logging.getLogger(__name__)
+
+
+class MissionFeed:
+    """The way into a mission.
+
+    Events that actions set off in turn (a goal that fails at once) wait until all actions of the event before
+    have been carried out.
+
+    :param mission: the mission
+    :param carry_out: carries out an action; :class:`Answer` is left out, :meth:`command` gives it
+    :param note: is told each event before it is acted on, for a journal
+    """
+
+    def __init__(
+        self, mission: Mission, carry_out: Callable[[Action], None], note: Callable[[Event], None] | None = None
+    ) -> None:
+        self.mission = mission
+        self.place: tuple[float, float] | None = None
+        self.place_s = -math.inf
+        self.records_without_place = 0
+        self.record_s = -math.inf
+        self._fix_s = -math.inf
+        self._carry_out = carry_out
+        self._note = note
+        self._events: deque[Event] = deque()
+        self._answers: list[Answer] = []
+        self._lock = RLock()
+        self._busy = False
+
+    def give(self, event: Event) -> None:
+        """Let the mission take in an event."""
+        with self._lock:
+            self._events.append(event)
+            if self._busy:
+                return
+            self._busy = True
+            try:
+                while self._events:
+                    self._take(self._events.popleft())
+            finally:
+                self._busy = False
+
+    def command(self, now_s: float, verb: Verb) -> Answer:
+        """Ask the mission for something."""
+        with self._lock:
+            self._answers.clear()
+            self.give(Command(now_s, verb))
+            return self._answers[0]
+
+    def fix(self, now_s: float, place: tuple[float, float]) -> None:
+        """The robot is here [m]."""
+        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
+            return
+        self._fix_s = now_s
+        self._moved(now_s, place)
+
+    def records(self, now_s: float, records: Sequence[CountRecord]) -> None:
+        """Records have come; one without a position is only counted."""
+        for record in records:
+            self.record_s = now_s
+            if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
+                self.records_without_place += 1
+                continue
+            if now_s - self._fix_s > FIX_SILENCE_S:
+                self._moved(now_s, (record.x_m, record.y_m))
+            self.give(RecordArrived(now_s, record))
+
+    def ended(self, now_s: float, ended: Ended) -> None:
+        """A goal has ended."""
+        if ended.outcome is Outcome.SUCCEEDED and self.place is not None:
+            self.give(GoalReached(now_s, ended.goal_id, *self.place))
+        else:
+            self.give(GoalFailed(now_s, ended.goal_id, ended.reason))
+
+    def _moved(self, now_s: float, place: tuple[float, float]) -> None:
+        self.place, self.place_s = place, now_s
+        self.give(Moved(now_s, *place))
+
+    def _take(self, event: Event) -> None:
+        if self._note is not None:
+            self._note(event)
+        for action in self.mission.step(event):
+            if isinstance(action, Answer):
+                self._answers.append(action)
+                continue
+            try:
+                self._carry_out(action)
+            except Exception:  # the others are carried out all the same; the mission's time limits do the rest
+                _log.exception("an action of the mission failed: %s", action)

@@ -1,0 +1,134 @@
+"""From a field, a travel graph and settings to all that a mission on a real field needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.mission.types import MissionRules
+from soilmoist_ros.exploration.planning.dwell import DwellRule
+from soilmoist_ros.exploration.strategies.registry import NEEDS_NO_MAP, make_strategy, warm_up
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
+from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplorerSettings:
+    """How stops are chosen.
+
+    :param strategy: one of :data:`STRATEGIES`
+    :param preset: one of :data:`PRESETS`
+    :param seed: seed of the strategy's randomness
+    :param dwell: dwell rule
+    :param motion: how the robot moves
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
+    """
+
+    strategy: str
+    preset: str
+    seed: int
+    dwell: DwellRule
+    motion: RobotMotion
+    curve: CalibrationCurve | None = None
+
+    @property
+    def needs_map(self) -> bool:
+        """Whether the strategy cannot do without a map."""
+        return self.strategy not in NEEDS_NO_MAP
+
+    @property
+    def warm_up_stops(self) -> int:
+        """Samples to take before the map guides."""
+        return warm_up(self.strategy, self.preset)[0]
+
+
+class Ways:
+    """Where the robot may go in a field, and how.
+
+    :param field: the field
+    :param motion: how the robot moves
+    :param graph: travel graph; straight lines around no-go areas without
+    :param margin_m: nodes this far outside the field may still be measured at [m]
+    :raises InputError: if the field cannot be gridded, or no node of the graph lies in it
+    """
+
+    def __init__(
+        self, field: Field, motion: RobotMotion, graph: TravelGraph | None, margin_m: float = 0.0
+    ) -> None:
+        self.grid = _grid(field)
+        self._named: tuple[Stop, ...]
+        self.travel: TravelModel
+        if graph is None:
+            self.travel = FreeTravel(motion, (field.polygon,), field.no_go)
+            self.stops = self._named = cell_stops(self.grid)
+        else:
+            self.travel = GraphTravel(graph, motion)
+            self._named = graph.stops
+            self.stops = _inside(field, graph, margin_m)
+
+    def stop(self, name: str) -> Stop:
+        """The stop of this name, also one outside the field.
+
+        :raises InputError: if there is none
+        """
+        for stop in self._named:
+            if stop.name == name:
+                return stop
+        names = [stop.name for stop in self._named]
+        remedy = f"use one of the {len(names)} nodes or cells of this field{did_you_mean(name, names)}"
+        raise InputError(f"there is no stop {name!r} to return to", remedy)
+
+
+def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
+    """An explorer for one mission.
+
+    :param ways: where the robot may go
+    :param settings: how stops are chosen
+    :param rules: those of the mission
+    """
+    return Explorer(
+        LiveMap(ways.grid),
+        ways.stops,
+        ways.travel,
+        make_strategy(settings.strategy, settings.preset),
+        warm_up(settings.strategy, settings.preset)[1],
+        settings.dwell,
+        # The same stream as in a simulation without ROS: the same seed draws the same stops.
+        np.random.default_rng(np.random.SeedSequence(settings.seed).spawn(2)[1]),
+        rules.min_dwell_s,
+        home=rules.home,
+        curve=settings.curve,
+        kept_for_home_s=rules.way_home_s,
+    )
+
+
+def _grid(field: Field) -> FieldGrid:
+    width, height = np.ptp(field.polygon, axis=0).tolist()
+    try:
+        return FieldGrid.from_polygon(field.polygon, field.cell_m or default_cell_m((width, height)), field.no_go)
+    except ValueError as error:
+        raise InputError(f"the field {field.name!r} cannot be gridded: {error}", "change its cell_m") from None
+
+
+def _inside(field: Field, graph: TravelGraph, margin_m: float) -> tuple[Stop, ...]:
+    import shapely
+
+    area = shapely.Polygon(field.polygon).buffer(margin_m)
+    inside = shapely.intersects_xy(area, graph.xy[:, 0], graph.xy[:, 1])
+    if not inside.any():
+        (west, south), (east, north) = graph.xy.min(axis=0), graph.xy.max(axis=0)
+        raise InputError(
+            f"no node of the topological map lies in the field {field.name!r}: they are at x {west:.0f} .. "
+            f"{east:.0f} m, y {south:.0f} .. {north:.0f} m",
+            "the map's places must be metres east and north of the field's datum: check the datum and the map",
+        )
+    return tuple(stop for stop, within in zip(graph.stops, inside, strict=True) if within)

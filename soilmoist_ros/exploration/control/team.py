@@ -1,0 +1,89 @@
+"""Several robots on one field: what the others are about to count is taken for counted when one plans.
+
+The kriging variance does not depend on the data, only on where was counted and for how long. So samples that are
+still to come can be put into the kriging as they are expected, and their worth is taken off every place around.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.mission.types import MissionStatus
+from soilmoist_ros.exploration.planning.planning_model import LOWEST_RATE_CPS
+from soilmoist_ros.mapping.live_map import LiveMap
+
+Array = NDArray[np.float64]
+
+SAME_CELLS = 0.5
+"""Stops nearer to another robot's than this are taken for the same place [cells]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """Where another robot is going or counting.
+
+    :param x_m: east [m]
+    :param y_m: north [m]
+    :param exposure_s: what is still expected to be counted there [s]; 0: nothing, but the place is taken
+    """
+
+    x_m: float
+    y_m: float
+    exposure_s: float
+
+
+def errand(status: MissionStatus, mapped_at_once: bool = True) -> Errand | None:
+    """Errand of a robot, ``None`` if it has none.
+
+    :param status: how its mission stands
+    :param mapped_at_once: whether what it has counted at the stop is in the map already
+    """
+    stop = status.target
+    if stop is None:
+        return None
+    left_s = status.planned_dwell_s - (status.dwell_s if mapped_at_once else 0.0)
+    return Errand(stop.x_m, stop.y_m, max(left_s, 0.0))
+
+
+def foreseen(live_map: LiveMap, errands: Sequence[Errand]) -> LiveMap:
+    """The map as it will be: with a sample of each errand, at the rate that the map expects there.
+
+    :param live_map: the map so far; without a fit only the places join its samples
+    :param errands: of the other robots
+    :returns: another map; the same without errands at which something is to be counted
+    :raises IllConditionedError: if the matrix cannot be factored
+    """
+    pending = [each for each in errands if each.exposure_s > 0]
+    if not pending:
+        return live_map
+    rate = np.zeros(len(pending)) if live_map.kriging is None else live_map.kriging.predict(places(pending))[0]
+    ahead = LiveMap(live_map.grid, live_map.model, live_map.method, live_map.keep_nugget)
+    ahead.samples = live_map.samples
+    for each, rate_cps in zip(pending, rate.tolist(), strict=True):
+        counts = round(max(rate_cps, LOWEST_RATE_CPS) * each.exposure_s)
+        ahead.add((each.x_m, each.y_m), counts, each.exposure_s)
+    if live_map.fit is not None:
+        ahead.take(ahead.samples, live_map.fit)
+    return ahead
+
+
+def taken(stops_xy: Array, errands: Sequence[Errand], cell_m: float) -> NDArray[np.bool_]:
+    """Which stops another robot has taken, shape (k,).
+
+    :param stops_xy: places of the stops, shape (k, 2) [m]
+    :param errands: of the other robots
+    :param cell_m: size of the map's cells [m]
+    """
+    if not len(errands):
+        return np.zeros(len(stops_xy), bool)
+    away_m = np.linalg.norm(stops_xy[:, None, :] - places(errands)[None, :, :], axis=2)
+    return np.asarray((away_m < SAME_CELLS * cell_m).any(axis=1))
+
+
+def places(errands: Sequence[Errand]) -> Array:
+    """Where the errands lead, shape (n, 2) [m]."""
+    return np.array([(each.x_m, each.y_m) for each in errands], float).reshape(-1, 2)

@@ -1,0 +1,1 @@
+"""The mission as a pure state machine: events in, actions out."""

@@ -1,0 +1,127 @@
+"""A mission that survives the end of its process: written down as it goes, and taken up again."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
+
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict, state_from_json
+from soilmoist_ros.exploration.mission.types import Command, Event, MissionRules, Moved, RecordArrived, Tick, Verb
+from soilmoist_ros.sensing.records import CountRecord
+
+EVENT = "event"
+"""Kind of the entries that hold events."""
+PROPERTY = "property"
+"""Key by which the record of a further property is known: it is no event of the mission."""
+
+_log = logging.getLogger(__name__)
+
+
+class Journal(Protocol):
+    """Where a mission is written down; :class:`Journal` is one."""
+
+    def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
+        """Write an entry; with ``durable`` it is safely on the disk afterwards."""
+        ...
+
+    def snapshot(self, state_json: str) -> None:
+        """Write the state after all entries so far."""
+        ...
+
+
+class MissionJournal:
+    """Writes a mission down. A disk that fails does not stop the mission; it is told once.
+
+    :param journal: where to; nowhere if ``None``
+    """
+
+    def __init__(self, journal: Journal | None) -> None:
+        self._journal = journal
+        self.problem = ""
+
+    def note(self, mission: Mission, event: Event) -> None:
+        """Write an event down before the mission takes it in; a tick only if something is due."""
+        due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
+        if due_s is not None and due_s <= event.now_s:
+            self._append(event_to_dict(event), durable=not isinstance(event, Moved))
+
+    def note_beside(self, name: str, now_s: float, record: CountRecord) -> None:
+        """Write a record of a further property down, for its map.
+
+        :param name: of the property
+        :param now_s: time at which it came [s]
+        :param record: the record
+        """
+        self._append({**event_to_dict(RecordArrived(now_s, record)), PROPERTY: name}, durable=True)
+
+    def _append(self, payload: Mapping[str, Any], durable: bool) -> None:
+        if self._journal is None:
+            return
+        try:
+            self._journal.append(EVENT, payload, durable=durable)
+            self.problem = ""
+        except OSError as error:
+            self._fail(error)
+
+    def keep(self, mission: Mission) -> None:
+        """Write the state down, so that nothing before needs to be replayed."""
+        if self._journal is None:
+            return
+        try:
+            self._journal.snapshot(mission.snapshot())
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        if not self.problem:
+            _log.error("the mission goes on, but is not written down any more: %s", error)
+        self.problem = f"the mission is not written down: {error.strerror or error}"
+
+
+def interrupted_mission(
+    rules: MissionRules, snapshot: str | None, events: Iterable[Mapping[str, Any]]
+) -> Mission | None:
+    """The mission that was under way when its process ended.
+
+    :param rules: what governs the mission from now on
+    :param snapshot: the last state written down, if any
+    :param events: the events written down after it
+    :returns: the mission as it was, or ``None`` if none was under way
+    :raises InputError: if something was not written by a mission
+    """
+    mission = Mission(rules) if snapshot is None else Mission.restore(rules, snapshot)
+    for event in events:
+        if PROPERTY not in event:
+            mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
+    return mission if mission.state.under_way else None
+
+
+def interrupted_records(
+    snapshot: str | None, events: Iterable[Mapping[str, Any]], name: str = ""
+) -> list[CountRecord]:
+    """What the mission that was under way when its process ended had counted, so that its map can go on.
+
+    :param snapshot: the last state written down, if any. Without one it is what came after the last start, unless
+        that was aborted
+    :param events: all events written down, those before the snapshot too
+    :param name: of the further property whose records are wanted; empty for those of the first
+    :returns: its records in their order, none if no mission was under way
+    :raises InputError: if something was not written by a mission
+    """
+    read = [
+        event_from_dict({key: value for key, value in event.items() if key != PROPERTY})
+        for event in events
+        if event.get("event") == Command.__name__
+        or (event.get("event") == RecordArrived.__name__ and event.get(PROPERTY, "") == name)
+    ]
+    if snapshot is None:
+        turns = [e for e in read if isinstance(e, Command) and e.verb in (Verb.START, Verb.ABORT)]
+        started_s = turns[-1].now_s if turns and turns[-1].verb is Verb.START else None
+    else:
+        state = state_from_json(snapshot)
+        started_s = state.started_s if state.under_way else None
+    if started_s is None:
+        return []
+    return [e.record for e in read if isinstance(e, RecordArrived) and e.now_s >= started_s]

@@ -1,0 +1,329 @@
+"""The mission: a pure state machine between operator, planner, navigation and sensor.
+
+``step(rules, state, event)`` gives the next state and the actions to carry out. There is no clock, no randomness
+and no input or output in it, so the same mission runs in the planner node, in a simulator a thousand times
+faster, and from a journal of its events.
+
+What it holds to:
+
+* A goal is sent only when the one before has ended, or has been cancelled and given up after a time limit.
+* Answers to goals and plans that are not current are ignored.
+* A record counts for a stop only if it was counted wholly after the arrival, and at the stop. Others were taken
+  while driving; the mapper uses them all the same.
+* The time for the way home is kept back, judged from where the robot is.
+* While paused the robot never moves, not even home when the time is used up.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import assert_never
+
+from soilmoist_ros.exploration.mission.moves import Moves, after_colon, xy
+from soilmoist_ros.exploration.mission.state import (
+    Counting,
+    Goal,
+    MissionState,
+    Target,
+    Todo,
+    blacklisted,
+    dwell_rule,
+    mission_status,
+    replace,
+    shown,
+    state_from_json,
+    state_to_dict,
+)
+from soilmoist_ros.exploration.mission.types import (
+    Action,
+    Answer,
+    Command,
+    Event,
+    GoalFailed,
+    GoalReached,
+    MissionRules,
+    MissionStatus,
+    Moved,
+    Phase,
+    PlanFailed,
+    Planned,
+    Publish,
+    RecordArrived,
+    Tick,
+    Verb,
+)
+from soilmoist_ros.sensing.records import CountRecord
+
+_RESUMES = {
+    Phase.PLANNING: Todo.PLAN,
+    Phase.TRAVELLING: Todo.TRAVEL,
+    Phase.COUNTING: Todo.COUNT,
+    Phase.RETURNING: Todo.RETURN,
+}
+"""What to go on with after a pause."""
+
+
+class Mission:
+    """A mission that remembers its state between events.
+
+    :param rules: what governs it
+    :param state: where to go on from; a new mission if left out
+    """
+
+    def __init__(self, rules: MissionRules, state: MissionState | None = None) -> None:
+        self.rules = rules
+        self.state = state if state is not None else MissionState()
+        self._last = _Turn(rules, self.state)
+
+    def step(self, event: Event) -> tuple[Action, ...]:
+        """Take in an event; see :func:`step`."""
+        self._last = _turn(self.rules, self.state, event)
+        self.state = self._last.state
+        return tuple(self._last.actions)
+
+    @property
+    def status(self) -> MissionStatus:
+        """The mission as of the last event."""
+        return mission_status(self.rules, self.state)
+
+    @property
+    def next_deadline_s(self) -> float | None:
+        """Time of the next :class:`Tick` that does something if nothing else happens before; ``None`` for none."""
+        return self._last.deadline_s
+
+    def snapshot(self) -> str:
+        """The state as JSON; the rules are not part of it."""
+        return json.dumps(state_to_dict(self.state), allow_nan=False)
+
+    @classmethod
+    def restore(cls, rules: MissionRules, snapshot: str) -> Mission:
+        """The mission that :meth:`snapshot` wrote, under the same rules.
+
+        :raises InputError: if the text is not a snapshot
+        """
+        return cls(rules, state_from_json(snapshot))
+
+
+def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[MissionState, tuple[Action, ...]]:
+    """The next state, and the actions to carry out in their order.
+
+    Time never runs backwards: an event that is late is taken to happen at the time of the one before.
+
+    :raises ValueError: if the time of the event is not finite
+    """
+    turn = _turn(rules, state, event)
+    return turn.state, tuple(turn.actions)
+
+
+def _turn(rules: MissionRules, state: MissionState, event: Event) -> _Turn:
+    """A step that has been done."""
+    if not math.isfinite(event.now_s):
+        raise ValueError(f"the time of an event must be finite, got {event!r}")
+    now_s = event.now_s if state.now_s is None else max(state.now_s, event.now_s)
+    turn = _Turn(rules, state if now_s == state.now_s else replace(state, now_s=now_s))
+    turn.handle(event)
+    turn.meet_deadlines()
+    if shown(turn.state) != shown(state):
+        turn.do(Publish())
+    return turn
+
+
+class _Turn(Moves):
+    """One step: what an event, or the operator, sets off."""
+
+    # Events --------------------------------------------------------------------------------------------------
+
+    def handle(self, event: Event) -> None:
+        match event:
+            case RecordArrived(record=record):  # these two come first, as nearly all events are of them
+                self.on_record(record)
+            case Moved(x_m=x_m, y_m=y_m):
+                self.on_moved((x_m, y_m))
+            case Command(verb=verb, cause=cause):
+                accepted, message = self.skip(cause) if verb is Verb.SKIP else self.command(verb)
+                self.do(Answer(verb, accepted, message))
+            case Planned(plan_id=plan_id):
+                if self.is_awaited(plan_id):
+                    self.on_plan(event)
+            case PlanFailed(plan_id=plan_id, reason=reason):
+                if self.is_awaited(plan_id):
+                    self.fail(Todo.PLAN, f"planning failed: {reason}")
+            case GoalReached(goal_id=goal_id, x_m=x_m, y_m=y_m):
+                self.on_moved((x_m, y_m))
+                if (goal := self.ended_goal(goal_id)) is not None:
+                    self.on_reached(goal, (x_m, y_m))
+            case GoalFailed(goal_id=goal_id, reason=reason):
+                if self.ended_goal(goal_id) is not None:
+                    self.on_goal_ended(reason)
+            case Tick():
+                pass
+            case _:
+                assert_never(event)
+
+    def is_awaited(self, plan_id: int) -> bool:
+        return self.state.plan is not None and self.state.plan.plan_id == plan_id
+
+    def ended_goal(self, goal_id: int) -> Goal | None:
+        """The current goal, which is no longer open now; ``None`` if the id is another one's."""
+        goal = self.state.goal
+        if goal is None or goal.goal_id != goal_id:
+            return None
+        self.state = replace(self.state, goal=None)
+        return goal
+
+    def on_plan(self, event: Planned) -> None:
+        choice = event.choice
+        if choice is None:
+            self.end("nothing is left that is worth measuring or can be reached" + after_colon(event.reason))
+        elif choice.stop.name in blacklisted(self.state):
+            self.fail(Todo.PLAN, f"the planner chose {choice.stop.name}, which is ruled out for now")
+        else:
+            travel_s = event.travel_s
+            if travel_s is None:
+                travel_s = self.rules.travel_s(self.place, xy(choice.stop))
+            self.state = replace(
+                self.state, target=Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell)
+            )
+            self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
+
+    def on_reached(self, goal: Goal, place: tuple[float, float]) -> None:
+        if self.state.phase is Phase.CANCELLING:
+            self.on_goal_ended("reached")
+        elif not self.rules.is_at(place, goal.stop):
+            away_m = math.dist(place, xy(goal.stop))
+            self.on_goal_ended(f"reported as reached, but the robot is {away_m:.1f} m away from it")
+        elif self.state.phase is Phase.RETURNING:
+            self.finish(f"{self.state.ending}; the robot is back home")
+        else:
+            self.count(Counting(*place, arrived_s=self.now_s, since_s=self.now_s, heard_s=self.now_s))
+
+    def on_goal_ended(self, reason: str) -> None:
+        """The goal did not lead to its stop, or it was cancelled on purpose."""
+        if self.state.phase is Phase.CANCELLING:
+            assert self.state.todo is not None
+            self.carry_out(self.state.todo, self.state.cause)
+        else:
+            self.goal_failed(reason)
+
+    def on_moved(self, place: tuple[float, float]) -> None:
+        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
+            return
+        self.state = replace(self.state, position=place)
+        start = self.state.odometer_at
+        moved_m = math.dist(start, place) if start is not None else math.inf
+        if moved_m >= self.rules.odometer_step_m:
+            driven_m = moved_m if start is not None and self.state.under_way else 0.0
+            self.state = replace(self.state, odometer_at=place, distance_m=self.state.distance_m + driven_m)
+
+    def on_record(self, record: CountRecord) -> None:
+        state, newest_s = self.state, self.state.last_stamp_s
+        if not _usable(record) or (newest_s is not None and record.stamp_s <= newest_s):
+            return  # broken, repeated or out of order
+        ended_s = min(record.stamp_s, self.now_s)
+        began_s = ended_s - record.exposure_s
+        if newest_s is not None and ended_s - newest_s < 2 * record.exposure_s:
+            began_s = min(began_s, newest_s)  # the live time is shorter than the interval when a tube is missing
+        raw_counts, exposure_s = state.raw_counts, state.exposure_s
+        if state.under_way:
+            raw_counts, exposure_s = raw_counts + record.raw_counts, exposure_s + record.exposure_s
+        self.state = replace(state, last_stamp_s=ended_s, raw_counts=raw_counts, exposure_s=exposure_s)
+        counting = state.counting
+        if state.phase is Phase.COUNTING and counting is not None and counting.since_s is not None:
+            away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))
+            if began_s >= counting.since_s and away_m <= self.rules.arrival_radius_m:
+                self.add(record, counting)
+
+    def add(self, record: CountRecord, counting: Counting) -> None:
+        """Count a record for this stop."""
+        reason = self.counting_reason() if counting.silent else self.state.reason
+        counting = replace(
+            counting,
+            heard_s=self.now_s,
+            silent=False,
+            records=counting.records + 1,
+            raw_counts=counting.raw_counts + record.raw_counts,
+            exposure_s=counting.exposure_s + record.exposure_s,
+            effective_exposure_s=counting.effective_exposure_s + record.effective_exposure_s,
+        )
+        self.state = replace(self.state, counting=counting, reason=reason)
+        dwell = dwell_rule(self.rules, self.state)
+        if dwell.enough(counting.raw_counts, counting.exposure_s):
+            self.complete(dwell.outcome(counting.raw_counts, counting.exposure_s))
+
+    # Commands ------------------------------------------------------------------------------------------------
+
+    def command(self, verb: Verb) -> tuple[bool, str]:
+        """Do what the operator asks for; whether it can be done, and what happens or why not."""
+        verbs: dict[Verb, Callable[[], tuple[bool, str]]] = {
+            Verb.START: self.start,
+            Verb.PAUSE: self.pause,
+            Verb.RESUME: self.go_on,
+            Verb.ABORT: self.abort,
+        }
+        return verbs[verb]()
+
+    def start(self) -> tuple[bool, str]:
+        if self.state.phase not in (Phase.IDLE, Phase.FINISHED):
+            return False, f"a mission is under way ({self.state.phase}): resume or abort it"
+        if self.state.position is None:
+            return False, "the robot's position is not known yet: wait for a fix"
+        self.state = MissionState(
+            now_s=self.state.now_s,
+            started_s=self.state.now_s,
+            position=self.state.position,
+            odometer_at=self.state.position,
+            plans=self.state.plans,
+            goals=self.state.goals,
+            last_stamp_s=self.state.last_stamp_s,
+        )
+        self.plan("started")
+        return True, self.state.reason
+
+    def pause(self) -> tuple[bool, str]:
+        state = self.state
+        if state.phase is Phase.PAUSED or state.todo is Todo.PAUSE:
+            return True, state.reason
+        resume = state.todo if state.phase is Phase.CANCELLING else _RESUMES.get(state.phase)
+        if resume is None or resume is Todo.IDLE:
+            return False, f"there is nothing to pause: {state.reason}"
+        self.hold(resume, "paused by the operator")
+        return True, self.state.reason
+
+    def go_on(self) -> tuple[bool, str]:
+        resume = self.state.resume
+        if resume is None:
+            return False, f"nothing is paused: {self.state.reason}"
+        self.state = replace(self.state, failures=0)
+        self.then(resume, "resumed")
+        return True, self.state.reason
+
+    def abort(self) -> tuple[bool, str]:
+        if self.state.phase is Phase.FINISHED:
+            self.enter(Phase.IDLE, "waiting for start")
+        if self.state.phase is not Phase.IDLE:
+            self.abandon("aborted by the operator")
+        return True, self.state.reason
+
+    def skip(self, cause: str) -> tuple[bool, str]:
+        target = self.state.target
+        if target is None:
+            return False, f"there is no stop to skip: {self.state.reason}"
+        reason = f"{target.stop.name} skipped {cause}"
+        self.rule_out(target.stop)
+        self.leave_stop(reason)
+        if self.state.resume is not None:
+            self.hold(Todo.PLAN, f"{reason}; still paused")
+        else:
+            self.then(Todo.PLAN, reason)
+        return True, self.state.reason
+
+
+def _usable(record: CountRecord) -> bool:
+    return (
+        math.isfinite(record.stamp_s)
+        and record.raw_counts >= 0
+        and 0 < record.exposure_s < math.inf
+        and 0 < record.effective_exposure_s < math.inf
+    )

@@ -1,0 +1,428 @@
+"""What a mission can do in one step: send goals, cancel them, count, plan, go home, end; and when time is up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from operator import itemgetter
+from typing import assert_never
+
+from soilmoist_ros.exploration.mission.state import (
+    Counting,
+    Goal,
+    MissionState,
+    PendingPlan,
+    RuledOut,
+    Target,
+    Todo,
+    blacklisted,
+    dwell_rule,
+    raw_rate,
+    replace,
+)
+from soilmoist_ros.exploration.mission.types import (
+    Action,
+    CancelGoal,
+    Finish,
+    GoTo,
+    MissionRules,
+    OnSilence,
+    Phase,
+    PlanKind,
+    RequestPlan,
+    Sample,
+    SampleDone,
+    Save,
+    StartCounting,
+    StopCounting,
+)
+from soilmoist_ros.exploration.travel.stop import Stop
+
+_MOST_AT_ONCE = 10
+"""Deadlines met in one step; more than can be due, unless limits are shorter than time can resolve."""
+
+
+class Moves:
+    """A step under way: the state so far, the actions it has asked for, and what can be done next.
+
+    :param rules: what governs the mission
+    :param state: the state at the time of the step
+
+    Attributes
+    ----------
+    now_s : float
+        time of this step [s], NaN before the first
+    """
+
+    def __init__(self, rules: MissionRules, state: MissionState) -> None:
+        self.rules = rules
+        self.state = state
+        self.now_s = math.nan if state.now_s is None else state.now_s
+        self.actions: list[Action] = []
+
+    def do(self, action: Action) -> None:
+        """Ask for an action."""
+        self.actions.append(action)
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the robot is [m]."""
+        assert self.state.position is not None, "a mission does not start without a position"
+        return self.state.position
+
+    # What may follow -----------------------------------------------------------------------------------------
+
+    def enter(self, phase: Phase, reason: str) -> None:
+        """Change the phase, and forget what belongs to others."""
+        state = self.state
+        held = phase is Phase.PAUSED or (phase is Phase.CANCELLING and state.todo is Todo.PAUSE)
+        self.state = replace(
+            state,
+            phase=phase,
+            reason=reason,
+            plan=state.plan if phase is Phase.PLANNING else None,
+            todo=state.todo if phase is Phase.CANCELLING else None,
+            cause=state.cause if phase is Phase.CANCELLING else "",
+            resume=state.resume if held else None,
+        )
+
+    def then(self, todo: Todo, reason: str) -> None:
+        """Do something once the robot has stopped, at once if no goal is open."""
+        goal = self.state.goal
+        if goal is None:
+            self.carry_out(todo, reason)
+            return
+        if goal.cancelled_s is None:
+            self.do(CancelGoal(goal.goal_id, reason))
+            goal = replace(goal, cancelled_s=self.now_s)
+        self.state = replace(self.state, goal=goal, todo=todo, cause=reason)
+        self.enter(Phase.CANCELLING, f"{reason}; waiting for the robot to stop")
+
+    def carry_out(self, todo: Todo, reason: str) -> None:
+        """Do what was to follow; no goal is open now."""
+        match todo:
+            case Todo.PLAN:
+                self.plan(reason)
+            case Todo.TRAVEL:
+                target = self.state.target
+                assert target is not None
+                travel_s = self.rules.travel_s(self.place, xy(target.stop))
+                self.travel(travel_s, f"going to {target.stop.name} again: {reason}")
+            case Todo.COUNT:
+                self.count_again(reason)
+            case Todo.RETURN:
+                self.go_home(reason)
+            case Todo.PAUSE:
+                self.enter(Phase.PAUSED, reason)
+            case Todo.FINISH:
+                self.finish(self.state.ending)
+            case Todo.IDLE:
+                self.finish(reason, Phase.IDLE)
+            case _:
+                assert_never(todo)
+
+    def plan(self, reason: str) -> None:
+        """Ask for the next stop, if the time allows for one."""
+        left_s = self.leave_by_s() - self.now_s
+        if left_s <= self.rules.min_dwell_s:
+            self.end(f"{reason}; the time left is too short for another stop")
+            return
+        warm_up = self.state.samples < self.rules.warm_up_stops
+        kind = PlanKind.WARM_UP if warm_up else PlanKind.EXPLORE
+        plan_id = self.state.plans + 1
+        budget_left_s = self.rules.budget_s - self.state.time_used_s
+        self.do(RequestPlan(plan_id, kind, blacklisted(self.state), left_s, budget_left_s))
+        plan = PendingPlan(plan_id, self.now_s + self.rules.plan_limit_s)
+        self.state = replace(self.state, plan=plan, plans=plan_id, target=None)
+        number = f"warm-up stop {self.state.samples + 1} of {self.rules.warm_up_stops}"
+        self.enter(Phase.PLANNING, f"{reason}; choosing {number if warm_up else 'the next stop'}")
+
+    def travel(self, travel_s: float, reason: str) -> None:
+        """Send the robot to its target, if the time allows for it."""
+        target = self.state.target
+        assert target is not None
+        needed_s = travel_s + self.rules.min_dwell_s + self.rules.way_home_s(xy(target.stop))
+        left_s = self.rules.budget_s - self.state.time_used_s
+        if needed_s <= left_s and self.now_s < self.leave_by_s():
+            self.send(Phase.TRAVELLING, target.stop, max(travel_s, target.travel_s), reason)
+        else:
+            self.end(f"no time for {target.stop.name}: it needs {needed_s:.0f} s and {left_s:.0f} s are left")
+
+    def send(self, phase: Phase, stop: Stop, travel_s: float, reason: str) -> None:
+        """Send the robot somewhere."""
+        assert self.state.goal is None, "a goal is sent only after the one before has ended"
+        limit_s = self.rules.goal_time_factor * travel_s + self.rules.goal_time_margin_s
+        goal = Goal(self.state.goals + 1, stop, self.now_s + limit_s)
+        self.do(GoTo(goal.goal_id, stop, reason, travel_s))
+        self.state = replace(self.state, goal=goal, goals=goal.goal_id)
+        self.enter(phase, reason)
+
+    def goal_failed(self, reason: str) -> None:
+        """The current goal has not led to its stop; it has ended or must be cancelled."""
+        if self.state.phase is Phase.RETURNING:
+            self.return_failed(reason)
+        else:
+            self.travel_failed(reason)
+
+    def travel_failed(self, reason: str) -> None:
+        """The robot did not get to its stop: once more, or rule the stop out."""
+        target = self.state.target
+        assert target is not None
+        target = replace(target, attempts=target.attempts + 1)
+        if target.attempts <= self.rules.retries:
+            self.state = replace(self.state, target=target)
+            self.fail(Todo.TRAVEL, f"{target.stop.name} was not reached: {reason}")
+        else:
+            self.rule_out(target.stop)
+            self.state = replace(self.state, target=None)
+            self.fail(Todo.PLAN, f"{target.stop.name} is ruled out for now: {reason}")
+
+    def return_failed(self, reason: str) -> None:
+        """The robot did not get home: once more, or finish where it is."""
+        self.state = replace(self.state, returns=self.state.returns + 1)
+        if self.state.returns <= self.rules.retries:
+            self.then(Todo.RETURN, f"home was not reached: {reason}")
+        else:
+            ending = f"{self.state.ending}; the robot did not get home: {reason}"
+            self.state = replace(self.state, ending=ending)
+            self.then(Todo.FINISH, ending)
+
+    def fail(self, todo: Todo, reason: str) -> None:
+        """Go on after a failure, or ask the operator if there have been too many."""
+        self.state = replace(self.state, failures=self.state.failures + 1)
+        if self.state.failures < self.rules.failures_to_pause:
+            self.then(todo, reason)
+        else:
+            many = f"{self.state.failures} failures since the last sample" if self.state.failures > 1 else "failed"
+            self.hold(todo, f"{many}: {reason}; check the robot, then resume or abort")
+
+    def hold(self, resume: Todo, reason: str) -> None:
+        """Pause: stop the robot, and remember what to go on with."""
+        self.suspend(reason)
+        self.state = replace(self.state, resume=resume)
+        self.then(Todo.PAUSE, reason)
+
+    def rule_out(self, stop: Stop) -> None:
+        """Do not choose a stop for a while."""
+        others = (out for out in self.state.blacklist if out.name != stop.name and self.now_s < out.until_s)
+        out = RuledOut(stop.name, self.now_s + self.rules.blacklist_s)
+        self.state = replace(self.state, blacklist=(*others, out))
+
+    def end(self, reason: str) -> None:
+        """Measure no more: go home if wanted, then finish."""
+        self.leave_stop(reason)
+        self.state = replace(self.state, ending=reason, returns=0)
+        self.then(Todo.RETURN, reason)
+
+    def abandon(self, reason: str) -> None:
+        """Abort the mission where the robot is, as soon as it has stopped."""
+        self.leave_stop(reason)
+        self.state = replace(self.state, ending=reason)
+        self.then(Todo.IDLE, reason)
+
+    def go_home(self, reason: str) -> None:
+        """Return home and finish; finish at once if there is no home or the robot is there."""
+        home = self.rules.home
+        if home is None:
+            self.finish(self.state.ending)
+        elif self.rules.is_at(self.place, home):
+            self.finish(f"{self.state.ending}; the robot is home")
+        else:
+            travel_s = self.rules.travel_s(self.place, xy(home))
+            self.send(Phase.RETURNING, home, travel_s, f"going home: {reason}")
+
+    def finish(self, reason: str, phase: Phase = Phase.FINISHED) -> None:
+        """The mission is over, finished or aborted."""
+        aborted = phase is Phase.IDLE
+        self.state = replace(self.state, ended_s=self.now_s)
+        self.enter(phase, f"{reason}; waiting for start" if aborted else reason)
+        self.do(Save(reason))
+        self.do(Finish(reason, aborted))
+
+    # Counting ------------------------------------------------------------------------------------------------
+
+    @property
+    def dwell_name(self) -> str:
+        """The mission's dwell rule: that of a single stop says nothing to people."""
+        return str(self.rules.dwell)
+
+    def counting_reason(self) -> str:
+        """What the status says while counting."""
+        assert self.state.target is not None
+        return f"counting at {self.state.target.stop.name} ({self.dwell_name})"
+
+    def count(self, counting: Counting) -> None:
+        """Count from now on."""
+        target = self.state.target
+        assert target is not None
+        self.state = replace(self.state, counting=counting)
+        self.enter(Phase.COUNTING, self.counting_reason())
+        expected_s = dwell_rule(self.rules, self.state).expected_s(raw_rate(self.state))
+        self.do(StartCounting(target.stop, self.dwell_name, expected_s))
+
+    def suspend(self, reason: str) -> None:
+        """Stop counting for the time being."""
+        counting = self.state.counting
+        if counting is not None and counting.since_s is not None:
+            self.do(StopCounting(reason))
+            before_s = counting.dwell_s(self.now_s)
+            self.state = replace(self.state, counting=replace(counting, before_s=before_s, since_s=None))
+
+    def count_again(self, reason: str) -> None:
+        """Go on counting after a pause, unless the robot was moved in the meantime."""
+        counting = self.state.counting
+        assert counting is not None
+        moved_m = math.dist(self.place, (counting.x_m, counting.y_m))
+        if moved_m > self.rules.arrival_radius_m:
+            self.complete(f"{reason}, but the robot was moved by {moved_m:.1f} m in the pause")
+        else:
+            self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False))
+
+    def leave_stop(self, reason: str) -> int:
+        """Close the stop, keeping what was counted as a sample; gives the counts."""
+        self.suspend(reason)
+        target, counting = self.state.target, self.state.counting
+        self.state = replace(self.state, target=None, counting=None)
+        if target is None or counting is None:
+            return 0
+        self.state = replace(self.state, counting_s=self.state.counting_s + counting.before_s)
+        if counting.raw_counts > 0:
+            self.state = replace(self.state, samples=self.state.samples + 1, failures=0)
+            self.do(SampleDone(_sample(target, counting, reason)))
+        return counting.raw_counts
+
+    def complete(self, reason: str) -> None:
+        """Counting is over; nothing counted at all is a failure."""
+        assert self.state.target is not None
+        stop = self.state.target.stop
+        if self.leave_stop(reason) > 0:
+            self.then(Todo.PLAN, f"{stop.name} is done: {reason}")
+        else:
+            self.rule_out(stop)
+            self.fail(Todo.PLAN, f"nothing was counted at {stop.name}: {reason}")
+
+    # Time ----------------------------------------------------------------------------------------------------
+
+    def leave_by_s(self) -> float:
+        """When to set off for home at the latest, from here."""
+        assert self.state.started_s is not None
+        return self.state.started_s + self.rules.budget_s - self.rules.way_home_s(self.place)
+
+    def deadlines(self) -> list[tuple[float, Callable[[], None]]]:
+        """Times at which something happens without an event, and what."""
+        state, rules, goal, counting = self.state, self.rules, self.state.goal, self.state.counting
+        match state.phase:
+            case Phase.COUNTING:  # the phase of nearly all steps
+                assert counting is not None
+                assert counting.since_s is not None
+                longest_s = counting.since_s + rules.dwell.longest_s - counting.before_s
+                times = [(self.leave_by_s(), self.time_up), (longest_s, self.dwell_late)]
+                if not counting.silent:
+                    times.append((counting.heard_s + rules.silence_limit_s, self.silence))
+                return times
+            case Phase.PLANNING:
+                assert state.plan is not None
+                return [(self.leave_by_s(), self.time_up), (state.plan.deadline_s, self.plan_late)]
+            case Phase.TRAVELLING:
+                assert goal is not None
+                return [(self.leave_by_s(), self.time_up), (goal.deadline_s, self.goal_late)]
+            case Phase.PAUSED if state.resume is not Todo.RETURN and state.resume is not Todo.FINISH:
+                return [(self.leave_by_s(), self.time_up_in_pause)]
+            case Phase.CANCELLING:
+                assert goal is not None
+                assert goal.cancelled_s is not None
+                return [(goal.cancelled_s + rules.cancel_limit_s, self.cancel_late)]
+            case Phase.RETURNING:
+                assert goal is not None
+                return [(goal.deadline_s, self.goal_late)]
+            case _:
+                return []
+
+    @cached_property
+    def deadline_s(self) -> float | None:
+        """The first of them, ``None`` for none; when the step is complete."""
+        return min((time_s for time_s, _ in self.deadlines()), default=None)
+
+    def meet_deadlines(self) -> None:
+        """Do what is due, the earliest first; after a gap without events that may be several things."""
+        for _ in range(_MOST_AT_ONCE):
+            self.deadline_s, act = min(self.deadlines(), key=itemgetter(0), default=(None, None))
+            if self.deadline_s is None or act is None or self.deadline_s > self.now_s:
+                break
+            act()
+
+    def time_up(self) -> None:
+        """The time is used up but for the way home."""
+        away = self.rules.way_home_s(self.place) > 0
+        self.end("the time left is needed for the way home" if away else "the mission time is used up")
+
+    def time_up_in_pause(self) -> None:
+        """The same in a pause: the robot must not move before the operator resumes."""
+        reason = "the mission time was used up in a pause"
+        if self.rules.way_home_s(self.place) == 0:
+            self.end(reason)
+            return
+        self.leave_stop(reason)
+        self.state = replace(self.state, ending=reason, returns=0)
+        self.hold(Todo.RETURN, f"{reason}: resume to go home, or abort")
+
+    def plan_late(self) -> None:
+        """The planner did not answer in time."""
+        self.fail(Todo.PLAN, f"no plan within {self.rules.plan_limit_s:.0f} s")
+
+    def goal_late(self) -> None:
+        """The robot is not there in time."""
+        self.goal_failed("it took too long")
+
+    def cancel_late(self) -> None:
+        """The navigation did not report the end of a cancelled goal: go on without."""
+        todo = self.state.todo
+        assert todo is not None
+        cause = f"{self.state.cause} (the end of the goal was not reported in {self.rules.cancel_limit_s:.0f} s)"
+        self.state = replace(self.state, goal=None)
+        self.carry_out(todo, cause)
+
+    def dwell_late(self) -> None:
+        """The dwell rule did not end counting in time."""
+        self.complete(f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
+
+    def silence(self) -> None:
+        """No record counted for this stop for some time."""
+        limit_s = self.rules.silence_limit_s
+        reason = f"no record from this stop for {limit_s:.0f} s: check the logger and the position"
+        match self.rules.on_silence:
+            case OnSilence.WAIT:
+                assert self.state.counting is not None
+                counting = replace(self.state.counting, silent=True)
+                self.state = replace(self.state, counting=counting, reason=f"{reason}; still waiting")
+            case OnSilence.PAUSE:
+                self.hold(Todo.COUNT, f"{reason}; then resume or abort")
+            case OnSilence.ABORT:
+                self.abandon(reason)
+
+
+def xy(stop: Stop) -> tuple[float, float]:
+    """Place of a stop [m]."""
+    return stop.x_m, stop.y_m
+
+
+def after_colon(reason: str) -> str:
+    """A reason to add to a text; nothing if it is empty."""
+    return f": {reason}" if reason else ""
+
+
+def _sample(target: Target, counting: Counting, ended: str) -> Sample:
+    return Sample(
+        stop=target.stop,
+        x_m=counting.x_m,
+        y_m=counting.y_m,
+        arrived_s=counting.arrived_s,
+        dwell_s=counting.before_s,
+        records=counting.records,
+        raw_counts=counting.raw_counts,
+        exposure_s=counting.exposure_s,
+        effective_exposure_s=counting.effective_exposure_s,
+        reason=target.reason,
+        ended=ended,
+    )

@@ -1,0 +1,338 @@
+"""What a mission remembers, how that is shown, and how it and the events are written down.
+
+State and events become plain dictionaries of numbers, texts and lists, fit for strict JSON, so that a journal can
+store them, replay the events, or go on from a stored state.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import TypeAdapter, ValidationError
+
+from soilmoist_ros.exploration.mission.types import Event, MissionRules, MissionStatus, Phase
+from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.errors import InputError
+
+
+class Todo(StrEnum):
+    """What follows once the robot has stopped (``CANCELLING``) or the operator resumes (``PAUSED``)."""
+
+    PLAN = "plan"
+    TRAVEL = "travel"
+    COUNT = "count"
+    RETURN = "return"
+    PAUSE = "pause"
+    FINISH = "finish"
+    IDLE = "idle"
+
+
+@dataclass(frozen=True, slots=True)
+class PendingPlan:
+    """A plan request that is not answered yet."""
+
+    plan_id: int
+    deadline_s: float
+
+
+@dataclass(frozen=True)
+class Target:
+    """A stop that was chosen.
+
+    :param stop: the stop
+    :param reason: why
+    :param travel_s: time expected to it [s]
+    :param attempts: how often going there failed
+    :param dwell: its own dwell rule, empty for the mission's
+    """
+
+    stop: Stop
+    reason: str
+    travel_s: float
+    attempts: int = 0
+    dwell: str = ""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A goal that the navigation works on; ``cancelled_s`` is when it was told to stop."""
+
+    goal_id: int
+    stop: Stop
+    deadline_s: float
+    cancelled_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Counting:
+    """What has been counted at the stop where the robot stands.
+
+    :param x_m: where the robot stands [m]
+    :param y_m: where the robot stands [m]
+    :param arrived_s: time of arrival [s]
+    :param since_s: when counting began or was resumed [s]; ``None`` while it is suspended
+    :param before_s: time counted before the last resumption [s]
+    :param heard_s: time of the last record of this stop, or ``since_s`` [s]
+    :param silent: whether silence has been reported
+    """
+
+    x_m: float
+    y_m: float
+    arrived_s: float
+    since_s: float | None
+    heard_s: float
+    before_s: float = 0.0
+    silent: bool = False
+    records: int = 0
+    raw_counts: int = 0
+    exposure_s: float = 0.0
+    effective_exposure_s: float = 0.0
+
+    def dwell_s(self, now_s: float) -> float:
+        """Time spent counting [s]."""
+        return self.before_s + (now_s - self.since_s if self.since_s is not None else 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RuledOut:
+    """A stop that must not be chosen until a time [s]."""
+
+    name: str
+    until_s: float
+
+
+@dataclass(frozen=True)
+class MissionState:
+    """All that a mission remembers; :class:`MissionRules` and this determine what an event does.
+
+    :param started_s: when the mission started [s]; ``None`` before
+    :param ended_s: when it finished or was aborted [s]; ``None`` while it is under way
+    :param todo: what follows when the cancelled goal has ended (in ``CANCELLING``)
+    :param resume: what the operator's ``resume`` does (in ``PAUSED``, or on the way there)
+    :param cause: what ``CANCELLING`` is for, said again when the robot has stopped
+    :param ending: why the mission is ending
+    :param plans: id of the last plan request; ids are never used twice
+    :param goals: id of the last goal
+    :param returns: how often going home failed
+    :param failures: failures since the last sample
+    :param position: where the robot is [m]
+    :param odometer_at: up to where the distance has been added up [m]
+    :param last_stamp_s: stamp of the newest record [s]
+    :param raw_counts: counts of all records of this mission, ``exposure_s`` their exposure [s]
+    """
+
+    phase: Phase = Phase.IDLE
+    reason: str = "waiting for start"
+    now_s: float | None = None
+    started_s: float | None = None
+    ended_s: float | None = None
+    todo: Todo | None = None
+    resume: Todo | None = None
+    cause: str = ""
+    ending: str = ""
+    plan: PendingPlan | None = None
+    goal: Goal | None = None
+    target: Target | None = None
+    counting: Counting | None = None
+    blacklist: tuple[RuledOut, ...] = ()
+    plans: int = 0
+    goals: int = 0
+    returns: int = 0
+    failures: int = 0
+    position: tuple[float, float] | None = None
+    odometer_at: tuple[float, float] | None = None
+    distance_m: float = 0.0
+    samples: int = 0
+    counting_s: float = 0.0
+    last_stamp_s: float | None = None
+    raw_counts: int = 0
+    exposure_s: float = 0.0
+
+    @property
+    def time_used_s(self) -> float:
+        """Time since the start, pauses included [s]."""
+        if self.started_s is None or self.now_s is None:
+            return 0.0
+        return (self.ended_s if self.ended_s is not None else self.now_s) - self.started_s
+
+    @property
+    def all_counting_s(self) -> float:
+        """Time spent counting at all stops, that under way included [s]."""
+        if self.counting is None or self.now_s is None:
+            return self.counting_s
+        return self.counting_s + self.counting.dwell_s(self.now_s)
+
+    @property
+    def under_way(self) -> bool:
+        """Whether a mission has started and not ended."""
+        return self.started_s is not None and self.ended_s is None
+
+
+if TYPE_CHECKING:
+    from dataclasses import replace as replace
+else:
+
+    def replace(state, **changes):
+        """A state or a part of one with some of its fields changed.
+
+        As :func:`dataclasses.replace` and ten times as fast: a mission changes its state thousands of times. For
+        dataclasses without slots, checks or cached properties of their own.
+
+        :raises TypeError: for an unknown field
+        """
+        values = state.__dict__ | changes
+        if len(values) != len(state.__dict__):
+            raise TypeError(f"{type(state).__name__} has no {', '.join(changes.keys() - state.__dict__.keys())}")
+        new = object.__new__(type(state))
+        object.__setattr__(new, "__dict__", values)
+        return new
+
+
+def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
+    """The status that belongs to a state."""
+    now_s = state.now_s if state.now_s is not None else math.nan
+    counting = state.counting
+    dwell = dwell_rule(rules, state)
+    used_s = state.time_used_s
+    left_s = max(0.0, rules.budget_s - used_s)
+    returning = state.goal if state.phase is Phase.RETURNING else None
+    stop = state.target.stop if state.target else None
+    end_s = returning.deadline_s if returning else now_s + left_s
+    return MissionStatus(
+        now_s=now_s,
+        phase=state.phase,
+        reason=state.reason,
+        target=returning.stop if returning else stop,
+        planned_dwell_s=dwell.expected_s(raw_rate(state)) if state.target else 0.0,
+        dwell_s=counting.dwell_s(now_s) if counting else 0.0,
+        progress=dwell.progress(counting.raw_counts, counting.exposure_s) if counting else 0.0,
+        time_used_s=used_s,
+        time_left_s=left_s,
+        distance_m=state.distance_m,
+        samples=state.samples,
+        counting_s=state.all_counting_s,
+        raw_counts=counting.raw_counts if counting else 0,
+        failures=state.failures,
+        blacklisted=blacklisted(state),
+        estimated_end_s=end_s if state.under_way else None,
+    )
+
+
+def dwell_rule(rules: MissionRules, state: MissionState) -> DwellRule:
+    """The dwell rule at the target: its own, else the mission's."""
+    if state.target is None or not state.target.dwell:
+        return rules.dwell
+    return _parsed(state.target.dwell, rules.dwell.longest_s)
+
+
+@lru_cache(maxsize=8)
+def _parsed(dwell: str, longest_s: float) -> DwellRule:
+    return parse_dwell(dwell, longest_s)
+
+
+def shown(state: MissionState) -> tuple[object, ...]:
+    """What is worth publishing a status for when it changes."""
+    return state.phase, state.reason, state.target, state.samples, state.counting and state.counting.records
+
+
+def blacklisted(state: MissionState) -> tuple[str, ...]:
+    """Names of the stops that are ruled out now."""
+    if not state.blacklist:
+        return ()
+    return tuple(out.name for out in state.blacklist if state.now_s is None or state.now_s < out.until_s)
+
+
+def raw_rate(state: MissionState) -> float:
+    """Raw rate at this stop, or of the mission before anything is counted here [counts/s]; NaN if unknown."""
+    for gathered in (state.counting, state):
+        if gathered is not None and gathered.raw_counts > 0:
+            return gathered.raw_counts / gathered.exposure_s
+    return math.nan
+
+
+def state_to_dict(state: MissionState) -> dict[str, Any]:
+    """The state as plain data, fit for JSON."""
+    return _plain(state)
+
+
+def state_from_json(text: str) -> MissionState:
+    """The state that a snapshot of a mission holds.
+
+    :raises InputError: if the text is not a snapshot
+    """
+    try:
+        content = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"the mission's state is not valid JSON: {error}", "start without it") from None
+    return state_from_dict(content)
+
+
+def state_from_dict(content: object) -> MissionState:
+    """The state that :func:`state_to_dict` wrote.
+
+    :raises InputError: if it is not one
+    """
+    state = _read("MissionState", content, "a mission state")
+    assert isinstance(state, MissionState)
+    return state
+
+
+def event_to_dict(event: Event) -> dict[str, Any]:
+    """An event as plain data, fit for JSON; ``event`` holds its kind."""
+    return {"event": type(event).__name__, **_plain(event)}
+
+
+def event_from_dict(content: dict[str, Any]) -> Event:
+    """The event that :func:`event_to_dict` wrote.
+
+    :raises InputError: if it is not one
+    """
+    name = content.get("event")
+    if name not in _EVENTS:
+        raise InputError(f"{name!r} is not a mission event", f"known are {', '.join(_EVENTS)}")
+    values = {key: value for key, value in content.items() if key != "event"}
+    event: Event = _read(name, values, f"a mission event {name!r}")
+    return event
+
+
+_EVENTS: dict[str, Any] = {kind.__name__: kind for kind in get_args(Event)}
+_KINDS: dict[str, Any] = {"MissionState": MissionState, **_EVENTS}
+
+
+@cache
+def _adapter(name: str) -> TypeAdapter[Any]:
+    return TypeAdapter(_KINDS[name])
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    content = _finite(_adapter(type(value).__name__).dump_python(value, mode="json"))
+    assert isinstance(content, dict)
+    return content
+
+
+def _finite(value: Any) -> Any:
+    """NaN and infinity as text, which reads back as a number: JSON has no word for them."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _read(name: str, content: object, what: str) -> Any:
+    remedy = "it was written by another version or has been changed: start without it"
+    unknown = set(content) - {field.name for field in fields(_KINDS[name])} if isinstance(content, dict) else set()
+    if unknown:
+        raise InputError(f"this is not {what}: unknown {', '.join(sorted(map(str, unknown)))}", remedy)
+    try:
+        return _adapter(name).validate_python(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"this is not {what}: {where or 'its type'}: {first['msg']}", remedy) from None

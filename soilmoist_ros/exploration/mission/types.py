@@ -1,0 +1,396 @@
+"""What the mission speaks: the rules it is given, the events it hears, the actions it asks for, and its status.
+
+All of it is frozen data. Times ``now_s`` are of one clock, the one that stamps the records (ROS time, or the
+simulator's clock).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from enum import StrEnum
+
+from soilmoist_ros.exploration.planning.dwell import DwellRule
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.sensing.records import CountRecord
+
+
+class Phase(StrEnum):
+    """What the mission is doing."""
+
+    IDLE = "idle"
+    PLANNING = "planning"
+    TRAVELLING = "travelling"
+    COUNTING = "counting"
+    PAUSED = "paused"
+    CANCELLING = "cancelling"
+    RETURNING = "returning"
+    FINISHED = "finished"
+
+
+class Verb(StrEnum):
+    """What an operator may ask for."""
+
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    ABORT = "abort"
+    SKIP = "skip"
+
+
+class PlanKind(StrEnum):
+    """What kind of stop the planner is asked for."""
+
+    WARM_UP = "warm_up"
+    EXPLORE = "explore"
+
+
+class OnSilence(StrEnum):
+    """What to do when no record arrives while counting."""
+
+    WAIT = "wait"
+    PAUSE = "pause"
+    ABORT = "abort"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionRules:
+    """What governs a mission from start to end.
+
+    The budget runs from the start to the end of measuring *and* of the way home. It keeps running while the
+    mission is paused: batteries, daylight and the people in the field do not stop for a pause.
+
+    :param budget_s: time of the mission, the way home and pauses included [s]
+    :param dwell: when to end counting at a stop
+    :param home: where to go at the end, ``None`` to stay at the last stop
+    :param warm_up_stops: samples that are asked for as ``warm_up`` before the map guides the choice
+    :param min_dwell_s: a stop is not gone to if less than this is left for counting there [s]
+    :param speed_mps: speed, to estimate travel [m/s]
+    :param stop_overhead_s: time that each trip takes beside driving [s]
+    :param detour: driven distance over straight distance, where the planner does not tell the travel time [-]
+    :param arrival_radius_m: the robot is at a stop within this distance; keep it above the positions' noise [m]
+    :param goal_time_factor: a trip may take this many times the expected time ... [-]
+    :param goal_time_margin_s: ... plus this [s]
+    :param return_margin_s: reserve kept for the way home [s]
+    :param cancel_limit_s: a cancelled goal is taken for ended after this time [s]
+    :param plan_limit_s: a plan request that is not answered in this time has failed [s]
+    :param retries: how often a goal that failed is sent again before its stop is ruled out
+    :param blacklist_s: how long a stop is ruled out after it failed or was skipped [s]
+    :param failures_to_pause: after so many failures without a sample in between the operator is asked
+    :param silence_limit_s: time without a record of the stop, while counting, that counts as silence [s]
+    :param on_silence: what to do then; ``wait`` ends with the dwell rule's longest time
+    :param odometer_step_m: moves shorter than this are taken for noise of the position [m]
+    :raises ValueError: if a value is out of its range
+    """
+
+    budget_s: float
+    dwell: DwellRule
+    home: Stop | None = None
+    warm_up_stops: int = 3
+    min_dwell_s: float = 60.0
+    speed_mps: float = 0.6
+    stop_overhead_s: float = 12.0
+    detour: float = 1.3
+    arrival_radius_m: float = 3.0
+    goal_time_factor: float = 3.0
+    goal_time_margin_s: float = 60.0
+    return_margin_s: float = 60.0
+    cancel_limit_s: float = 30.0
+    plan_limit_s: float = 120.0
+    retries: int = 1
+    blacklist_s: float = 900.0
+    failures_to_pause: int = 5
+    silence_limit_s: float = 60.0
+    on_silence: OnSilence = OnSilence.WAIT
+    odometer_step_m: float = 0.5
+
+    def __post_init__(self) -> None:
+        above_zero = {
+            "budget_s", "speed_mps", "arrival_radius_m", "goal_time_factor", "cancel_limit_s", "plan_limit_s",
+            "blacklist_s", "failures_to_pause", "silence_limit_s",
+        }  # fmt: skip
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, int | float):
+                continue
+            low = 1.0 if field.name == "detour" else 0.0
+            if not (math.isfinite(value) and value >= low) or (field.name in above_zero and value <= 0):
+                limit = "> 0" if field.name in above_zero else f">= {low:g}"
+                raise ValueError(f"{field.name} must be {limit} and finite, got {value}")
+
+    def travel_s(self, start: tuple[float, float], end: tuple[float, float]) -> float:
+        """Estimated time of a trip [s]."""
+        return self.stop_overhead_s + self.detour * math.dist(start, end) / self.speed_mps
+
+    def way_home_s(self, start: tuple[float, float]) -> float:
+        """Time to keep for the way home [s]; 0 without a home, or there."""
+        if self.home is None or self.is_at(start, self.home):
+            return 0.0
+        return self.travel_s(start, (self.home.x_m, self.home.y_m)) + self.return_margin_s
+
+    def is_at(self, place: tuple[float, float], stop: Stop) -> bool:
+        """Whether a place is within the arrival radius of a stop."""
+        return math.dist(place, (stop.x_m, stop.y_m)) <= self.arrival_radius_m
+
+
+# Events ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The operator asks for something; the mission answers with one :class:`Answer`.
+
+    :param now_s: time [s]
+    :param verb: what
+    :param cause: why a stop is skipped, for its sample and the status
+    """
+
+    now_s: float
+    verb: Verb
+    cause: str = "by the operator"
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """The planner answers a :class:`RequestPlan`.
+
+    :param now_s: time [s]
+    :param plan_id: that of the request
+    :param choice: next stop, ``None`` if nothing is worth going to or can be reached
+    :param travel_s: expected travel time to it [s]; estimated from the straight distance if ``None``
+    :param reason: why there is no choice
+    """
+
+    now_s: float
+    plan_id: int
+    choice: Choice | None
+    travel_s: float | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFailed:
+    """The planner could not answer: it broke. The mission asks again, or asks the operator in the end."""
+
+    now_s: float
+    plan_id: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class GoalReached:
+    """The navigation reports success; the mission still compares the position with that of the stop [m]."""
+
+    now_s: float
+    goal_id: int
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class GoalFailed:
+    """A goal has ended in any other way: aborted, rejected, or cancelled as asked."""
+
+    now_s: float
+    goal_id: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordArrived:
+    """The sensor delivered a record."""
+
+    now_s: float
+    record: CountRecord
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """The robot is at this place [m]."""
+
+    now_s: float
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Time has passed. Needed at :attr:`Mission.next_deadline_s`, harmless at any other time."""
+
+    now_s: float
+
+
+Event = Command | Planned | PlanFailed | GoalReached | GoalFailed | RecordArrived | Moved | Tick
+
+
+# Actions -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Answer to a :class:`Command`: whether it is being done, and what happens or why not."""
+
+    verb: Verb
+    accepted: bool
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class RequestPlan:
+    """Choose the next stop and send :class:`Planned` or :class:`PlanFailed` with this id.
+
+    :param plan_id: id of the request
+    :param kind: a warm-up stop, or one that the map guides
+    :param blacklisted: names of stops that must not be chosen now
+    :param time_left_s: time left after the way home *from here* has been taken off [s]; for strategies
+    :param budget_left_s: time until the robot must be home [s]. A stop fits if the travel to it, the shortest
+        useful dwell and the way home *from there* fit in; offer only such stops, since the mission ends
+        when the choice does not fit.
+    """
+
+    plan_id: int
+    kind: PlanKind
+    blacklisted: tuple[str, ...]
+    time_left_s: float
+    budget_left_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Send the robot to a stop; answer with :class:`GoalReached` or :class:`GoalFailed` with this id."""
+
+    goal_id: int
+    stop: Stop
+    reason: str
+    expected_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class CancelGoal:
+    """Stop the robot; answer with :class:`GoalFailed` (or :class:`GoalReached`) when the goal has ended."""
+
+    goal_id: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class StartCounting:
+    """From now on records count for this stop; for displays, nothing needs to be done."""
+
+    stop: Stop
+    dwell: str
+    expected_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class StopCounting:
+    """Records do not count for a stop any more."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What was counted at a stop, for logs and reports: the mapper has its records already.
+
+    :param stop: where, as planned
+    :param x_m: where the robot stood: east of the field's datum [m]
+    :param y_m: north [m]
+    :param arrived_s: time of arrival [s]
+    :param dwell_s: time spent counting, pauses left out [s]
+    :param records: number of records that lie wholly within it
+    :param raw_counts: their counts
+    :param exposure_s: their exposure [s]
+    :param effective_exposure_s: their effective exposure [s]
+    :param reason: why the stop was chosen
+    :param ended: why counting ended
+    """
+
+    stop: Stop
+    x_m: float
+    y_m: float
+    arrived_s: float
+    dwell_s: float
+    records: int
+    raw_counts: int
+    exposure_s: float
+    effective_exposure_s: float
+    reason: str
+    ended: str
+
+
+@dataclass(frozen=True, slots=True)
+class SampleDone:
+    """A stop is complete: bring the map up to date. A new plan is requested right after it."""
+
+    sample: Sample
+
+
+@dataclass(frozen=True, slots=True)
+class MissionStatus:
+    """The mission at one time, for operators and displays.
+
+    :param now_s: time of the last event [s]; NaN before the first
+    :param phase: what the mission is doing
+    :param reason: why, never empty
+    :param target: where the robot is going or counting
+    :param planned_dwell_s: expected dwell at the target [s]; 0 without a stop
+    :param dwell_s: time spent counting there so far [s]
+    :param progress: share of the dwell that is done, 0..1
+    :param time_used_s: time since the start, pauses included [s]
+    :param time_left_s: rest of the budget [s]
+    :param distance_m: distance travelled [m]
+    :param samples: samples completed
+    :param counting_s: time spent counting at all stops [s]
+    :param raw_counts: raw counts at the target so far
+    :param failures: failures since the last sample
+    :param blacklisted: names of the stops that are ruled out
+    :param estimated_end_s: latest time at which the mission ends [s]; ``None`` when none is under way
+    """
+
+    now_s: float
+    phase: Phase
+    reason: str
+    target: Stop | None
+    planned_dwell_s: float
+    dwell_s: float
+    progress: float
+    time_used_s: float
+    time_left_s: float
+    distance_m: float
+    samples: int
+    counting_s: float
+    raw_counts: int
+    failures: int
+    blacklisted: tuple[str, ...]
+    estimated_end_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Publish:
+    """Show the status of the mission. Asked for when more than the time has changed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Save:
+    """Write map and samples to disk."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """The mission has ended; nothing is moving any more.
+
+    :param reason: why, for reports
+    :param aborted: whether an operator (or a silent sensor) ended it
+    """
+
+    reason: str
+    aborted: bool = False
+
+
+Action = (
+    Answer | RequestPlan | GoTo | CancelGoal | StartCounting | StopCounting | SampleDone | Publish | Save | Finish
+)

@@ -1,0 +1,1 @@
+"""How goals reach the navigation of a robot, and what its answers mean."""

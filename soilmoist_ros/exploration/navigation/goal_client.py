@@ -1,0 +1,255 @@
+"""The rules by which a client of topological navigation has to live, without the messages.
+
+The navigation is a ROS action whose answers cannot all be believed:
+
+* Cancelling looks rejected, and the goal then ends as aborted; newer versions end it as cancelled. So any end
+  is taken for the end, and the answer to the cancellation says nothing, unless it says that there is no such goal.
+* A goal that was replaced, or whose way needs no driving, ends well without the robot having moved. So the robot
+  has arrived only if the status is good, the result says so, *and* a position of after that agrees.
+* Goals share their state in the server. So a goal is sent only after the end of the one before is known.
+* The server may come late, die in mid-goal, or not answer. So everything has a time limit, and a goal whose end
+  was never heard of is cancelled again until the server says that it is over or unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, IntEnum, auto
+
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.travel.stop import Stop
+
+CANCEL_AGAIN_S = 2.0
+"""Time after which a goal that does not end is cancelled again [s]."""
+
+
+class Status(IntEnum):
+    """Final states of a goal, as action_msgs numbers them."""
+
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+
+class CancelAnswer(IntEnum):
+    """Answers to a cancellation that prove that the goal is not running, as action_msgs numbers them."""
+
+    UNKNOWN_GOAL = 2
+    ALREADY_ENDED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class SendGoal:
+    """Send this goal; tell :meth:`GoalClient.answered` and :meth:`GoalClient.ended`."""
+
+    goal_id: int
+    stop: Stop
+
+
+@dataclass(frozen=True, slots=True)
+class CancelSent:
+    """Ask the server to cancel this goal; tell :meth:`GoalClient.cancel_answered`.
+
+    :param goal_id: id of the goal
+    :param ours: whether this client sent it; otherwise it is one of before, and all goals are to be cancelled
+    """
+
+    goal_id: int
+    ours: bool
+
+
+Request = SendGoal | CancelSent | Ended
+"""What a client asks for, and what it reports."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoalLimits:
+    """Time limits, on a clock that runs with the messages (not a simulated one).
+
+    :param start_s: time for the server to appear, and for the goal before to end [s]
+    :param answer_s: time in which the server accepts or rejects a goal [s]
+    :param lost_s: the server may be away for this time in mid-goal [s]
+    :param position_s: time for a position that agrees, after the server reported the arrival [s]
+    :param positions: as many positions that do not agree settle it sooner
+    """
+
+    start_s: float = 30.0
+    answer_s: float = 10.0
+    lost_s: float = 5.0
+    position_s: float = 30.0
+    positions: int = 10
+
+
+class _Step(Enum):
+    WAITING = auto()  # not sent
+    SENT = auto()  # neither accepted nor rejected
+    ACTIVE = auto()
+    CHECKING = auto()  # over for the server; the position is missing
+
+
+@dataclass
+class _Goal:
+    goal_id: int
+    stop: Stop | None
+    step: _Step
+    since_s: float
+    cancel: bool = False
+    asked_s: float = -math.inf
+    reported: bool = False
+    away_m: float = math.nan
+    positions: int = 0
+
+
+class GoalClient:
+    """Takes goals one at a time through the server. Each method gives what is to be done now, in order.
+
+    :param radius_m: the robot is at a stop within this distance [m]
+    :param limits: time limits
+    """
+
+    def __init__(self, radius_m: float, limits: GoalLimits | None = None) -> None:
+        self._radius_m = radius_m
+        self._limits = limits or GoalLimits()
+        self._goals: dict[int, _Goal] = {}  # those that may still run, also when their end has been reported
+        self._server_there = False
+        self._server_seen_s = -math.inf
+        self._out: list[Request] = []
+
+    def go(self, goal_id: int, stop: Stop, now_s: float) -> tuple[Request, ...]:
+        """A new goal; it is sent when the server is there and the end of all others is known."""
+        for goal in list(self._goals.values()):
+            if not goal.reported:
+                self._give_up(goal, Outcome.CANCELED, "replaced by another goal", now_s)
+        self._goals[goal_id] = _Goal(goal_id, stop, _Step.WAITING, now_s)
+        return self._go_on(now_s)
+
+    def cancel(self, goal_id: int, now_s: float) -> tuple[Request, ...]:
+        """Cancel a goal; its end is reported when the server reports it."""
+        goal = self._goals.get(goal_id)
+        if goal is None:
+            goal = self._goals[goal_id] = _Goal(goal_id, None, _Step.ACTIVE, now_s)
+        goal.cancel = True
+        if goal.step is _Step.WAITING:
+            self._over(goal, Outcome.CANCELED, "cancelled before it was sent")
+        elif goal.step is _Step.CHECKING:
+            self._over(goal, Outcome.CANCELED, "cancelled after the navigation had ended")
+        return self._go_on(now_s)
+
+    def answered(self, goal_id: int, accepted: bool, now_s: float) -> tuple[Request, ...]:
+        """The server has accepted or rejected a goal."""
+        goal = self._goals.get(goal_id)
+        if goal is None:  # given up long ago; it must not run on unnoticed
+            goal = _Goal(goal_id, None, _Step.SENT, now_s, cancel=True, reported=True)
+            self._goals[goal_id] = goal
+        if accepted:
+            goal.step, goal.since_s = _Step.ACTIVE, now_s
+        else:
+            self._over(goal, Outcome.FAILED, "the navigation rejected the goal")
+        return self._go_on(now_s)
+
+    def ended(self, goal_id: int, status: int, success: bool, now_s: float) -> tuple[Request, ...]:
+        """The server has reported the end of a goal: a status as action_msgs numbers it, and the result."""
+        goal = self._goals.get(goal_id)
+        if goal is None:
+            return self._go_on(now_s)
+        if goal.cancel:
+            self._over(goal, Outcome.CANCELED, f"cancelled; the navigation {_said(status, success)}")
+        elif status == Status.SUCCEEDED and success:
+            goal.step, goal.since_s = _Step.CHECKING, now_s
+        else:
+            self._over(goal, Outcome.FAILED, f"the navigation {_said(status, success)}")
+        return self._go_on(now_s)
+
+    def cancel_answered(self, goal_id: int, code: int, now_s: float) -> tuple[Request, ...]:
+        """The server has answered a cancellation, with a code as action_msgs numbers it."""
+        goal = self._goals.get(goal_id)
+        not_running = code in (CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ALREADY_ENDED)
+        # an answer to the goal itself may still be on its way
+        if goal is not None and not_running and (goal.step is _Step.ACTIVE or goal.reported):
+            self._over(goal, Outcome.CANCELED, "cancelled; the navigation is not working on it any more")
+        return self._go_on(now_s)
+
+    def moved(self, place: tuple[float, float], now_s: float) -> tuple[Request, ...]:
+        """The robot is here [m]."""
+        for goal in list(self._goals.values()):
+            if goal.step is _Step.CHECKING and goal.stop is not None:
+                goal.away_m = math.dist(place, (goal.stop.x_m, goal.stop.y_m))
+                goal.positions += 1
+                if goal.away_m <= self._radius_m:
+                    self._over(goal, Outcome.SUCCEEDED, f"{goal.away_m:.1f} m from {goal.stop.name}")
+        return self._go_on(now_s)
+
+    def tick(self, server_there: bool, now_s: float) -> tuple[Request, ...]:
+        """Time has passed; whether the server is there now."""
+        self._server_there = server_there
+        if server_there:
+            self._server_seen_s = now_s
+        return self._go_on(now_s)
+
+    # What follows --------------------------------------------------------------------------------------------
+
+    def _go_on(self, now_s: float) -> tuple[Request, ...]:
+        for goal in list(self._goals.values()):
+            self._meet_limits(goal, now_s)
+        for goal in self._goals.values():
+            known = goal.step is _Step.ACTIVE or (goal.step is _Step.SENT and goal.reported)
+            if goal.cancel and known and self._server_there and now_s - goal.asked_s >= CANCEL_AGAIN_S:
+                goal.asked_s = now_s
+                self._out.append(CancelSent(goal.goal_id, goal.stop is not None))
+        if self._server_there and len(self._goals) == 1:
+            goal = next(iter(self._goals.values()))
+            if goal.step is _Step.WAITING and goal.stop is not None:
+                goal.step, goal.since_s = _Step.SENT, now_s
+                self._out.append(SendGoal(goal.goal_id, goal.stop))
+        out, self._out = tuple(self._out), []
+        return out
+
+    def _meet_limits(self, goal: _Goal, now_s: float) -> None:
+        if goal.reported:
+            return
+        limits, waited_s = self._limits, now_s - goal.since_s
+        on_server = goal.step in (_Step.SENT, _Step.ACTIVE)
+        if goal.step is _Step.WAITING and waited_s > limits.start_s:
+            before = "does not end the goal before" if self._server_there else "is not there"
+            self._over(goal, Outcome.FAILED, f"the navigation {before} (waited {limits.start_s:.0f} s)")
+        elif on_server and now_s - max(self._server_seen_s, goal.since_s) > limits.lost_s:
+            self._give_up(goal, Outcome.FAILED, "the navigation has gone away", now_s)
+        elif goal.step is _Step.SENT and waited_s > limits.answer_s:
+            reason = f"the navigation neither accepts nor rejects the goal in {limits.answer_s:.0f} s"
+            self._give_up(goal, Outcome.FAILED, reason, now_s)
+        elif goal.step is _Step.CHECKING and (waited_s > limits.position_s or goal.positions >= limits.positions):
+            found = f"the robot is {goal.away_m:.1f} m away from it"
+            if math.isnan(goal.away_m):
+                found = f"no position came in {limits.position_s:.0f} s"
+            self._over(goal, Outcome.FAILED, f"reported as reached, but {found}")
+
+    def _over(self, goal: _Goal, outcome: Outcome, reason: str) -> None:
+        """The server does not work on it any more, or never did."""
+        self._goals.pop(goal.goal_id, None)
+        self._report(goal, outcome, reason)
+
+    def _give_up(self, goal: _Goal, outcome: Outcome, reason: str, now_s: float) -> None:
+        """It has ended for the mission, but the server may still work on it."""
+        self._report(goal, outcome, reason)
+        if goal.step in (_Step.SENT, _Step.ACTIVE):
+            goal.cancel, goal.since_s = True, now_s
+        else:
+            del self._goals[goal.goal_id]
+
+    def _report(self, goal: _Goal, outcome: Outcome, reason: str) -> None:
+        if not goal.reported:
+            goal.reported = True
+            self._out.append(Ended(goal.goal_id, outcome, reason))
+
+
+def _said(status: int, success: bool) -> str:
+    match status:
+        case Status.SUCCEEDED:
+            return "reported the arrival" if success else "ended the goal without success"
+        case Status.CANCELED:
+            return "cancelled the goal"
+        case Status.ABORTED:
+            return "aborted the goal (is the stop on its map, and the way free?)"
+        case _:
+            return f"ended the goal with the unknown status {status}"

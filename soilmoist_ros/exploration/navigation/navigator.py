@@ -1,0 +1,61 @@
+"""What a navigator is: it takes the robot to one stop at a time, and says how that ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from soilmoist_ros.exploration.travel.stop import Stop
+
+
+class Outcome(StrEnum):
+    """How a goal ended."""
+
+    SUCCEEDED = "succeeded"
+    CANCELED = "canceled"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A goal has ended; said once for each.
+
+    :param goal_id: the mission's id of the goal
+    :param outcome: how it ended; ``SUCCEEDED`` only if the robot's own position agrees
+    :param reason: why, for operators
+    """
+
+    goal_id: int
+    outcome: Outcome
+    reason: str
+
+
+class Navigator(Protocol):
+    """Takes the robot to stops. No method waits; every goal ends with one :class:`Ended`."""
+
+    @property
+    def waiting_for(self) -> str:
+        """What is missing before goals can be sent; empty if nothing is."""
+        ...
+
+    @property
+    def on_the_way(self) -> str:
+        """What the navigation says about the way, for displays; empty if nothing."""
+        ...
+
+    def go(self, goal_id: int, stop: Stop) -> None:
+        """Take the robot to a stop."""
+        ...
+
+    def cancel(self, goal_id: int) -> None:
+        """Stop the robot; also for goals of a mission before this process."""
+        ...
+
+    def moved(self, place: tuple[float, float], now_s: float) -> None:
+        """The robot is at this place [m] at this time [s]."""
+        ...
+
+    def tick(self) -> None:
+        """Look after the navigation; to be called several times a second."""
+        ...

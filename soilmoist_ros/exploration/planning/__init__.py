@@ -1,0 +1,1 @@
+"""What a measurement at a place is worth, and how long to count there."""

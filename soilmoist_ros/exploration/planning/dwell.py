@@ -1,0 +1,342 @@
+"""Dwell rules: how long to count at a stop.
+
+A rule sees only what was counted at the stop. :class:`MarginalValue`, which weighs the gain of counting on
+against the price of time, is made anew for each stop with the kriging quantities of that stop inside.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from fractions import Fraction
+from functools import cached_property
+from typing import ClassVar, Protocol
+
+from soilmoist_ros.foundation.errors import InputError
+
+LONGEST_DWELL_S = 3600.0
+"""Default of the longest dwell [s]: a dead or drowned sensor must not hold the robot for the rest of the day."""
+
+SHORTEST_INTERVAL_S, LONGEST_INTERVAL_S = 1, 86400
+FINEST_THRESHOLD, COARSEST_THRESHOLD = Decimal("0.001"), Decimal("0.5")
+
+_EXAMPLES = (
+    "write for example 'fmi:600' (600 s), 'ami:0.025' or 'ami:2.5%' (standard error of the count), or 'optimal'"
+)
+_ROUNDING = 1e-9
+"""Relative error that sums of exposures may have collected."""
+_HALVINGS = 50
+
+
+class DwellRule(Protocol):
+    """Decides when enough has been counted at a stop. ``str(rule)`` is the text that :func:`parse_dwell` reads."""
+
+    @property
+    def longest_s(self) -> float:
+        """Time at the stop after which counting ends whatever was counted [s]."""
+        ...
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether to stop counting.
+
+        :param raw_counts: raw counts gathered at the stop
+        :param live_s: exposure in which they were gathered [s]
+        """
+        ...
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """Whole dwell to expect, for planning [s]; ``longest_s`` where the rate is unknown (NaN) or not positive.
+
+        :param rate_cps: corrected rate expected at the stop [counts/s]
+        :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
+        """
+        ...
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """How much of the dwell is done, 0..1; 1 exactly if :meth:`enough`."""
+        ...
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words, once counting has ended."""
+        ...
+
+
+@dataclass(frozen=True)
+class FixedInterval:
+    """Count for a fixed time ("FMI").
+
+    :param interval_s: time to count [s], > 0
+    :param longest_s: longest time at the stop [s]; at least twice the interval when made by :func:`parse_dwell`,
+        so that only a sensor with little live time is cut short
+    """
+
+    interval_s: float
+    longest_s: float = LONGEST_DWELL_S
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether the interval has been counted."""
+        return live_s >= self.interval_s * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """The interval [s]."""
+        return self.interval_s
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of the interval that has been counted, 0..1."""
+        return 1.0 if self.enough(raw_counts, live_s) else live_s / self.interval_s
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        return f"{raw_counts} counts in {live_s:.0f} of {_plain(self.interval_s)} s"
+
+    def __str__(self) -> str:
+        return f"fmi:{_plain(self.interval_s)}"
+
+
+@dataclass(frozen=True)
+class AdaptiveInterval:
+    """Count until the relative standard error ``1 / sqrt(raw counts)`` falls to a threshold ("AMI").
+
+    The *raw* counts decide: they are Poisson, the corrected ones are not.
+
+    :param threshold: relative standard error to reach, 0 < threshold < 1 [-]
+    :param longest_s: counting ends after this time in any case [s]
+    """
+
+    threshold: float
+    longest_s: float = LONGEST_DWELL_S
+
+    @cached_property
+    def counts_needed(self) -> int:
+        """Smallest count that meets the threshold: 1600 for 0.025, 1112 for 0.03.
+
+        Taken from the decimal number as written: in floating point ``1 / 0.025**2`` is not 1600.
+        """
+        return math.ceil(1 / Fraction(repr(float(self.threshold))) ** 2)
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether the threshold is met, or the longest dwell is over."""
+        return raw_counts >= self.counts_needed or live_s >= self.longest_s * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """Time in which the counts needed are expected, at most the longest dwell [s]."""
+        if not (rate_cps > 0 and factor > 0):
+            return self.longest_s
+        return min(self.counts_needed * factor / rate_cps, self.longest_s)
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of the counts needed or of the longest dwell, whichever ends the dwell sooner, 0..1."""
+        if self.enough(raw_counts, live_s):
+            return 1.0
+        return max(raw_counts / self.counts_needed, live_s / self.longest_s)
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        error = f"{100 / math.sqrt(raw_counts):.2g} %" if raw_counts > 0 else "no standard error"
+        text = f"{raw_counts} counts ({error}) in {live_s:.0f} s"
+        if raw_counts < self.counts_needed:
+            text += f"; {100 * self.threshold:.3g} % would need {self.counts_needed} counts"
+        return text
+
+    def __str__(self) -> str:
+        return f"ami:{_plain(self.threshold)}"
+
+
+@dataclass(frozen=True)
+class Optimal:
+    """Count as long as it pays. Each stop gets a :class:`MarginalValue`; this stands in where there is no map yet.
+
+    :param longest_s: counting ends after this time in any case [s]
+    """
+
+    longest_s: float = LONGEST_DWELL_S
+
+    UNKNOWN_S: ClassVar[float] = 60.0
+    """Dwell without a map [s]."""
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether the dwell for an unknown field is over."""
+        return live_s >= min(self.UNKNOWN_S, self.longest_s) * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """The dwell for an unknown field [s]."""
+        return min(self.UNKNOWN_S, self.longest_s)
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of that dwell, 0..1."""
+        return 1.0 if self.enough(raw_counts, live_s) else live_s / min(self.UNKNOWN_S, self.longest_s)
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        return f"{raw_counts} counts in {live_s:.0f} s, without a map to tell what is worth more"
+
+    def __str__(self) -> str:
+        return "optimal"
+
+
+@dataclass(frozen=True)
+class MarginalValue:
+    """Count at one stop while a second there lowers the integrated variance more than a second elsewhere.
+
+    After t seconds the integrated variance has fallen by ``A t / (B t + n)``, n being the rate times the
+    correction factor, so counting on pays while ``A n / (B t + n)^2 > price``. The rate is that counted here.
+    Where further properties are counted at once, their terms join the sum, each with the noise expected of it.
+
+    :param gain: A: weighted sum over the cells of the squared posterior covariance with the stop
+    :param variance: B: posterior variance at the stop, nugget included [(counts/s)^2], > 0
+    :param price: fall of the integrated variance per second that the time is worth elsewhere, >= 0
+    :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
+    :param longest_s: counting ends after this time in any case [s]
+    :param beside: A, B and n of each further property
+    """
+
+    gain: float
+    variance: float
+    price: float
+    factor: float = 1.0
+    longest_s: float = LONGEST_DWELL_S
+    beside: tuple[tuple[float, float, float], ...] = ()
+
+    def enough(self, raw_counts: int, live_s: float) -> bool:
+        """Whether counting on is worth less than its price, or the longest dwell is over."""
+        return live_s >= self._best_s(self._noise(raw_counts, live_s)) * (1 - _ROUNDING)
+
+    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
+        """Dwell that pays at this rate [s]."""
+        # n is the square of the stop's own factor times the raw rate.
+        return self._best_s(self.factor**2 * rate_cps / factor) if rate_cps > 0 else self.longest_s
+
+    def progress(self, raw_counts: int, live_s: float) -> float:
+        """Share of the dwell that pays at the rate counted so far, 0..1."""
+        if self.enough(raw_counts, live_s):
+            return 1.0
+        return live_s / self._best_s(self._noise(raw_counts, live_s))
+
+    def outcome(self, raw_counts: int, live_s: float) -> str:
+        """What was reached, in words."""
+        if live_s >= self.longest_s * (1 - _ROUNDING):
+            return f"{raw_counts} counts in the longest dwell of {live_s:.0f} s"
+        return f"{raw_counts} counts in {live_s:.0f} s; counting elsewhere is worth more now"
+
+    def _noise(self, raw_counts: int, live_s: float) -> float:
+        """Noise n from what was counted; half a count stands for none."""
+        return self.factor**2 * max(raw_counts, 0.5) / live_s if live_s > 0 else math.inf
+
+    def _best_s(self, noise: float) -> float:
+        """Dwell after which the marginal value has fallen to the price [s]."""
+        if not math.isfinite(noise):
+            return self.longest_s
+        terms = ((self.gain, self.variance, noise), *self.beside)
+        if self.price <= 0:
+            return self.longest_s if any(gain > 0 for gain, _, _ in terms) else 0.0
+        # The sum falls with time, and reaches the price no sooner than any of its terms.
+        alone_s = max((math.sqrt(gain * n / self.price) - n) / variance for gain, variance, n in terms)
+        low, high = min(max(alone_s, 0.0), self.longest_s), self.longest_s
+        for _ in range(_HALVINGS if self.beside else 0):
+            middle = (low + high) / 2
+            marginal = sum(gain * n / (variance * middle + n) ** 2 for gain, variance, n in terms)
+            low, high = (middle, high) if marginal > self.price else (low, middle)
+        return low
+
+    def __str__(self) -> str:
+        beside = "".join(f";{gain!r},{variance!r},{noise!r}" for gain, variance, noise in self.beside)
+        return f"value:{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}{beside}"
+
+
+def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
+    """Read a dwell rule.
+
+    ``str`` of the result is the rule in its plainest form (``ami:2.5%`` becomes ``ami:0.025``), which reads
+    back as the same rule.
+
+    :param text: ``fmi:SECONDS``, ``ami:THRESHOLD``, ``ami:PERCENT%`` or ``optimal``; upper case and spaces do
+        not matter. (``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each further property, is what ``optimal``
+        becomes at a stop.)
+    :param longest_s: counting by ``ami`` or ``optimal`` ends after this time in any case [s], > 0
+    :raises InputError: if the text is not a rule; it says what would be one
+    """
+    if not (math.isfinite(longest_s) and longest_s > 0):
+        raise InputError(
+            f"the longest dwell of {longest_s} s is not positive and finite", "give seconds, e.g. 3600"
+        )
+    name, colon, number = (part.strip() for part in text.lower().partition(":"))
+    if name not in _RULES:
+        close = difflib.get_close_matches(name, _RULES, n=1, cutoff=0.5)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        raise InputError(f"unknown dwell rule {text.strip()!r}{hint}", _EXAMPLES)
+    if name == "optimal" and not colon:
+        return Optimal(longest_s)
+    if name == "optimal":
+        raise InputError(f"the dwell rule {text.strip()!r} must be 'optimal' alone", _EXAMPLES)
+    if not colon or not number:
+        raise InputError(f"the dwell rule {text.strip()!r} has no number after '{name}:'", _EXAMPLES)
+    return _RULES[name](number, longest_s)
+
+
+def _fixed(number: str, longest_s: float) -> DwellRule:
+    seconds = _decimal(number, "fmi")
+    if not SHORTEST_INTERVAL_S <= seconds <= LONGEST_INTERVAL_S:
+        raise InputError(
+            f"'fmi:{number}' is not between {SHORTEST_INTERVAL_S} and {LONGEST_INTERVAL_S} s",
+            "give the seconds to count at each stop, for example 'fmi:600'",
+        )
+    interval_s = float(seconds)
+    return FixedInterval(interval_s, max(longest_s, 2 * interval_s))
+
+
+def _adaptive(number: str, longest_s: float) -> DwellRule:
+    percent = number.endswith("%")
+    threshold = _decimal(number.removesuffix("%").strip(), "ami")
+    if percent:
+        threshold /= 100
+    if not FINEST_THRESHOLD <= threshold <= COARSEST_THRESHOLD:
+        meant_percent = not percent and FINEST_THRESHOLD <= threshold / 100 <= COARSEST_THRESHOLD
+        raise InputError(
+            f"the threshold of 'ami:{number}' is not between {FINEST_THRESHOLD} and {COARSEST_THRESHOLD}",
+            f"did you mean 'ami:{number}%'?" if meant_percent else "it is 1/sqrt(counts), for example 'ami:0.025'",
+        )
+    return AdaptiveInterval(float(threshold), longest_s)
+
+
+def _of_stop(numbers: str, longest_s: float) -> DwellRule:
+    own, *others = numbers.split(";")
+    beside: list[tuple[float, float, float]] = []
+    try:
+        gain, variance, price, factor = (float(number) for number in own.split(","))
+        for other in others:
+            a, b, n = (float(number) for number in other.split(","))
+            beside.append((a, b, n))
+    except ValueError:
+        raise InputError(f"'value:{numbers}' is not A,B,PRICE,FACTOR or that with ;A,B,N", _EXAMPLES) from None
+    positive = [variance, factor, *(value for _, b, n in beside for value in (b, n))]
+    not_negative = [gain, price, *(a for a, _, _ in beside)]
+    if not (
+        all(0 < value < math.inf for value in positive) and all(0 <= value < math.inf for value in not_negative)
+    ):
+        raise InputError(f"'value:{numbers}' is out of range", _EXAMPLES)
+    return MarginalValue(gain, variance, price, factor, longest_s, tuple(beside))
+
+
+_RULES: dict[str, Callable[[str, float], DwellRule]] = {
+    "fmi": _fixed,
+    "ami": _adaptive,
+    "optimal": lambda number, longest_s: Optimal(longest_s),
+    "value": _of_stop,
+}
+
+
+def _decimal(number: str, rule: str) -> Decimal:
+    try:
+        value = Decimal(number)
+    except InvalidOperation:
+        raise InputError(f"{number!r} in '{rule}:{number}' is not a number", _EXAMPLES) from None
+    if not value.is_finite():
+        raise InputError(f"'{rule}:{number}' is not finite", _EXAMPLES)
+    return value
+
+
+def _plain(value: float) -> str:
+    return repr(int(value)) if float(value).is_integer() else repr(float(value))

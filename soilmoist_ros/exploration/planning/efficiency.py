@@ -1,0 +1,81 @@
+"""How good any plan could have been: the least integrated variance that counting for a given time can leave.
+
+Without travel and with the time divided at will among all places, the best division is an A-optimal design
+(Pukelsheim 2006, Optimal Design of Experiments): a convex problem, so what is found is the least. No plan of a
+robot that must drive can leave less under the same variogram.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.variogram.model import Variogram
+
+Array = NDArray[np.float64]
+
+ROUNDS = 200
+"""Most rounds of the search."""
+CLOSE = 1e-3
+"""The search ends when what is found is certain to be within this share of the least."""
+_FAR = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class LeastVariance:
+    """The best that a time can do.
+
+    :param integrated_variance: least weighted sum of the variances of the cells [(counts/s)^2]
+    :param dwell_s: time to count at each cell, shape (g,) [s]
+    :param gap: what is found is at most this share above the least
+    """
+
+    integrated_variance: float
+    dwell_s: Array
+    gap: float
+
+
+def least_variance(
+    variogram: Variogram, cells_xy: Array, weight: Array, rate_cps: Array, time_s: float
+) -> LeastVariance:
+    """The least integrated variance of the smooth rate that counting for a time can leave.
+
+    :param variogram: variogram; its nugget is left out, so the bound holds for any
+    :param cells_xy: cells that stand for the field, shape (g, 2) [m]; cost grows with the cube of g
+    :param weight: omega of each cell, shape (g,), summing up to 1 for a map of the rate
+    :param rate_cps: rate at each cell times the correction factor, shape (g,) [counts/s]
+    :param time_s: counting time, > 0 [s]
+    :raises ValueError: if the time or a rate is not positive
+    """
+    from scipy.linalg import cho_factor, cho_solve
+    from scipy.spatial.distance import cdist
+
+    if not (time_s > 0 and (rate_cps > 0).all()):
+        raise ValueError("time and rates must be > 0")
+    structured = variogram.structured_sill
+    from soilmoist_ros.mapping.variogram.model import MODELS
+
+    scaled = variogram.scaled(cells_xy)
+    prior = structured * MODELS[variogram.model].correlation(cdist(scaled, scaled, "sqeuclidean"))
+    # A mean that nothing is known of is a constant of very large variance.
+    prior += _FAR * structured
+    dwell_s = np.full(len(cells_xy), time_s / len(cells_xy))
+    best, certain = np.inf, 0.0
+    for _ in range(ROUNDS):
+        # (C^-1 + T)^-1 = C - C S (I + S C S)^-1 S C with S = sqrt(T): nothing is inverted that might be singular.
+        root = np.sqrt(dwell_s / rate_cps)
+        inner = cho_factor(np.eye(len(root)) + root[:, None] * prior * root, lower=True)
+        posterior = prior - (prior * root) @ cho_solve(inner, root[:, None] * prior)
+        value = float(weight @ np.diag(posterior))
+        slope = (weight @ posterior**2) / rate_cps  # fall of the value per second at each cell
+        # The value is convex in the times: it lies above its tangent, whose least over all divisions is known.
+        certain = max(certain, value + float(slope @ dwell_s) - time_s * float(slope.max()))
+        if value < best:
+            best, found = value, dwell_s
+        if best - certain <= CLOSE * best:
+            break
+        dwell_s = dwell_s * np.sqrt(slope)
+        dwell_s *= time_s / dwell_s.sum()
+    return LeastVariance(best, found, (best - certain) / best)

@@ -1,0 +1,168 @@
+"""What the planner can look ahead with: the worth of each stop, the way there included."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.planning.dwell import LONGEST_DWELL_S, MarginalValue
+from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Worth
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import TravelModel, polyline_length_m
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+MOST_CELLS = 400
+"""About so many cells stand for the field: the variance is smooth over the range of the variogram."""
+MOST_STOPS = 500
+"""At most so many nodes of a graph are weighed."""
+MOST_PLACES = 12
+"""At most so many places stand for a way."""
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Counting:
+    """When the robot counts.
+
+    :param cadence_s: duration of a record [s]
+    :param on_way: whether records taken while driving are mapped too
+    """
+
+    cadence_s: float = 10.0
+    on_way: bool = True
+
+
+class Prospect:
+    """Candidates as a planner weighs them.
+
+    :param model: posterior covariance, with exactly these candidates as its stops
+    :param stops: the candidates
+    :param travel: ways and times
+    :param position_xy: where the robot is [m]
+    :param travel_s: travel times to the candidates, shape (k,) [s]; inf where none is possible
+    :param budget_s: time left for a trip and counting at its end, shape (k,) [s]
+    :param counting: when the robot counts
+    """
+
+    def __init__(
+        self,
+        model: PlanningModel,
+        stops: Sequence[Stop],
+        travel: TravelModel,
+        position_xy: tuple[float, float],
+        travel_s: Array,
+        budget_s: Array,
+        counting: Counting,
+    ) -> None:
+        self.model = model
+        self.stops = stops
+        self._travel = travel
+        self.position = position_xy
+        self._travel_s = travel_s
+        self._budget_s = budget_s
+        self._counting = counting
+
+    @cached_property
+    def reachable(self) -> Indices:
+        """Numbers of the candidates at which the robot could still count."""
+        return np.flatnonzero(np.isfinite(self._travel_s) & (self._travel_s < self._budget_s))
+
+    @cached_property
+    def _reachable_stops(self) -> Sequence[Stop]:
+        """These candidates."""
+        if len(self.reachable) == len(self.stops):
+            return self.stops
+        return tuple(self.stops[number] for number in self.reachable.tolist())
+
+    @cached_property
+    def worth(self) -> Worth:
+        """Worth of each :attr:`reachable` candidate, in that order."""
+        stops = self.reachable
+        ways, exposure_s = self.ways(stops)
+        longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], LONGEST_DWELL_S)
+        return self.model.worth(stops, self._travel_s[stops], ways, exposure_s, self.overhead_s, longest_s)
+
+    @property
+    def price(self) -> float:
+        """What a second is worth: the highest value of all candidates."""
+        return float(self.worth.value.max(initial=0.0))
+
+    def dwell(self, stop: Stop) -> MarginalValue | None:
+        """Dwell rule of a stop at the price of time, ``None`` if it is not among the candidates."""
+        for row, number in enumerate(self.reachable.tolist()):
+            if self.stops[number].name == stop.name:
+                worth = self.worth
+                gain, variance = float(worth.gain[row]), float(worth.variance[row])
+                beside = tuple((float(a[row]), float(b[row]), float(n[row])) for a, b, n in worth.beside)
+                return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor, beside=beside)
+        return None
+
+    @property
+    def counts_on_way(self) -> bool:
+        """Whether records taken while driving are mapped too."""
+        return self._counting.on_way
+
+    @property
+    def overhead_s(self) -> float:
+        """Time of each trip in which the robot already counts at the stop [s]."""
+        return self._travel.motion.stop_overhead_s if self._counting.on_way else 0.0
+
+    def place(self, row: int) -> tuple[float, float]:
+        """Place of a :attr:`reachable` candidate [m]."""
+        stop = self._reachable_stops[row]
+        return stop.x_m, stop.y_m
+
+    def travel_from(self, row: int) -> Array:
+        """Travel times from a reachable candidate to all of them [s]."""
+        return self._travel.travel_s(self.place(row), self._reachable_stops)
+
+    def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
+        """Nodes on the way from a place to a reachable candidate, and the exposure at each [s].
+
+        :param travel_s: time of the trip, stop overhead included [s]
+        """
+        drive_s = travel_s - self._travel.motion.stop_overhead_s
+        count = min(math.ceil(drive_s / self._counting.cadence_s - _ROUNDING), MOST_PLACES)
+        if count <= 0:
+            return np.empty(0, np.intp), np.empty(0)
+        places = along(self._travel.route(place, self._reachable_stops[row]), count)
+        return self.model.nearest_nodes(places), np.full(count, drive_s / count)
+
+    def ways(self, stops: Indices) -> tuple[Indices, Array]:
+        """Nodes of the model along the way to each candidate, shape (k, m), and the exposure at each [s]."""
+        if not self._counting.on_way:
+            return np.empty((len(stops), 0), np.intp), np.empty((len(stops), 0))
+        drive_s = self._travel_s[stops] - self._travel.motion.stop_overhead_s
+        counts = np.clip(np.ceil(drive_s / self._counting.cadence_s - _ROUNDING), 0, MOST_PLACES).astype(int)
+        most = int(counts.max(initial=0))
+        places = np.tile(np.asarray(self.position, float), (len(stops), most, 1))
+        for row, number in enumerate(stops.tolist()):
+            if counts[row]:
+                places[row, : counts[row]] = along(
+                    self._travel.route(self.position, self.stops[number]), int(counts[row])
+                )
+        used = np.arange(most) < counts[:, None]
+        exposure_s = np.where(used, (drive_s / np.maximum(counts, 1))[:, None], 0.0)
+        return self.model.nearest_nodes(places), exposure_s
+
+
+def along(polyline: Array, count: int) -> Array:
+    """Middles of ``count`` equal pieces of a way, shape (count, 2) [m].
+
+    :param polyline: corners, shape (p, 2) [m]
+    :param count: >= 1
+    """
+    shares = (np.arange(count) + 0.5) / count
+    if len(polyline) == 2:  # most ways are straight, and this is done for every candidate
+        return np.asarray(polyline[0] + shares[:, None] * (polyline[1] - polyline[0]))
+    length_m = polyline_length_m(polyline)
+    reached = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
+    middles = shares * length_m
+    return np.column_stack([np.interp(middles, reached, axis) for axis in polyline.T])

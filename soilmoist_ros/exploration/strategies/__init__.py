@@ -1,0 +1,1 @@
+"""Which stop is next."""

@@ -1,0 +1,168 @@
+"""The order in which to visit targets: an open travelling-salesman route that starts at the robot."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+EXACT_UP_TO = 8
+"""Targets up to which the best order is found by dynamic programming."""
+ITERATIONS = 300
+"""Iterations of the search beyond that: a number, not a time, so that a run can be repeated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """An order of visits.
+
+    :param order: indices of the targets in the order of the visits
+    :param travel_s: time on the way [s]; inf if no order avoids an impossible leg
+    :param arrival_s: arrival at each target of the order, counted from the start [s]
+    :param duration_s: time until the last target has been served [s]
+    """
+
+    order: tuple[int, ...]
+    travel_s: float
+    arrival_s: Array
+    duration_s: float
+
+
+def open_route(
+    from_start_s: ArrayLike,
+    between_s: ArrayLike,
+    rng: np.random.Generator,
+    service_s: ArrayLike = 0.0,
+    iterations: int = ITERATIONS,
+) -> Route:
+    """Shortest route that starts at the robot, visits every target and does not return.
+
+    Exact for up to :data:`EXACT_UP_TO` targets. Beyond, PyVRP improves the route of the nearest neighbour
+    for a fixed number of iterations, so the result is never worse than that and the same for the same seed.
+
+    :param from_start_s: travel times from the robot, shape (k,) [s], >= 0; inf where there is no way
+    :param between_s: travel times from row to column, shape (k, k) [s], likewise; need not be symmetric
+    :param rng: source of the seed
+    :param service_s: time spent at each target, one value or shape (k,) [s]; it does not change which order
+        is shortest, but it does change the arrivals
+    :param iterations: iterations of the search
+    :raises ValueError: for other shapes, or times that are negative or NaN
+    :raises InputError: if PyVRP is needed and not installed
+    """
+    start, between = np.asarray(from_start_s, float), np.asarray(between_s, float)
+    count = len(start)
+    if start.shape != (count,) or between.shape != (count, count):
+        raise ValueError(f"shapes must be (k,) and (k, k), got {start.shape} and {between.shape}")
+    off_diagonal = between[~np.eye(count, dtype=bool)]
+    if not ((start >= 0).all() and (off_diagonal >= 0).all()):
+        raise ValueError("travel times must be >= 0 and not NaN")
+    if not count:
+        return Route((), 0.0, np.empty(0), 0.0)
+    cost = _finite(np.vstack([start, np.where(np.eye(count, dtype=bool), 0.0, between)]))
+    if count <= EXACT_UP_TO:
+        order = _exact(cost[0], cost[1:])
+    else:
+        nearest = nearest_neighbour(cost[0], cost[1:])
+        found = _search(cost[0], cost[1:], nearest, int(rng.integers(2**31)), iterations)
+        order = min(nearest, found, key=lambda o: _legs(o, cost[0], cost[1:]).sum())
+    return timed_route(order, start, between, service_s)
+
+
+def timed_route(order: Indices, from_start_s: Array, between_s: Array, service_s: ArrayLike = 0.0) -> Route:
+    """A route of given order, with its times. Arguments as of :func:`open_route`."""
+    legs = _legs(order, from_start_s, between_s)
+    service = np.broadcast_to(np.asarray(service_s, float), from_start_s.shape)[order]
+    left = np.cumsum(legs + service)
+    return Route(tuple(order.tolist()), float(legs.sum()), left - service, float(left[-1]) if len(left) else 0.0)
+
+
+def nearest_neighbour(from_start_s: Array, between_s: Array) -> Indices:
+    """Order of always going to the nearest target that is left; the first of equals."""
+    left = np.ones(len(from_start_s), bool)
+    order = np.empty(len(left), np.intp)
+    row = from_start_s
+    for position in range(len(left)):
+        possible = left & np.isfinite(row)
+        order[position] = np.argmin(np.where(possible, row, np.inf)) if possible.any() else np.argmax(left)
+        left[order[position]] = False
+        row = between_s[order[position]]
+    return order
+
+
+def require_solver() -> None:
+    """Check that PyVRP is there, before a mission starts that needs it.
+
+    :raises InputError: if not
+    """
+    if importlib.util.find_spec("pyvrp") is None:
+        raise InputError(
+            "planning a route of many stops needs PyVRP, which is not installed",
+            "install it with: pip install 'pyvrp>=0.14,<0.15'",
+        )
+
+
+def _legs(order: Indices, from_start_s: Array, between_s: Array) -> Array:
+    return np.concatenate([from_start_s[order[:1]], between_s[order[:-1], order[1:]]])
+
+
+def _finite(times: Array) -> Array:
+    """Times with a price in place of inf: one impossible leg costs more than every possible route."""
+    possible = np.isfinite(times)
+    price = (times[possible].max(initial=0.0) + 1.0) * (times.shape[1] + 1)
+    return np.where(possible, times, price)
+
+
+def _exact(start: Array, between: Array) -> Indices:
+    """Held and Karp's dynamic programme over the sets of targets visited."""
+    count = len(start)
+    best = np.full((1 << count, count), np.inf)
+    before = np.full((1 << count, count), -1, np.intp)
+    best[1 << np.arange(count), np.arange(count)] = start
+    for visited in range(1, 1 << count):
+        for last in range(count):
+            rest = visited & ~(1 << last)
+            if rest and rest != visited:
+                through = best[rest] + between[:, last]
+                before[visited, last] = np.argmin(through)
+                best[visited, last] = through[before[visited, last]]
+    visited = (1 << count) - 1
+    order = [int(np.argmin(best[visited]))]
+    while before[visited, order[-1]] >= 0:
+        previous = int(before[visited, order[-1]])
+        visited &= ~(1 << order[-1])
+        order.append(previous)
+    return np.array(order[::-1], np.intp)
+
+
+def _search(start: Array, between: Array, first: Indices, seed: int, iterations: int) -> Indices:
+    """Route by PyVRP's iterated local search: one vehicle, and a way home that costs nothing."""
+    require_solver()
+    import pyvrp
+    from pyvrp.stop import MaxIterations
+
+    size = len(start) + 1
+    scale = 1e7 / max(float(start.max()), float(between.max()), 1e-9)
+    times: Any = np.zeros((size, size), np.int64)
+    times[0, 1:] = np.rint(start * scale)
+    times[1:, 1:] = np.rint(between * scale)
+    np.fill_diagonal(times, 0)
+    data = pyvrp.ProblemData(
+        [pyvrp.Location(0, 0) for _ in range(size)],
+        [pyvrp.Client(location=number) for number in range(1, size)],
+        [pyvrp.Depot(location=0)],
+        [pyvrp.VehicleType()],
+        [times],
+        [times * 0],
+    )
+    begin = pyvrp.Solution(data, [[int(index) for index in first]])
+    result = pyvrp.solve(data, MaxIterations(iterations), seed, False, False, initial_solution=begin)
+    route = result.best.routes()[0]
+    return np.array([activity.idx for activity in route if activity.is_client()], np.intp)

@@ -1,0 +1,75 @@
+"""What a strategy is: it looks at the situation and chooses the next stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.planning.prospect import Prospect
+from soilmoist_ros.exploration.travel.stop import Stop
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """All that a strategy may know when it chooses.
+
+    :param candidates: stops that may be chosen; those the mission has ruled out (blacklisted) are not among them
+    :param candidates_xy: their places [m], shape (k, 2)
+    :param variance: kriging variance at each candidate [(counts/s)^2], shape (k,)
+    :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,)
+    :param map_xy: centres of these cells [m], shape (g, 2)
+    :param cell_m: size of the cells [m]
+    :param position_xy: where the robot is [m], shape (2,)
+    :param measured_xy: places measured so far [m], shape (n, 2)
+    :param travel_s: travel time from the robot to each candidate, stop overhead included [s], shape (k,);
+        inf where it cannot be reached
+    :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
+    :param time_left_s: mission time that is left [s]
+    :param expected_dwell_s: dwell that the next measurement is expected to take [s]
+    :param prospect: makes what is needed to look ahead, ``None`` while there is no map; it takes a while
+    """
+
+    candidates: tuple[Stop, ...]
+    candidates_xy: Array
+    variance: Array
+    map_variance: Array
+    map_xy: Array
+    cell_m: float
+    position_xy: Array
+    measured_xy: Array
+    travel_s: Array
+    travel_between_s: Callable[[NDArray[np.intp]], Array]
+    time_left_s: float
+    expected_dwell_s: float
+    prospect: Callable[[], Prospect | None] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The decision of a strategy.
+
+    :param stop: where to measure next
+    :param reason: why, in a short sentence for operators and reports
+    :param ahead: the stops planned after it, in order
+    :param dwell: dwell rule of this stop, as :func:`parse_dwell` reads it;
+        empty: the mission's
+    """
+
+    stop: Stop
+    reason: str
+    ahead: tuple[Stop, ...] = ()
+    dwell: str = ""
+
+
+class Strategy(Protocol):
+    """Chooses stops. It may remember what it planned; all randomness comes from the generator it is given."""
+
+    def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
+        """The next stop, or ``None`` if no candidate is worth going to or can be reached."""
+        ...

@@ -1,0 +1,1 @@
+"""Stops, where the robot can travel, and how long that takes."""

@@ -1,0 +1,31 @@
+"""A place where the robot may measure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A place to measure at.
+
+    :param name: name of the node of the travel graph; for free travel any unique name
+    :param x_m: east of the field's datum [m]
+    :param y_m: north of the field's datum [m]
+    """
+
+    name: str
+    x_m: float
+    y_m: float
+
+
+def stops_xy(stops: Sequence[Stop]) -> Array:
+    """Places of stops, shape (k, 2) [m]."""
+    # Of thousands, two lists of numbers become an array sooner than one of pairs.
+    return np.ascontiguousarray(np.array([[stop.x_m for stop in stops], [stop.y_m for stop in stops]], float).T)

@@ -1,0 +1,243 @@
+"""How long it takes to get from place to place: on straight lines, or along a travel graph."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
+from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMotion:
+    """How the robot moves; the defaults are those of the published experiments.
+
+    :param speed_mps: speed on the way [m/s], > 0
+    :param stop_overhead_s: time lost at each stop: braking, settling, the next goal [s], >= 0
+    :param turn_s_per_rad: time for each radian turned on the way [s/rad], >= 0; turning towards the
+        first corner is not counted, since the heading at the start is not known
+    """
+
+    speed_mps: float = 0.6
+    stop_overhead_s: float = 12.0
+    turn_s_per_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.speed_mps) and self.speed_mps > 0):
+            raise ValueError(f"speed_mps must be > 0 and finite, got {self.speed_mps}")
+        for name in ("stop_overhead_s", "turn_s_per_rad"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be >= 0 and finite, got {value}")
+
+    def travel_s(self, length_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
+        """Time for ways of given lengths and turns, one stop overhead included [s]; inf for an infinite length."""
+        way = np.asarray(length_m, float) / self.speed_mps
+        return np.asarray(way + np.asarray(turn_rad, float) * self.turn_s_per_rad + self.stop_overhead_s)
+
+    def polyline_s(self, polyline: Array) -> float:
+        """Time for a way given by its corners, shape (p, 2) [m], one stop overhead included [s]."""
+        return float(self.travel_s(polyline_length_m(polyline), polyline_turn_rad(polyline)))
+
+
+def polyline_length_m(polyline: Array) -> float:
+    """Length of a way given by its corners, shape (p, 2) [m]."""
+    return float(np.hypot(*np.diff(polyline, axis=0).T).sum())
+
+
+def polyline_turn_rad(polyline: Array) -> float:
+    """Sum of the changes of heading at the inner corners of a way, shape (p, 2) [rad]."""
+    legs = np.diff(polyline, axis=0)
+    legs = legs[np.any(legs != 0, axis=1)]
+    cross = legs[:-1, 0] * legs[1:, 1] - legs[:-1, 1] * legs[1:, 0]
+    return float(np.abs(np.arctan2(cross, (legs[:-1] * legs[1:]).sum(axis=1))).sum())
+
+
+class TravelModel(Protocol):
+    """Knows ways and times. The way is the shortest one; turning only adds to its time."""
+
+    motion: RobotMotion
+
+    def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
+        """Time from a place to each stop, one stop overhead included, shape (k,) [s]; inf if unreachable."""
+        ...
+
+    def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """Times between some of the stops, from row to column, shape (m, m) [s]; 0 on the diagonal."""
+        ...
+
+    def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
+        """Corners of the way from a place to a stop, both included, shape (p, 2) [m].
+
+        :raises ValueError: if the stop cannot be reached
+        """
+        ...
+
+    def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
+        """Length of that way [m]; inf if unreachable."""
+        ...
+
+
+class _Model:
+    """What both models share: times follow from lengths, and from the corners only if turning costs time."""
+
+    motion: RobotMotion
+
+    def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+        raise NotImplementedError
+
+    def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
+        """See :class:`TravelModel`."""
+        raise NotImplementedError
+
+    def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
+        """See :class:`TravelModel`."""
+        if not len(stops):
+            return np.empty(0)
+        start = np.asarray(from_xy, float)
+        lengths = self._lengths(start, stops)
+        if self.motion.turn_s_per_rad == 0:
+            return self.motion.travel_s(lengths)
+        turns = np.zeros(len(stops))
+        for index in np.flatnonzero(np.isfinite(lengths)).tolist():
+            turns[index] = polyline_turn_rad(self.route(start, stops[index]))
+        return self.motion.travel_s(lengths, turns)
+
+    def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """See :class:`TravelModel`."""
+        chosen = [stops[int(index)] for index in indices]
+        rows = [self.travel_s((stop.x_m, stop.y_m), chosen) for stop in chosen]
+        times = np.array(rows, float).reshape(len(chosen), len(chosen))
+        np.fill_diagonal(times, 0.0)
+        return times
+
+    def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
+        """See :class:`TravelModel`."""
+        return float(self._lengths(np.asarray(from_xy, float), [stop])[0])
+
+
+class FreeTravel(_Model):
+    """Straight lines; where the field's border or a no-go area is in the way, the shortest way around it.
+
+    Ways around bend at corners of the border and of the no-go areas (a visibility graph), without any
+    clearance: draw the no-go areas as large as the robot needs. A robot that is outside the field drives
+    straight to its nearest place first. Stops outside, or in another part of the field, are unreachable.
+
+    :param motion: how the robot moves
+    :param polygons: outlines of the field, each of shape (k, 2) [m]; without any, nothing is in the way
+    :param no_go: outlines of areas that must not be entered, likewise
+    """
+
+    def __init__(
+        self, motion: RobotMotion, polygons: Sequence[ArrayLike] = (), no_go: Sequence[ArrayLike] = ()
+    ) -> None:
+        self.motion = motion
+        self._area = DrivableArea(polygons, no_go) if len(polygons) else None
+        self._seen: dict[tuple[float, float], Array] = {}
+        self._asked: list[tuple[tuple[Stop, ...], Array, NDArray[np.bool_]]] = []
+
+    def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
+        """See :class:`TravelModel`."""
+        begin, end = np.asarray(from_xy, float), np.array([stop.x_m, stop.y_m])
+        start = begin if self._area is None else self._area.nearest(begin)
+        lead = [] if np.array_equal(start, begin) else [begin]
+        if self._area is None or self._area.allows(start, end)[0]:
+            return np.array([*lead, start, end])
+        lengths, before = self._corner_ways
+        total = self._to_corners(start)[:, None] + lengths + self._to_corners(end)
+        if not (total.size and np.isfinite(total.min())):
+            raise ValueError(f"{stop.name} cannot be reached from ({begin[0]:g}, {begin[1]:g})")
+        first, corner = (int(number) for number in np.unravel_index(np.argmin(total), total.shape))
+        bends = [corner]
+        while bends[-1] != first:
+            bends.append(int(before[first, bends[-1]]))
+        corners = self._area.turning_corners[bends[::-1]]
+        return np.array([*lead, start, *corners, end])
+
+    def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+        places, inside = self._places(stops)
+        if self._area is None:
+            return np.asarray(np.hypot(*(places - from_xy).T))
+        start = self._area.nearest(from_xy)
+        lengths = np.hypot(*(places - start).T)
+        straight = inside if self._area.is_convex else self._area.allows(start, places)
+        if not straight.all():
+            reach = (self._to_corners(start)[:, None] + self._corner_ways[0]).min(axis=0, initial=np.inf)
+            around = [(reach + self._to_corners(place)).min(initial=np.inf) for place in places[~straight]]
+            lengths[~straight] = around
+        return np.asarray(lengths + np.hypot(*(start - from_xy)))
+
+    def _places(self, stops: Sequence[Stop]) -> tuple[Array, NDArray[np.bool_]]:
+        """Places of stops, and whether each is inside the field; remembered of the last two tuples."""
+        for asked in self._asked:
+            if asked[0] is stops:
+                self._asked = [*(each for each in self._asked if each is not asked), asked]
+                return asked[1:]
+        places = stops_xy(stops)
+        inside = np.ones(len(places), bool) if self._area is None else self._area.contains(places)
+        if isinstance(stops, tuple):
+            self._asked = [*self._asked[-1:], (stops, places, inside)]
+        return places, inside
+
+    def _to_corners(self, place: Array) -> Array:
+        """Straight distance from a place to each corner that can be seen from it, inf to others, shape (c,)."""
+        key = (float(place[0]), float(place[1]))
+        if key not in self._seen:
+            assert self._area is not None
+            corners = self._area.turning_corners
+            straight = np.hypot(*(corners - place).T)
+            blocked = ~self._area.allows(place, corners) if len(corners) else np.zeros(0, bool)
+            self._seen[key] = np.where(blocked, np.inf, straight)
+        return self._seen[key]
+
+    @cached_property
+    def _corner_ways(self) -> tuple[Array, Indices]:
+        """Lengths of the shortest ways between corners, and the corner before each on the way."""
+        from scipy.sparse.csgraph import dijkstra
+
+        assert self._area is not None
+        corners = self._area.turning_corners
+        if not len(corners):
+            return np.empty((0, 0)), np.empty((0, 0), np.intp)
+        lengths, before = dijkstra(
+            np.array([self._to_corners(corner) for corner in corners]), return_predecessors=True
+        )
+        return np.asarray(lengths), np.asarray(before)
+
+
+class GraphTravel(_Model):
+    """Along the shortest ways of a travel graph; the robot enters it at the node that is nearest to it.
+
+    :param graph: nodes and ways; stops are named after its nodes
+    :param motion: how the robot moves
+    """
+
+    def __init__(self, graph: TravelGraph, motion: RobotMotion) -> None:
+        self.graph = graph
+        self.motion = motion
+
+    def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
+        """See :class:`TravelModel`."""
+        start = np.asarray(from_xy, float)
+        way = self.graph.path(self.graph.nearest(start), stop.name)
+        if not way:
+            raise ValueError(f"no way of the graph leads from {self.graph.nearest(start)} to {stop.name}")
+        corners = self.graph.xy[[self.graph.index(name) for name in way]]
+        if np.array_equal(corners[0], start) and len(corners) > 1:
+            return corners
+        return np.vstack([start, corners])
+
+    def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+        entry = self.graph.nearest(from_xy)
+        lead = np.hypot(*(self.graph.xy[self.graph.index(entry)] - from_xy))
+        return np.asarray(self.graph.distances_from(entry)[[self.graph.index(stop.name) for stop in stops]] + lead)

@@ -1,0 +1,1 @@
+"""Errors with a remedy, configuration files, geodesy, health: needed by all, knows nobody."""

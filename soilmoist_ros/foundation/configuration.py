@@ -1,0 +1,217 @@
+"""Configuration files: find them, read them, and name every mistake in them at once."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from io import StringIO
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+
+Model = TypeVar("Model", bound=BaseModel)
+Location = tuple[int | str, ...]
+
+
+class Section(BaseModel):
+    """Base of every part of a configuration file: immutable, and no unknown keys."""
+
+    # Built when first used: a node imports more models than it reads files.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
+
+
+def config_folder() -> Path:
+    """The ``config`` folder of the installation: of the source tree, else of ``share/soilmoist_ros``.
+
+    :raises InputError: if the package was installed without its data files
+    """
+    package = Path(__file__).resolve().parent
+    for parent in package.parents:
+        for folder in (parent / "config", parent / "share" / "soilmoist_ros" / "config"):
+            if (folder / "loggers").is_dir():
+                return folder
+    raise InputError(
+        "the config folder of soilmoist_ros is not installed",
+        "install the package again with pip or colcon (copying only the Python files is not enough)",
+        package,
+    )
+
+
+def resource_names(kind: str) -> list[str]:
+    """Names of the shipped files of one kind (a sub-folder of ``config``), sorted."""
+    return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
+
+
+def resource(kind: str, name: str) -> Path:
+    """Path of a configuration file given as a path or as the name of a shipped one.
+
+    :param kind: sub-folder of ``config``, such as ``loggers``
+    :param name: path to a file, or the name of a shipped file without ``.yaml``
+    :raises InputError: if there is neither; lists the names there are
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = config_folder() / kind / f"{name}.yaml"
+    if re.fullmatch(r"[\w.-]+", name) and shipped.is_file():
+        return shipped
+    known = resource_names(kind)
+    if not name:
+        message = f"no {kind.removesuffix('s')} is given"
+        raise InputError(message, f"give the path of a YAML file or one of: {', '.join(known)}")
+    raise InputError(
+        f"there is no file and no shipped {kind.removesuffix('s')} of the name {name!r}",
+        f"give the path of a YAML file or one of: {', '.join(known)}{_suggestion(name, known)}",
+    )
+
+
+def read_yaml(path: Path) -> Any:
+    """The content of a YAML file, with the line numbers that :func:`load_model` reports.
+
+    :raises InputError: if the file cannot be read or is not valid YAML
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", "check the path and its permissions", path) from None
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"is not UTF-8 text (byte {error.start})", "save the file as UTF-8 in a text editor", path
+        ) from None
+    try:
+        return YAML(typ="rt").load(StringIO(text))
+    except MarkedYAMLError as error:
+        mark = error.problem_mark
+        mistake = Mistake(
+            f"is not valid YAML: {error.problem}",
+            "check indentation, colons and quotes near this line; use spaces, not tabs",
+            path,
+            mark.line + 1 if mark else 0,
+        )
+        raise InputError([mistake]) from None
+    except (YAMLError, ValueError) as error:
+        raise InputError(f"is not valid YAML: {error}", "open it in a text editor and repair it", path) from None
+
+
+def load_model(path: Path, model: type[Model]) -> Model:
+    """Read a YAML file into a model.
+
+    :param path: file to read
+    :param model: pydantic model that describes it
+    :raises InputError: with every mistake in the file: its line, its key, and what to do
+    """
+    content = read_yaml(path)
+    if not isinstance(content, Mapping):
+        raise InputError(
+            f"should hold keys and values, but holds {_kind(content)}",
+            f"the keys it may have are: {', '.join(model.model_fields)}",
+            path,
+        )
+    try:
+        return model.model_validate(_plain(content))
+    except ValidationError as error:
+        details: list[Any] = _without_consequences(error.errors())
+        raise InputError([_as_mistake(detail, content, path, model) for detail in details]) from None
+
+
+def _plain(node: Any) -> Any:
+    """The node with ordinary dicts and lists in place of the parser's own."""
+    if isinstance(node, Mapping):
+        return {str(key): _plain(value) for key, value in node.items()}
+    if isinstance(node, Sequence) and not isinstance(node, (str, bytes)):
+        return [_plain(value) for value in node]
+    if isinstance(node, float):
+        return float(node)
+    return node
+
+
+def _without_consequences(details: Sequence[Any]) -> list[Any]:
+    """The errors but those of lists that are too short only because their items are wrong."""
+
+    def is_consequence(detail: Any) -> bool:
+        place = detail["loc"]
+        return detail["type"] == "too_short" and any(
+            len(other["loc"]) > len(place) and other["loc"][: len(place)] == place for other in details
+        )
+
+    return [detail for detail in details if not is_consequence(detail)]
+
+
+def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -> Mistake:
+    location: Location = tuple(detail["loc"])
+    column = ".".join(str(part) for part in location if not _is_tag(part, content))
+    line = line_of(content, location)
+    if detail["type"] == "extra_forbidden":
+        known = _known_keys(model, location[:-1])
+        unknown = str(location[-1])
+        remedy = f"remove it or use one of: {', '.join(known)}{_suggestion(unknown, known)}"
+        return Mistake(f"unknown key {unknown!r}", remedy, path, line, column)
+    if detail["type"] == "missing":
+        return Mistake(f"the key {location[-1]!r} is missing", "add it", path, line, column)
+    message = detail["msg"].removeprefix("Value error, ")
+    message = message[:1].lower() + message[1:]
+    value = detail.get("input")
+    if isinstance(value, (str, int, float)) and repr(value) not in message:
+        message += f", but it is {value!r}"
+    return Mistake(message, "", path, line, column)
+
+
+def _is_tag(part: int | str, content: Any) -> bool:
+    """Pydantic puts the name of the tried union member into a location; the user never wrote that."""
+    return isinstance(part, str) and bool(re.search(r"[\[(]|^function-|^[A-Z]\w+$", part))
+
+
+def line_of(content: Any, location: Location) -> int:
+    """Line (from 1) of the deepest part of a location that stands in the file."""
+    node, line = content, 0
+    for part in location:
+        marks = getattr(node, "lc", None)
+        try:
+            if isinstance(node, Mapping) and part in node:
+                line = marks.key(part)[0] + 1  # type: ignore[union-attr]
+            elif isinstance(node, Sequence) and isinstance(part, int):
+                line = marks.item(part)[0] + 1  # type: ignore[union-attr]
+            else:
+                continue
+            node = node[part]
+        except (AttributeError, KeyError, IndexError, TypeError):
+            break
+    return line
+
+
+def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
+    """Keys that the part of the model at a location may have."""
+    current: Any = model
+    for part in location:
+        if isinstance(part, int):
+            continue
+        fields = getattr(current, "model_fields", {})
+        if part in fields:
+            models = _models_in(fields[part].annotation)
+            current = models[0] if models else None
+        elif _models_in(current):
+            continue
+    return list(getattr(current, "model_fields", {}))
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for argument in get_args(annotation) for found in _models_in(argument)]
+
+
+def _suggestion(word: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _kind(content: Any) -> str:
+    if content is None:
+        return "nothing"
+    return "a list" if isinstance(content, Sequence) and not isinstance(content, str) else "a single value"

@@ -1,0 +1,1 @@
+"""Poisson kriging of samples onto points and rasters."""

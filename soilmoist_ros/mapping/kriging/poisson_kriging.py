@@ -1,0 +1,453 @@
+"""Poisson kriging: the count rate and its variance at unsampled places, from neutron counts.
+
+Monestiez, Dubroca, Bonnin, Durbec & Guinet (2006), Ecological Modelling 193:615-628. For samples i with
+counts Z_i and exposures t_i, and a target 0::
+
+    sum_j w_j C_ij + w_i m*/t_i + mu = C_i0   (i = 1..n),     sum_j w_j = 1
+    rate = sum_i w_i Z_i/t_i,                 variance = C_00 - sum_i w_i C_i0 - mu
+
+With the Cholesky factor L of the matrix, W = L^-1 C_.0, b = L^-1 1 and a = L^-1 (Z/t - c), where c is the
+generalised least-squares mean, this becomes ``rate = c + a.W`` and
+``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse. For many samples on a
+large raster the inverse of L is cheaper: it need not meet all covariances, see
+:mod:`tile_covariances`.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.foundation.errors import IllConditionedError
+from soilmoist_ros.mapping.kriging.chebyshev import raster_by_interpolation
+from soilmoist_ros.mapping.kriging.rows import LEAST_PIVOT
+from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, check_raster, coincident
+from soilmoist_ros.mapping.kriging.tile_covariances import bands, tile_shape
+from soilmoist_ros.mapping.samples.samples import (
+    NO_SAMPLES,
+    Samples,
+    as_samples,
+    check_xy,
+    merge_exactly,
+    noise_rate,
+)
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.support import Supports
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+JITTER = (0.0, 1e-13, 1e-11, 1e-9)
+"""What is added to the diagonal, relative to its mean, until the Cholesky factor exists."""
+MEAN_RATE_DRIFT = 0.01
+"""Relative drift of the mean rate after which :meth:`PoissonKriging.add` renews the noise variances."""
+_TILE_ELEMENTS = 400_000
+"""Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
+FEWEST_TILED = 256
+"""Samples from which on the cells of a large raster are kriged by tiles: about where that is a gain."""
+
+_log = logging.getLogger(__name__)
+
+
+class _Solution(NamedTuple):
+    """What does not depend on the target: L (lower), b = L^-1 1, a = L^-1 (rate - c) and the mean c."""
+
+    factor: Array
+    ones: Array
+    residual: Array
+    mean: float
+
+
+class PoissonKriging:
+    """Kriging of Poisson counts with unknown constant mean (the ordinary form).
+
+    Records at one place are merged, which is exact. The object is cheap to make; :meth:`fit` factors the
+    matrix, :meth:`add` extends the factor by new samples.
+
+    :param variogram: variogram of the latent rate
+    :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, and the
+        covariance with a sample at the same place is the sill), or its smooth part only (C_00 = sill -
+        nugget, and so everywhere)
+    :param mean_rate: mean rate m* in the noise variances m*/t [counts/s]; by default sum of counts / sum
+        of exposures. The mean of the *map* is estimated in any case
+    :raises ValueError: if ``mean_rate`` is not positive and finite
+
+    Attributes
+    ----------
+    clipped_variances : int
+        how many variances of the last prediction were negative and set to 0
+    jitter : float
+        what was added to the diagonal of the matrix to make it positive definite [(counts/s)^2]
+    noise_mean_rate : float
+        the m* in use [counts/s]; :meth:`add` keeps it until the data's has drifted by 1 %
+    """
+
+    def __init__(self, variogram: Variogram, keep_nugget: bool = True, mean_rate: float | None = None) -> None:
+        if mean_rate is not None and not (np.isfinite(mean_rate) and mean_rate > 0):
+            raise ValueError(f"mean_rate must be positive and finite, got {mean_rate}")
+        self.variogram = variogram
+        self.keep_nugget = keep_nugget
+        self.mean_rate = mean_rate
+        self.noise_mean_rate = float("nan")
+        self.jitter = 0.0
+        self.clipped_variances = 0
+        self._records: Samples | None = None
+        self._record_place: NDArray[np.intp] = np.empty(0, int)
+        self._places = NO_SAMPLES
+        self._solution = _Solution(np.empty((0, 0)), np.empty(0), np.empty(0), float("nan"))
+
+    # -- samples ---------------------------------------------------------------------------------------
+
+    @property
+    def places(self) -> Samples:
+        """The merged samples: one per distinct place, in the order of first appearance."""
+        return self._places
+
+    @property
+    def map_mean(self) -> float:
+        """Generalised least-squares mean of the rate, which the map tends to far from all samples [counts/s]."""
+        return self._solution.mean
+
+    def fit(
+        self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
+    ) -> PoissonKriging:
+        """Take samples, replacing earlier ones, and factor the kriging matrix.
+
+        :param xy: places, shape (n, 2), n >= 1 [m]
+        :param counts: raw counts, shape (n,)
+        :param exposure_s: effective exposures, shape (n,) [s]
+        :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
+            :mod:`support`; all points by default
+        :returns: itself
+        :raises ValueError: if there is no sample, or as :class:`Samples`
+        :raises IllConditionedError: if the matrix cannot be factored
+        """
+        records = as_samples(xy, counts, exposure_s, spread)
+        if not len(records):
+            raise ValueError("kriging needs at least one sample; wait for the first record")
+        self._take(records)
+        self._rebuild()
+        return self
+
+    def add(
+        self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
+    ) -> PoissonKriging:
+        """Take further samples; a new place appends a row to the factor, a known place is merged.
+
+        Costs O(n^2) for a place that is new or the newest, more for older ones. The mean rate in the noise
+        is kept until it has drifted by 1 %, then everything is built anew (as :meth:`fit` would).
+
+        :param xy: places, shape (k, 2), or one place (x, y) [m]
+        :param counts: raw counts, shape (k,), or a number
+        :param exposure_s: effective exposures, shape (k,), or a number [s]
+        :param spread: as :meth:`fit`, shape (k, 3), or (3,)
+        :returns: itself
+        :raises ValueError: as :meth:`fit`; the samples taken before stay as they were
+        """
+        if self._records is None:
+            return self.fit(check_xy(xy), np.atleast_1d(counts), np.atleast_1d(exposure_s), spread)
+        new = as_samples(xy, counts, exposure_s, spread)
+        if not len(new):
+            return self
+        known = len(self._places)
+        self._take(_concatenate(self._records, new))
+        drift = abs(self._wanted_mean_rate() / self.noise_mean_rate - 1)
+        if drift > MEAN_RATE_DRIFT or not self._refactor(int(self._record_place[-len(new) :].min()), known):
+            self._rebuild()
+        return self
+
+    # -- prediction ------------------------------------------------------------------------------------
+
+    def predict(self, xy: ArrayLike, progress: Progress | None = None) -> tuple[Array, Array]:
+        """Rate and kriging variance at points.
+
+        :param xy: targets, shape (g, 2) [m]
+        :param progress: called with the fraction done, from above 0 to 1, after each tile
+        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (g,); counting noise is not
+            part of the variance
+        :raises RuntimeError: before :meth:`fit`
+        """
+        return self._predict(self._targets(check_xy(xy)), progress)
+
+    def predict_grid(
+        self,
+        x_m: ArrayLike,
+        y_m: ArrayLike,
+        mask: NDArray[np.bool_] | None = None,
+        progress: Progress | None = None,
+    ) -> tuple[Array, Array]:
+        """Rate and kriging variance on a raster; the same answers as :meth:`predict`, faster.
+
+        :param x_m: centres of the columns, shape (nx,) [m]
+        :param y_m: centres of the rows, shape (ny,) [m]
+        :param mask: cells wanted, shape (ny, nx); the others are NaN. All by default
+        :param progress: as :meth:`predict`
+        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (ny, nx)
+        :raises ValueError: if an axis is not a finite vector or the mask does not fit
+        :raises RuntimeError: before :meth:`fit`
+        """
+        x, y, wanted = check_raster(x_m, y_m, mask)
+        places = self._fitted()
+        rasters = np.full((2, len(y), len(x)), np.nan)
+        if self.variogram.model == "gaussian" and self._interpolate(rasters, x, y, wanted):
+            if progress is not None:
+                progress(1.0)
+        elif not self._by_tiles(rasters, x, y, wanted, progress):
+            cells = RasterCells(self.variogram, places.xy, x, y, wanted, places.spread)
+            rasters[:, wanted] = self._predict(cells, progress)
+        return rasters[0], rasters[1]
+
+    def _interpolate(self, rasters: Array, x_m: Array, y_m: Array, wanted: NDArray[np.bool_]) -> bool:
+        """Fill the wanted cells by :mod:`chebyshev`, if that is a gain.
+
+        :returns: whether it was; if not, nothing is filled in
+        """
+        if not wanted.any():
+            return False
+        variogram, places = self.variogram, self._places
+        rows, columns = (np.flatnonzero(wanted.any(axis=axis)) for axis in (1, 0))
+        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+        def surfaces(x: Array, y: Array) -> Array:
+            every = np.ones((len(y), len(x)), bool)
+            nodes = RasterCells(variogram, places.xy, x, y, every, places.spread)
+            return np.array(self._surfaces(nodes, False, None)).reshape(2, len(y), len(x))
+
+        # A product of two Gaussians, as the variance has them, is narrower than one by the root of two;
+        # across the longest range, by that of the anisotropy too.
+        length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)
+        scale = np.array([math.sqrt(variogram.sill), variogram.sill])
+        cells = int(np.count_nonzero(wanted))
+        found = raster_by_interpolation(surfaces, x_m[box[1]], y_m[box[0]], length_m, scale, cells)
+        if found is None:
+            return False
+        found[1] += self._target_variance
+        rasters[:, *box] = np.where(wanted[box], found, np.nan)
+        self.clipped_variances = clip_negative(rasters[1], variogram.sill)
+        in_column = np.isin(x_m, places.xy[:, 0])
+        if self.keep_nugget and in_column.any():  # where a sample is, the surface with its nugget has a needle
+            row, column = np.nonzero(wanted & np.isin(y_m, places.xy[:, 1])[:, None] & in_column)
+            here, _ = coincident(np.column_stack([x_m[column], y_m[row]]), places.xy)
+            row, column = row[here], column[here]
+            rasters[:, row, column] = self._predict(self._targets(np.column_stack([x_m[column], y_m[row]])), None)
+        return True
+
+    def _by_tiles(
+        self, rasters: Array, x_m: Array, y_m: Array, wanted: NDArray[np.bool_], progress: Progress | None
+    ) -> bool:
+        """Fill the wanted cells by :mod:`tile_covariances`, if that is a gain.
+
+        :returns: whether it was; if not, nothing is filled in
+        """
+        from scipy.linalg.lapack import dtrtri
+
+        places, (factor, ones, residual, mean) = self._places, self._solution
+        if len(places) < FEWEST_TILED or self.variogram.model == "spherical":  # whose edge meets many tiles
+            return False
+        if not all((np.diff(axis) > 0).all() for axis in (x_m, y_m)):
+            return False
+        shape = tile_shape(self.variogram, x_m, y_m, wanted)
+        if shape is None or (np.diag(factor) ** 2 < LEAST_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
+            return False
+        inverse = np.ascontiguousarray(np.tril(dtrtri(factor, lower=1)[0]))
+        samples = np.column_stack([places.xy, places.spread])
+        done, cells = 0, int(np.count_nonzero(wanted))
+        for band, tiles in bands(self.variogram, samples, x_m, y_m, wanted, self.keep_nugget, shape):
+            rate, of_ones, squares = tiles.sums(inverse, np.array([residual, ones]))
+            surfaces = np.array(
+                [mean + rate, (of_ones - 1) ** 2 / (ones @ ones) - squares + self._target_variance]
+            )
+            rasters[:, band] = np.where(wanted[band], surfaces.take(tiles.position, axis=1), np.nan)
+            done += int(np.count_nonzero(wanted[band]))
+            if progress is not None:
+                progress(done / cells)
+        self.clipped_variances = clip_negative(rasters[1], self.variogram.sill)
+        return True
+
+    def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
+        """Kriging weights and Lagrange multipliers.
+
+        :param xy: targets, shape (g, 2) [m]
+        :returns: weights, shape (n, g), of the n records *as given* (those at one place share the weight of
+            the place in proportion to exposure), and Lagrange multipliers mu, shape (g,) [(counts/s)^2]
+        :raises RuntimeError: before :meth:`fit`
+        """
+        from scipy.linalg import solve_triangular
+
+        targets = self._targets(check_xy(xy))
+        factor, ones, _, _ = self._solution
+        solved = np.concatenate(
+            [tile for _, tile in self._solved_tiles(targets, self.keep_nugget)] or [np.empty((0, len(ones)))]
+        )
+        lagrange = (solved @ ones - 1) / (ones @ ones)
+        right = (solved - lagrange[:, None] * ones).T
+        of_places = solve_triangular(factor, right, lower=True, trans="T", check_finite=False)
+        assert self._records is not None
+        share = self._records.exposure_s / self._places.exposure_s[self._record_place]
+        return of_places[self._record_place] * share[:, None], lagrange
+
+    def covariance(self, xy: ArrayLike) -> Array:
+        """Covariance of the kriging errors of the *smooth* rate between places, for planning.
+
+        :param xy: places, shape (m, 2) [m]
+        :returns: symmetric matrix, shape (m, m) [(counts/s)^2]; its diagonal is the variance that
+            :meth:`predict` gives without nugget
+        :raises RuntimeError: before :meth:`fit`
+        """
+        from scipy.linalg import solve_triangular
+
+        places = check_xy(xy)
+        structured = self.variogram.structured_sill
+        known = self._targets(places).correlation(slice(0, len(places))) * structured
+        factor, ones, _, _ = self._solution
+        solved = solve_triangular(factor, known.T, lower=True, check_finite=False)
+        mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
+        between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
+        return np.asarray(between - solved.T @ solved + np.outer(mean, mean))
+
+    @property
+    def _target_variance(self) -> float:
+        return self.variogram.sill if self.keep_nugget else self.variogram.structured_sill
+
+    def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
+        rate, variance = self._surfaces(targets, self.keep_nugget, progress)
+        variance += self._target_variance
+        self.clipped_variances = clip_negative(variance, self.variogram.sill)
+        return rate, variance
+
+    def _surfaces(self, targets: Targets, nugget: bool, progress: Progress | None) -> tuple[Array, Array]:
+        """Rate, and what the samples and the unknown mean add to the variance of the targets (mostly below 0).
+
+        :param nugget: whether targets where a sample is share its nugget
+        """
+        _, ones, residual, mean = self._solution
+        both = np.column_stack([residual, ones])
+        rate, variance = np.empty((2, len(targets.xy)))
+        for tile, solved in self._solved_tiles(targets, nugget):
+            products = solved @ both
+            rate[tile] = mean + products[:, 0]
+            variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
+            if progress is not None:
+                progress(tile.stop / len(rate))
+        return rate, variance
+
+    def _solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:
+        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places)."""
+        from scipy.linalg.blas import dtrsm
+
+        places, variogram = self._places, self.variogram
+        none = np.empty(0, np.intp)
+        target, place = coincident(targets.xy, places.xy) if nugget else (none, none)
+        step = max(1, _TILE_ELEMENTS // len(places))
+        for start in range(0, len(targets.xy), step):
+            tile = slice(start, min(start + step, len(targets.xy)))
+            covariance = targets.correlation(tile)
+            covariance *= variogram.structured_sill
+            if nugget:
+                here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
+                covariance[target[here] - start, place[here]] += variogram.nugget
+            yield tile, dtrsm(1.0, self._solution.factor, covariance.T, lower=1, overwrite_b=1).T
+
+    # -- factorisation ---------------------------------------------------------------------------------
+
+    def _targets(self, xy: Array) -> Points:
+        places = self._fitted()
+        return Points(self.variogram, places.xy, xy, places.spread)
+
+    def _fitted(self) -> Samples:
+        if self._records is None:
+            raise RuntimeError("the kriging has no samples yet; call fit() first")
+        return self._places
+
+    def _take(self, records: Samples) -> None:
+        self._records = records
+        self._places, self._record_place = merge_exactly(records)
+
+    def _wanted_mean_rate(self) -> float:
+        return noise_rate(self._places) if self.mean_rate is None else self.mean_rate
+
+    def _rebuild(self) -> None:
+        """Factor the whole matrix, with as little jitter as makes it positive definite."""
+        self.noise_mean_rate = self._wanted_mean_rate()
+        scale = self.variogram.sill + float(np.mean(self.noise_mean_rate / self._places.exposure_s))
+        for relative in JITTER:
+            self.jitter = relative * scale
+            if self._refactor(0, 0):
+                if relative:
+                    _log.warning("added %.3g to the diagonal: the kriging matrix is ill-conditioned", self.jitter)
+                return
+        raise IllConditionedError(
+            f"the kriging matrix of {len(self._places)} samples is not positive definite even with a jitter of "
+            f"{self.jitter:.3g}: the variogram is too smooth for places so close together; "
+            "use matern32 or exponential, a nugget, or merge close samples"
+        )
+
+    def _refactor(self, first: int, known: int) -> bool:
+        """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before.
+
+        :returns: whether the matrix is positive definite; if not, the factor is unchanged
+        """
+        from scipy.linalg import solve_triangular
+        from scipy.linalg.lapack import dpotrf
+
+        first = min(first, known)
+        places, n = self._places, len(self._places)
+        later = Supports(places.xy[first:], places.spread[first:])
+        rows = later.average(lambda xy: self._targets(xy).correlation(slice(0, len(xy))).T).T
+        rows *= self.variogram.structured_sill
+        noise = self.variogram.nugget + self.jitter + self.noise_mean_rate / places.exposure_s[first:]
+        rows[np.arange(n - first), np.arange(first, n)] += noise
+        factor = np.zeros((n, n), order="F")
+        factor[:known, :known] = self._solution.factor[:known, :known]
+        # Merging changes the noise of a known place, which is on the diagonal; but also its spread, if it has one.
+        changed = first if places.spread.any() else known
+        if first > 0 and changed < n:
+            right = rows[changed - first :, :first].T
+            head = factor[:first, :first]
+            factor[changed:, :first] = solve_triangular(head, right, lower=True, check_finite=False).T
+        left = factor[first:, :first]
+        tail, info = dpotrf(rows[:, first:] - left @ left.T, lower=1, clean=1)
+        if info:
+            return False
+        factor[first:, first:] = tail
+        self._solve_data(factor)
+        return True
+
+    def _solve_data(self, factor: Array) -> None:
+        from scipy.linalg import solve_triangular
+
+        right = np.column_stack([self._places.rate_cps, np.ones(len(self._places))])
+        rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
+        mean = float(rate @ ones / (ones @ ones))
+        self._solution = _Solution(factor, ones, rate - mean * ones, mean)
+
+
+def clip_negative(variance: Array, sill: float) -> int:
+    """Set negative variances, which come from rounding, to 0; warn if they are more than that.
+
+    :param variance: is changed; may have NaN
+    :param sill: total sill, what rounding is relative to
+    :returns: how many there were
+    """
+    negative = variance < 0
+    count = int(np.count_nonzero(negative))
+    if count:
+        lowest = variance[negative].min()
+        level = logging.DEBUG if lowest >= -1e-10 * max(sill, 1e-300) else logging.WARNING
+        _log.log(level, "%d negative variances (down to %.3g) set to 0", count, lowest)
+        variance[negative] = 0.0
+    return count
+
+
+def _concatenate(first: Samples, second: Samples) -> Samples:
+    return Samples(
+        np.concatenate([first.xy, second.xy]),
+        np.concatenate([first.counts, second.counts]),
+        np.concatenate([first.exposure_s, second.exposure_s]),
+        np.concatenate([first.spread, second.spread]),
+    )

@@ -1,0 +1,250 @@
+"""Kriging of one set of targets again and again, while samples are added or grow: row by row.
+
+With the samples in order, row i of the Cholesky factor L, of its inverse and of W = L^-1 C_.0 (see
+:mod:`poisson_kriging`) depends on the samples up to i alone. When a record has changed the
+last sample, or begun a new one, all rows before are as they were: one row of 70,000 numbers is new, not 300. It is
+a weighted sum of the covariances C_.0 of all samples; rate and variance are sums over the rows.
+
+The answer must not depend on what was kept: its last bits are those of a fresh computation. So each number is
+made by the same operations on arrays of the same shapes, whenever that happens. Of rows in full blocks of fixed
+size no more is kept than their sums; those behind the last full block, the *tail*, are made one by one. Which rows
+are full follows from the number of samples, and each row is made from nothing but the samples up to its own, or to
+the end of its block. That holds for one BLAS thread; two may share out a product differently from one time to the
+next.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.kriging.covariances import Covariances, SamplePoints, add_rows, scaled
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.support import Supports
+
+Array = NDArray[np.float64]
+
+BLOCK = 32
+"""Rows of a full block."""
+LEAST_TAIL = 8
+"""Rows that stay in the tail: places where robots stand now, whose exposure grows with every record."""
+MOST_ROWS = 2000
+"""Samples that rows are kept of."""
+MOST_ELEMENTS = 32_000_000
+"""Numbers kept of covariances and sums (256 MB): 900 samples and 70,000 cells with Matern 3/2, 400 in full."""
+LEAST_PIVOT = 1e-6
+"""Share of a sample's variance that those before must leave unexplained; the inverse of L is too inexact below."""
+_LEAST_ROOM = 64
+"""Rows and columns that there is memory for from the beginning."""
+_PART = 256
+"""Elements of a row of L that are computed at a time."""
+_AT_ONCE = 8192
+"""Targets that sums are made for at a time: what comes between stays in the cache."""
+
+
+class KrigingRows:
+    """Rows of the inverse of L and of W for fixed targets, kept from one set of samples to the next.
+
+    :param covariances: of samples with the targets
+    """
+
+    def __init__(self, covariances: Covariances) -> None:
+        self._covariances = covariances
+        self._variogram: Variogram | None = None
+        self._samples = np.empty((0, 7))  # x, y, spread, noise, rate of those whose rows are known
+        self._kept = self._samples[:, :5]  # those whose covariances are
+        self._unit = np.zeros((_LEAST_ROOM, _LEAST_ROOM))  # L^-1, its rows times the diagonal of L
+        self._diagonal = np.empty(MOST_ROWS)  # of L
+        self._data = np.zeros((2, MOST_ROWS))  # L^-1 rate, L^-1 1
+        self._blocks: list[Array] = []  # sums over the rows up to the end of each block, see _add_row
+        self._tail = np.empty((BLOCK + LEAST_TAIL, covariances.size))  # of W times the diagonal, the latest rows
+        self._numbers = np.full(len(self._tail), -1)  # of these rows, -1 for none
+        # Sums over rows, how many of these are in blocks, and how many they are
+        self._sums = (np.empty((3, covariances.size)), 0, -1), (np.empty((3, covariances.size)), 0, -1)
+
+    def follow(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+        """Krige the targets.
+
+        :param places: samples at distinct places, n >= 1
+        :param variogram: variogram of the latent rate
+        :param mean_rate: mean rate m* in the noise variances m*/t [counts/s]
+        :returns: rate [counts/s], and what samples and unknown mean add to the variance of a target (mostly < 0)
+            [(counts/s)^2], shape (2, size), new memory; ``None`` if that is too much to keep, or if the matrix is
+            so near to singular (:data:`LEAST_PIVOT`) that its inverse must not be used
+        """
+        n = len(places)
+        noise = variogram.nugget + mean_rate / places.exposure_s
+        samples = np.column_stack([places.xy, places.spread, noise, places.rate_cps])
+        if variogram != self._variogram:
+            self._variogram = variogram
+            self._covariances.begin(variogram)
+            self._kept = self._kept[:0]
+            self._forget(0, samples[:0])
+        first = _first_difference(self._samples, samples)
+        self._forget(first, samples)
+        room = MOST_ELEMENTS - n // BLOCK * 3 * self._covariances.size
+        known = _first_difference(self._kept, samples[:, :5])
+        if n > MOST_ROWS or not self._covariances.keep(samples[:, :5], known, room):
+            self._kept = self._kept[:0]
+            self._forget(0, samples)
+            return None
+        self._kept = samples[:, :5]
+        if not self._factorise(variogram, first, samples):
+            return None
+        self._samples = samples
+        full = max(0, n - LEAST_TAIL) // BLOCK * BLOCK
+        for start in range(len(self._blocks) * BLOCK, full, BLOCK):
+            self._add_block(start)
+        self._make_tail(full, n)
+        return self._surfaces(full, n)
+
+    def _forget(self, first: int, samples: Array) -> None:
+        """Take the rows from ``first`` on for unknown, where samples differ from those known."""
+        known = self._samples
+        # The row of a sample that has but grown is as before, only the diagonal of L is not.
+        same_place = first < min(len(known), len(samples)) and (known[first, :5] == samples[first, :5]).all()
+        self._numbers[self._numbers >= first + same_place] = -1
+        self._samples = known[:first]
+        del self._blocks[first // BLOCK :]
+        one, other = ((sums, full, count if count <= first else -1) for sums, full, count in self._sums)
+        self._sums = one, other
+
+    # -- L ---------------------------------------------------------------------------------------------
+
+    def _factorise(self, variogram: Variogram, first: int, samples: Array) -> bool:
+        """Rows of the inverse of L from ``first`` on.
+
+        :returns: whether the matrix is well-conditioned enough
+        """
+        room = len(self._unit)
+        if len(samples) > room:
+            self._unit = np.pad(self._unit, (0, max(room, len(samples) - room)))
+        unit, diagonal = self._unit, self._diagonal
+        data = np.column_stack([samples[:, 6], np.ones(len(samples))])
+        covariance = _between(variogram, samples, first) if first < len(samples) else np.empty((0, 0))
+        for i in range(first, len(samples)):
+            right = covariance[i - first]
+            row = np.empty(i)  # of L
+            weights = np.zeros(i)
+            for start, stop in pairwise([*range(0, i, _PART), i]):
+                row[start:stop] = unit[start:stop, :stop] @ right[:stop]
+                row[start:stop] /= diagonal[start:stop]
+                weights[:stop] -= (row[start:stop] / diagonal[start:stop]) @ unit[start:stop, :stop]
+            total = right[i] + samples[i, 5]
+            pivot = total - row @ row
+            if not pivot >= LEAST_PIVOT * total:
+                return False
+            unit[i, :i], unit[i, i] = weights, 1.0
+            diagonal[i] = math.sqrt(pivot)
+            self._data[:, i] = unit[i, : i + 1] @ data[: i + 1] / diagonal[i]
+        return True
+
+    # -- W ---------------------------------------------------------------------------------------------
+
+    def _add_block(self, start: int) -> None:
+        """Sum up the rows of the next block, with those before."""
+        stop = start + BLOCK
+        sums = self._blocks[-1].copy() if start else self._no_rows()
+        data = np.ascontiguousarray(self._data[:, start:stop])
+        weights = self._unit[start:stop, :stop] / self._diagonal[start:stop, None]
+        add_rows(self._covariances, weights, data, sums[::2], sums[1])
+        self._blocks.append(sums)
+
+    def _make_tail(self, full: int, n: int) -> None:
+        """Make the rows from ``full`` on that are not known."""
+        slots = np.arange(full, n) % len(self._tail)
+        for number in (np.flatnonzero(self._numbers[slots] != np.arange(full, n)) + full).tolist():
+            slot = number % len(self._tail)
+            for some, row in self._covariances.combine(self._unit[number : number + 1, : number + 1]):
+                self._tail[slot, some] = row[0]
+            self._numbers[slot] = number
+
+    def _surfaces(self, full: int, n: int) -> Array:
+        """Rate and variance from the sums over all rows."""
+        some, others = sorted(
+            self._sums, key=lambda known: known[1:] != (full, n - 1)
+        )  # those to go on from first
+        sums, of_blocks, count = some
+        if of_blocks != full or not full <= count < n:
+            sums[:] = self._blocks[full // BLOCK - 1] if full else self._no_rows()
+            count = full
+        for number in range(count, n - 1):
+            self._add_row(number, sums, sums)
+        total = others[0]
+        self._add_row(n - 1, sums, total)
+        self._sums = (sums, full, n - 1), (total, full, n)
+        surfaces = np.empty((2, self._covariances.size))
+        for part in self._parts():
+            self._finish(total[:, part], surfaces[:, part])
+        return surfaces
+
+    def at_samples(self, numbers: NDArray[np.intp]) -> Array:
+        """The same exactly where some of the samples of the last :meth:`follow` are, their nugget shared."""
+        known, n, variogram = self._samples, len(self._samples), self._variogram
+        assert variogram is not None
+        covariance = np.empty((n, len(numbers)))
+        x, y = known[numbers, :2].T
+        SamplePoints(variogram, known).covariance(*scaled(variogram, x, y), covariance)
+        covariance[numbers, np.arange(len(numbers))] += variogram.nugget
+        solved = self._unit[:n, :n] @ covariance
+        solved /= self._diagonal[:n, None]
+        rate, ones = self._data[:, :n]
+        total = np.array([rate @ solved, np.einsum("ij,ij->j", solved, solved), ones @ solved - 1])
+        surfaces = np.empty((2, len(numbers)))
+        self._finish(total, surfaces)
+        return surfaces
+
+    def _no_rows(self) -> Array:
+        """Sums over no rows."""
+        sums = np.zeros((3, self._covariances.size))
+        sums[2] = -1.0
+        return sums
+
+    def _add_row(self, number: int, sums: Array, out: Array) -> None:
+        """Sums of (L^-1 rate) W, W^2 and (L^-1 1) W, the last less 1, shape (3, g), with another row of W."""
+        rate, ones = self._data[:, number].tolist()
+        factor = 1 / self._diagonal[number]
+        row = self._tail[number % len(self._tail)]
+        for some in self._parts():
+            part = row[some] * factor
+            terms = np.empty((3, len(part)))
+            for factor_of, term in zip((rate, part, ones), terms, strict=True):
+                np.multiply(part, factor_of, out=term)
+            np.add(sums[:, some], terms, out=out[:, some])
+
+    def _finish(self, sums: Array, surfaces: Array) -> None:
+        """Rate and variance from the sums over all rows, shapes (2, g) and (3, g)."""
+        rate, ones = self._data[:, : len(self._samples)]
+        whole = float(ones @ ones)
+        of_rate, squares, of_ones = sums
+        scaled_ones = of_ones * (float(rate @ ones) / whole)
+        np.subtract(of_rate, scaled_ones, out=surfaces[0])
+        np.multiply(of_ones, of_ones, out=scaled_ones)
+        scaled_ones *= 1 / whole
+        np.subtract(scaled_ones, squares, out=surfaces[1])
+
+    def _parts(self) -> list[slice]:
+        return [slice(start, start + _AT_ONCE) for start in range(0, self._covariances.size, _AT_ONCE)]
+
+
+def _between(variogram: Variogram, samples: Array, first: int) -> Array:
+    """Structured covariance of the samples from ``first`` on with all, shape (n - first, n)."""
+    every, later = SamplePoints(variogram, samples), Supports(samples[first:, :2], samples[first:, 2:5])
+
+    def with_points(xy: Array) -> Array:
+        covariance = np.empty((len(samples), len(xy)))
+        every.covariance(*scaled(variogram, *xy.T), covariance)
+        return covariance
+
+    return np.ascontiguousarray(later.average(with_points).T)
+
+
+def _first_difference(known: Array, samples: Array) -> int:
+    """Number of the first row in which two tables differ."""
+    both = min(len(known), len(samples))
+    differs = (known[:both] != samples[:both]).any(axis=1)
+    return int(differs.argmax()) if differs.any() else both

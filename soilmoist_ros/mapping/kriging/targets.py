@@ -1,0 +1,140 @@
+"""Where the map is wanted: sets of target places that know their distances to the samples.
+
+A target set hands out squared distances tile by tile. The kriging needs no more than this, so a set
+with structure (a raster) can compute them in a cheaper way than arbitrary points.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
+from soilmoist_ros.mapping.variogram.support import Supports
+
+Array = NDArray[np.float64]
+
+
+class Targets(Protocol):
+    """Target places of one prediction; ``xy`` has shape (g, 2) [m]."""
+
+    xy: Array
+
+    def correlation(self, tile: slice) -> Array:
+        """Structured correlation of the targets of a tile with all places, shape (tile, places), new memory."""
+        ...
+
+
+class Points:
+    """Arbitrary target points.
+
+    :param variogram: its range and model
+    :param places_xy: places of the samples, shape (p, 2) [m]
+    :param xy: targets, shape (g, 2) [m]
+    :param spread: spreads of the samples, shape (p, 3) [m^2]; all points if ``None``
+    """
+
+    def __init__(self, variogram: Variogram, places_xy: Array, xy: Array, spread: Array | None = None) -> None:
+        self.xy = xy
+        self._variogram = variogram
+        self._places = Supports(places_xy, spread)
+        self._scaled = variogram.scaled(xy)
+
+    def correlation(self, tile: slice) -> Array:
+        """See :class:`Targets`."""
+        from scipy.spatial.distance import cdist
+
+        variogram, scaled = self._variogram, self._scaled[tile]
+
+        def with_points(xy: Array) -> Array:
+            return variogram.correlation_of_square(cdist(scaled, variogram.scaled(xy), "sqeuclidean"))
+
+        return self._places.average(with_points)
+
+
+class RasterCells:
+    """Cells of a raster: squared distances are sums of one table per axis; a Gaussian is a product of them.
+
+    That holds where the longest range lies along an axis, or no direction is special; otherwise cells are as good
+    as any points.
+
+    :param variogram: its range and model
+    :param places_xy: places of the samples, shape (p, 2) [m]
+    :param x_m: centres of the columns, shape (nx,) [m]
+    :param y_m: centres of the rows, shape (ny,) [m]
+    :param mask: the cells wanted, shape (ny, nx)
+    :param spread: spreads of the samples, shape (p, 3) [m^2]; all points if ``None``
+    """
+
+    def __init__(
+        self,
+        variogram: Variogram,
+        places_xy: Array,
+        x_m: Array,
+        y_m: Array,
+        mask: NDArray[np.bool_],
+        spread: Array | None = None,
+    ) -> None:
+        self._row, self._column = np.nonzero(mask)
+        self.xy = np.column_stack([x_m[self._column], y_m[self._row]])
+        self._variogram = variogram
+        self._separable = variogram.model == "gaussian"
+        self._points = None
+        if not variogram.along_axes:
+            self._points = Points(variogram, places_xy, self.xy, spread)
+            return
+        self._places = Supports(places_xy, spread)
+        plane = isotropic_plane(variogram.anisotropy, variogram.angle_deg)
+        x_range_m, y_range_m = (variogram.range_m / plane.diagonal()).tolist()
+        self._tables = [
+            (self._table(x_m, points[:, 0], x_range_m), self._table(y_m, points[:, 1], y_range_m))
+            for _, points, _ in self._places.layers
+        ]
+
+    def correlation(self, tile: slice) -> Array:
+        """See :class:`Targets`."""
+        if self._points is not None:
+            return self._points.correlation(tile)
+        column, row = self._column[tile], self._row[tile]
+        return self._places.combine(self._of_tables(x[column], y[row]) for x, y in self._tables)
+
+    def _of_tables(self, x: Array, y: Array) -> Array:
+        if self._separable:
+            x *= y
+            return x
+        x += y
+        return self._variogram.correlation_of_square(x)
+
+    def _table(self, axis_m: Array, places_m: Array, range_m: float) -> Array:
+        square = ((axis_m[:, None] - places_m) / range_m) ** 2
+        return self._variogram.correlation_of_square(square) if self._separable else square
+
+
+def check_raster(
+    x_m: ArrayLike, y_m: ArrayLike, mask: NDArray[np.bool_] | None
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Axes of shapes (nx,) and (ny,) [m], and the cells wanted, of shape (ny, nx); all of them without a mask.
+
+    :raises ValueError: if an axis is not a finite vector or the mask does not fit
+    """
+    x, y = np.asarray(x_m, float), np.asarray(y_m, float)
+    for name, axis in (("x_m", x), ("y_m", y)):
+        if axis.ndim != 1 or not np.isfinite(axis).all():
+            raise ValueError(f"{name} must be a finite vector, got shape {axis.shape}")
+    wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
+    if wanted.shape != (len(y), len(x)):
+        raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
+    return x, y, wanted
+
+
+def coincident(xy: Array, places_xy: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Targets that lie exactly at a place: their numbers, and the numbers of those (distinct) places."""
+    keys = places_xy[:, 0] + 1j * places_xy[:, 1]
+    wanted = xy[:, 0] + 1j * xy[:, 1]
+    order = np.argsort(keys)
+    position = np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)
+    place = order[position]
+    target = np.flatnonzero(keys[place] == wanted)
+    return target, place[target]

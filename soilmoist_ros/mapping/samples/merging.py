@@ -1,0 +1,121 @@
+"""Records become samples one by one, as they come."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples.spread import footprint_spread, way_spread, without_noise
+from soilmoist_ros.sensing.records import CountRecord
+
+Array = NDArray[np.float64]
+
+_SHORTEST_GAP, _LONGEST_GAP = 0.9, 2.5
+"""Times between the ends of successive records of one sensor, in exposures; the next but one if one was lost."""
+
+
+class DrivenWays:
+    """Tells how far the robot drove during each record, from the places of successive records.
+
+    Records come in order of time, maybe of several robots at once: a record follows the nearest of those that
+    had ended when it began. Its way is taken to be the vector from the place of that one, which lies as long ago
+    as a record lasts. Where the robot starts or stops this is right to half a record's way.
+    """
+
+    def __init__(self) -> None:
+        self._last: list[CountRecord] = []
+
+    def spread(self, record: CountRecord) -> Array:
+        """Spread of a record's counts along its way, shape (3,) [m^2]; 0 without a predecessor.
+
+        :param record: with a place, and an exposure > 0
+        """
+        exposure_s = record.exposure_s
+        self._last = [one for one in self._last if record.stamp_s - one.stamp_s <= _LONGEST_GAP * exposure_s]
+        before = [one for one in self._last if record.stamp_s - one.stamp_s >= _SHORTEST_GAP * exposure_s]
+        self._last.append(record)
+        if not before:
+            return np.zeros(3)
+        nearest = min(before, key=lambda one: math.hypot(record.x_m - one.x_m, record.y_m - one.y_m))
+        self._last.remove(nearest)
+        share = min(exposure_s / (record.stamp_s - nearest.stamp_s), 1.0)
+        return way_spread([share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)])
+
+
+class SampleMerger:
+    """Merges records by place, in order; the total counts and the total exposure are conserved.
+
+    A record joins the nearest sample if its mean place is within the radius, and moves it; otherwise it begins
+    a new sample. So the records of a stop whose positions jitter are one sample, however long the robot stands,
+    and a drive becomes a chain of samples about two radii apart (each drags behind the robot by half the way).
+    What comes out depends on the order of the records, unlike with
+    :func:`merge_records`, which needs them all.
+
+    A sample's spread is that of its records together (parallel-axis theorem), and its footprint's.
+
+    :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
+    :param footprint_radius_m: radius of the footprint over which every record was counted [m], 0 for a point
+    :raises ValueError: if a radius is negative or not finite
+    """
+
+    def __init__(self, radius_m: float, footprint_radius_m: float = 0.0) -> None:
+        if not (math.isfinite(radius_m) and radius_m >= 0):
+            raise ValueError(f"radius_m must be >= 0 and finite, got {radius_m}")
+        self.radius_m = radius_m
+        self._count = 0
+        self._footprint = footprint_spread(footprint_radius_m)
+        self._columns = np.empty((7, 64))  # x, y, counts, exposure, spread; doubled when full
+
+    def add(
+        self, x_m: float, y_m: float, raw_counts: int, exposure_s: float, spread: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> None:
+        """Take a record.
+
+        :param x_m: east [m], finite
+        :param y_m: north [m], finite
+        :param raw_counts: raw counts, >= 0
+        :param exposure_s: effective exposure [s], > 0 and finite
+        :param spread: of the way along which it was counted, shape (3,) [m^2]
+        """
+        nearest = self._within_reach(x_m, y_m)
+        if nearest is None:
+            nearest = self._begin(x_m, y_m)
+        sample = self._columns[:, nearest]
+        sample[2] += raw_counts
+        sample[3] += exposure_s
+        share = exposure_s / sample[3]
+        east, north = x_m - sample[0], y_m - sample[1]
+        sample[0] += share * east
+        sample[1] += share * north
+        apart = np.array([east * east, east * north, north * north])
+        sample[4:] += share * (np.asarray(spread) + (1 - share) * apart - sample[4:])
+
+    @property
+    def samples(self) -> Samples:
+        """The samples so far, in the order in which they began; a copy.
+
+        Spreads that the noise of positions may have made count as none.
+        """
+        columns = self._columns[:, : self._count]
+        return Samples(columns[:2].T, columns[2], columns[3], without_noise(columns[4:].T) + self._footprint)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def _within_reach(self, x_m: float, y_m: float) -> int | None:
+        if not self._count:
+            return None
+        offset = self._columns[:2, : self._count] - [[x_m], [y_m]]
+        distance_m = np.hypot(offset[0], offset[1])
+        nearest = int(distance_m.argmin())
+        return nearest if distance_m[nearest] <= self.radius_m else None
+
+    def _begin(self, x_m: float, y_m: float) -> int:
+        if self._count == self._columns.shape[1]:
+            self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
+        self._columns[:, self._count] = x_m, y_m, *np.zeros(5)
+        self._count += 1
+        return self._count - 1

@@ -1,0 +1,271 @@
+"""Samples: counts and exposures at places, checked; and how records become samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.mapping.samples.spread import without_noise
+
+Array = NDArray[np.float64]
+
+_BLOCK_ELEMENTS = 2_000_000
+"""Elements of a temporary distance block (16 MB)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Neutron counts at places; ``counts ~ Poisson(rate * exposure_s)`` at each.
+
+    The arrays are copied, checked and made read-only.
+
+    :param xy: places, shape (n, 2) [m]; a single place may be given as (x, y)
+    :param counts: raw counts, whole numbers >= 0, shape (n,)
+    :param exposure_s: *effective* exposure, which makes ``counts / exposure_s`` the corrected rate, > 0,
+        shape (n,) [s]
+    :param spread: second moments (sxx, sxy, syy) of the area over which each was counted, shape (n, 3) or (3,)
+        for all, zero for a point [m^2]; see :mod:`support`
+    :raises ValueError: if the shapes do not agree or a value is out of range; names the first offender
+    """
+
+    xy: Array
+    counts: Array
+    exposure_s: Array
+    spread: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        xy = check_xy(self.xy)
+        counts = np.array(self.counts, float, ndmin=1)
+        exposure_s = np.array(self.exposure_s, float, ndmin=1)
+        for name, values in (("counts", counts), ("exposure_s", exposure_s)):
+            if values.shape != (len(xy),):
+                raise ValueError(f"{name} must have shape ({len(xy)},) like xy, got {values.shape}")
+        whole = np.isfinite(counts) & (counts >= 0) & (counts == np.rint(counts))
+        _refuse(~whole, counts, "counts must be whole numbers >= 0")
+        _refuse(~(np.isfinite(exposure_s) & (exposure_s > 0)), exposure_s, "exposure_s must be > 0 and finite")
+        spread = _check_spread(self.spread, len(xy))
+        for name, values in (("xy", xy), ("counts", counts), ("exposure_s", exposure_s), ("spread", spread)):
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+    @property
+    def rate_cps(self) -> Array:
+        """Count rate of each sample [counts/s]."""
+        return self.counts / self.exposure_s
+
+    @property
+    def rate_sd_cps(self) -> Array:
+        """Poisson standard error of each rate, ``sqrt(counts) / exposure`` [counts/s]; 0 for no counts."""
+        return np.sqrt(self.counts) / self.exposure_s
+
+    @property
+    def mean_rate_cps(self) -> float:
+        """Mean count rate m* = sum of counts / sum of exposures [counts/s]; NaN without samples."""
+        return float(self.counts.sum() / self.exposure_s.sum()) if len(self) else float("nan")
+
+
+def as_samples(
+    xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
+) -> Samples:
+    """:class:`Samples` of anything that numpy takes for arrays; points without a spread."""
+    moments = np.zeros(3) if spread is None else np.asarray(spread, float)
+    return Samples(np.asarray(xy, float), np.asarray(counts, float), np.asarray(exposure_s, float), moments)
+
+
+def check_xy(xy: ArrayLike) -> Array:
+    """Places as a new float array of shape (n, 2); (x, y) is taken as one place.
+
+    :raises ValueError: for another shape or a coordinate that is not finite
+    """
+    places = np.array(xy, float)
+    if places.shape in ((2,), (0,)):
+        places = places.reshape(-1, 2)
+    if places.ndim != 2 or places.shape[1] != 2:
+        raise ValueError(f"xy must have shape (n, 2), got {places.shape}")
+    _refuse(~np.isfinite(places).all(axis=1), places, "xy must be finite")
+    return places + 0.0  # -0.0 and 0.0 are the same place
+
+
+def _check_spread(spread: ArrayLike, n: int) -> Array:
+    """Spreads as a new array of shape (n, 3); covariance matrices but for the rounding of 32 bits."""
+    moments = np.array(spread, float)
+    if not moments.any() and moments.shape in ((3,), (n, 3)):
+        return np.zeros((n, 3))
+    if moments.shape == (3,):
+        moments = np.tile(moments, (n, 1))
+    if moments.shape != (n, 3):
+        raise ValueError(f"spread must have shape ({n}, 3) or (3,), got {moments.shape}")
+    xx, xy, yy = moments.T
+    finite = np.isfinite(moments).all(axis=1)
+    possible = finite & (xx >= 0) & (yy >= 0) & (np.abs(xy) <= np.sqrt(np.abs(xx * yy)) + 1e-6 * (xx + yy))
+    _refuse(~possible, moments, "spread must be the second moments (sxx, sxy, syy) of an area")
+    return moments
+
+
+def noise_rate(samples: Samples) -> float:
+    """Mean rate m* for the Poisson noise ``m* / exposure`` [counts/s], never zero.
+
+    It is ``sum(counts) / sum(exposure_s)``. Where nothing at all was counted that would claim a noiseless
+    measurement, so half a count is put in: the mean of Jeffreys' posterior of a Poisson rate.
+    """
+    return float((samples.counts.sum() or 0.5) / samples.exposure_s.sum())
+
+
+def merge_exactly(samples: Samples) -> tuple[Samples, NDArray[np.intp]]:
+    """Merge the records of each place: counts add, exposures add. Loses nothing.
+
+    :returns: one sample per distinct place, in the order of first appearance; and the number of the
+        place of each record, shape (n,)
+    """
+    order = np.lexsort(samples.xy.T)  # quicker than np.unique, and mostly there is nothing to merge
+    sorted_xy = samples.xy[order]
+    if (sorted_xy[1:] != sorted_xy[:-1]).any(axis=1).all():
+        return samples, np.arange(len(samples))
+    _, first, place = np.unique(samples.xy, axis=0, return_index=True, return_inverse=True)
+    rank = np.empty_like(first)
+    rank[np.argsort(first)] = np.arange(len(first))
+    place = rank[place.reshape(-1)]
+    counts = np.bincount(place, samples.counts, len(first))
+    exposure_s = np.bincount(place, samples.exposure_s, len(first))
+    spread = _mean_spread(samples, place) if samples.spread.any() else None
+    return as_samples(samples.xy[np.sort(first)], counts, exposure_s, spread), place
+
+
+def _mean_spread(samples: Samples, group: NDArray[np.intp]) -> Array:
+    """Exposure-weighted mean of the spreads of each group, shape (groups, 3)."""
+    share = samples.exposure_s / np.bincount(group, samples.exposure_s)[group]
+    return np.column_stack([np.bincount(group, share * samples.spread[:, k]) for k in range(3)])
+
+
+def merge_records(
+    xy: ArrayLike,
+    counts: ArrayLike,
+    exposure_s: ArrayLike,
+    radius_m: float = 0.0,
+    spread: ArrayLike | None = None,
+) -> Samples:
+    """Merge records into samples; the total counts and the total exposure are conserved.
+
+    With ``radius_m = 0`` only records at exactly one place merge, which changes no estimate. With a radius,
+    records of a stop whose positions jitter become one sample:
+
+    1. The place with the longest exposure within the radius is a centre, and the places within the radius
+       of it are settled; the next centre is chosen likewise among those left, until none is.
+    2. Each record joins the nearest centre. A sample lies at the exposure-weighted mean of its records, and its
+       spread is theirs together (parallel-axis theorem); what the noise of positions may have made counts as none.
+
+    Records of one sample are never more than two radii apart, so a chain of records taken while driving
+    becomes a chain of samples. The rule depends on the records only, not on their order. The cost is
+    linear in the number of places (about ten seconds for 10^5), and quadratic in those within one radius.
+
+    :param xy: places of the records, shape (n, 2) [m]
+    :param counts: raw counts, shape (n,)
+    :param exposure_s: effective exposure, shape (n,) [s]
+    :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
+    :param spread: that of each record, shape (n, 3) [m^2]; all points by default
+    :returns: samples in the order of their first record
+    :raises ValueError: as :class:`Samples`, or if the radius is negative or not finite
+    """
+    if not (np.isfinite(radius_m) and radius_m >= 0):
+        raise ValueError(f"radius_m must be >= 0 and finite, got {radius_m}")
+    places, _ = merge_exactly(as_samples(xy, counts, exposure_s, spread))
+    if radius_m == 0 or len(places) < 2:
+        return replace(places, spread=without_noise(places.spread))
+    buckets = _Buckets(places.xy, radius_m)
+    group = _nearest(places.xy, buckets, _centres(places, buckets, radius_m))
+    return _join(places, group)
+
+
+class _Buckets:
+    """Places in square cells as wide as a radius: all within the radius of one are in its cell or the next."""
+
+    def __init__(self, xy: Array, radius_m: float) -> None:
+        self._cell = np.floor(xy / (radius_m * (1 + 1e-9))).tolist()
+        self._members: dict[tuple[float, float], list[int]] = {}
+        for number, (column, row) in enumerate(self._cell):
+            self._members.setdefault((column, row), []).append(number)
+        self._around: dict[tuple[float, float], NDArray[np.intp]] = {}
+
+    def around(self, number: int) -> NDArray[np.intp]:
+        """Numbers of the places in and next to the cell of a place, in order."""
+        column, row = self._cell[number]
+        if (column, row) not in self._around:
+            cells = [(column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+            near = [number for cell in cells for number in self._members.get(cell, ())]
+            self._around[column, row] = np.array(sorted(near))
+        return self._around[column, row]
+
+    def cells(self) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Places of each cell, some at a time, and those around them."""
+        for members in self._members.values():
+            around = self.around(members[0])
+            for rows in _row_blocks(len(members), len(around)):
+                yield np.array(members[rows]), around
+
+
+def _centres(places: Samples, buckets: _Buckets, radius_m: float) -> NDArray[np.intp]:
+    """Numbers of the places that become centres of stops, the longest exposures first."""
+    from scipy.spatial.distance import cdist
+
+    n, xy = len(places), places.xy
+    within = np.empty(n)
+    for members, around in buckets.cells():
+        within[members] = (cdist(xy[members], xy[around]) <= radius_m) @ places.exposure_s[around]
+    within = np.round(within, 6)  # equal sums must be equal in whatever order they were added up
+    free = np.ones(n, bool)
+    centres = []
+    for candidate in np.lexsort((xy[:, 1], xy[:, 0], -within)).tolist():
+        if free[candidate]:
+            centres.append(candidate)
+            around = buckets.around(candidate)
+            offset = xy[around] - xy[candidate]
+            free[around[np.hypot(offset[:, 0], offset[:, 1]) <= radius_m]] = False
+    return np.array(centres)
+
+
+def _nearest(xy: Array, buckets: _Buckets, centres: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number of the nearest centre of each place; there is one within the radius."""
+    from scipy.spatial.distance import cdist
+
+    rank = np.full(len(xy), -1)
+    rank[centres] = np.arange(len(centres))
+    nearest = np.empty(len(xy), int)
+    for members, around in buckets.cells():
+        known = np.sort(rank[around][rank[around] >= 0])
+        nearest[members] = known[cdist(xy[members], xy[centres[known]]).argmin(axis=1)]
+    return nearest
+
+
+def _join(places: Samples, group: NDArray[np.intp]) -> Samples:
+    """Samples of groups of places, in the order in which the groups first appear."""
+    _, first, group = np.unique(group, return_index=True, return_inverse=True)
+    exposure_s = np.bincount(group, places.exposure_s)
+    counts = np.bincount(group, places.counts)
+    share = places.exposure_s / exposure_s[group]
+    xy = np.column_stack([np.bincount(group, share * places.xy[:, axis]) for axis in (0, 1)])
+    away = places.xy - xy[group]
+    apart = np.column_stack([away[:, 0] ** 2, away[:, 0] * away[:, 1], away[:, 1] ** 2])
+    wide = Samples(places.xy, places.counts, places.exposure_s, places.spread + apart)
+    spread = without_noise(_mean_spread(wide, group))
+    order = np.argsort(first)
+    return as_samples(xy[order], counts[order], exposure_s[order], spread[order])
+
+
+def _row_blocks(rows: int, columns: int) -> list[slice]:
+    step = max(1, _BLOCK_ELEMENTS // max(columns, 1))
+    return [slice(start, min(start + step, rows)) for start in range(0, rows, step)]
+
+
+def _refuse(bad: NDArray[np.bool_], values: Array, rule: str) -> None:
+    if np.count_nonzero(bad):  # quicker than any(), and asked several times of every map
+        index = int(np.argmax(bad))
+        raise ValueError(f"{rule}, got {values[index]} at index {index}")
+
+
+NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))

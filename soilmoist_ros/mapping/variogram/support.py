@@ -1,0 +1,181 @@
+"""The support of samples: counts gathered while driving, or over a footprint, are means over an area.
+
+Of the area only the second moments are kept, the *spread*: the covariance matrix (sxx, sxy, syy) [m^2] of a place
+drawn from it. A straight way of length l along the unit vector u has l^2/12 u u', a Gaussian footprint of standard
+deviation s has s^2 along each axis, and what is independent adds up.
+
+Covariances between supports are averages over both (block kriging; Gotway & Young 2002, Journal of the American
+Statistical Association 97:632-648). Here every support is replaced by a few points with its mean and second
+moments: a line by two (Gauss-Legendre), an area by its centre and two on each principal axis (whose fourth
+moments are then those of a Gaussian as well). The same points stand for a support against samples and targets, so
+the matrix remains positive definite whatever the error. For practical ranges from 30 m, ways up to 10 m and a
+footprint of 10 m the correlations of smooth models are right to 0.012, those of the exponential and the spherical
+model, which have a kink at every point, to 0.05; taken for points they would be wrong by up to 0.4 and 0.5.
+
+The nugget, micro-scale variance, stays with the sample whatever its support.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.samples.spread import LEAST_SPREAD_M2
+from soilmoist_ros.mapping.variogram.model import CorrelationModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_LEAST_WIDTH_M2 = LEAST_SPREAD_M2 / 2
+"""Areas with a smaller variance across are taken for lines."""
+_LINE_WEIGHT, _LINE_ARM = 1 / 2, 1.0
+_AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
+"""Weight of each point beside the centre, and its distance from there in standard deviations."""
+_LOG_STEP = 0.5
+_FEW_ELEMENTS = 30_000
+"""Larger temporary matrices are slower: their memory is asked for anew each time."""
+
+
+class Supports:
+    """Points that stand for the supports of samples: one each, and more where a support has an extent.
+
+    :param xy: centres, shape (n, 2) [m]
+    :param spread: shape (n, 3) [m^2]; all points if ``None``
+
+    Attributes
+    ----------
+    layers : list
+        (samples, points, weights): whose points they are (all, or numbers), the points of shape (m, 2) [m], and
+        their weights, of shape (m,) or one for all; ``None`` for a weight of 1
+    """
+
+    def __init__(self, xy: Array, spread: Array | None = None) -> None:
+        self.layers: list[tuple[slice | Indices, Array, Array | float | None]] = [(slice(None), xy, None)]
+        if spread is None or not spread.any():
+            return
+        variance, axes = np.linalg.eigh(spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2))
+        arms = np.sqrt(np.maximum(variance, 0.0))[:, None] * axes  # of one standard deviation, in the columns
+        area = variance[:, 0] >= _LEAST_WIDTH_M2
+        line = ~area & (variance[:, 1] > 0)
+        arm = np.where(line[:, None], _LINE_ARM * arms[:, :, 1], 0.0)
+        weight = np.select([area, line], [1 - 4 * _AREA_WEIGHT, 1 - _LINE_WEIGHT], 1.0)
+        self.layers[0] = (slice(None), xy + arm, weight)
+        if line.any():
+            has = np.flatnonzero(line)
+            self.layers.append((has, (xy - arm)[has], _LINE_WEIGHT))
+        if area.any():
+            has = np.flatnonzero(area)
+            for step in (_AREA_ARM, -_AREA_ARM):
+                self.layers += [(has, xy[has] + step * arms[has, :, axis], _AREA_WEIGHT) for axis in (0, 1)]
+
+    def average(self, of_points: Callable[[Array], Array]) -> Array:
+        """Averages of a function over the supports.
+
+        :param of_points: takes m points, gives new memory of shape (..., m)
+        :returns: shape (..., n)
+        """
+        return self.combine(of_points(points) for _, points, _ in self.layers)
+
+    def combine(self, of_layers: Iterable[Array]) -> Array:
+        """Averages over the supports of what is known at the points of each layer, as :meth:`average`."""
+        result = np.empty(0)
+        for (samples, _, weight), values in zip(self.layers, of_layers, strict=True):
+            if weight is not None:
+                values *= weight
+            if isinstance(samples, slice):
+                result = values
+            else:
+                result[..., samples] += values
+        return result
+
+
+class SupportCorrelation:
+    """Correlations between all supports as a function of the range, for the fit of a variogram.
+
+    They are computed at a few ranges and interpolated by cubic Hermite polynomials of the logarithm of the range,
+    so that many evaluations cost little; the slope is exactly that of the interpolated correlation.
+
+    :param model: correlation model
+    :param xy: centres, shape (n, 2) [m]
+    :param spread: shape (n, 3) [m^2]
+    :param kept: ranges to keep at most, >= 2; each takes two matrices of shape (n, n)
+    :param plane: matrix, shape (2, 2), that takes places to where the model is isotropic
+    :param pack: what to make of the matrices; they are left as they are by default
+    """
+
+    def __init__(
+        self,
+        model: CorrelationModel,
+        xy: Array,
+        spread: Array,
+        kept: int = 8,
+        plane: Array | None = None,
+        pack: Callable[[Array], Array] = lambda matrix: matrix,
+    ) -> None:
+        self._kept = kept
+        self._pack = pack
+        self._model = model
+        self._supports = Supports(xy, spread)
+        if plane is not None:
+            self._supports.layers = [
+                (samples, points @ plane, weight) for samples, points, weight in self._supports.layers
+            ]
+        self._known: dict[int, tuple[Array, Array]] = {}
+
+    def at(self, range_m: float) -> tuple[Array, Array]:
+        """Correlation and its derivative with respect to the logarithm of the range, shape (n, n) or packed."""
+        position = float(np.log(range_m)) / _LOG_STEP
+        left = int(np.floor(position))
+        u = position - left
+        (low, low_slope), (high, high_slope) = self._node(left), self._node(left + 1)
+        rise = high - low
+        value = low + (u * u * (3 - 2 * u)) * rise
+        value += (u * (1 - u) ** 2 * _LOG_STEP) * low_slope
+        value -= (u * u * (1 - u) * _LOG_STEP) * high_slope
+        slope = (6 * u * (1 - u) / _LOG_STEP) * rise
+        slope += ((1 - u) * (1 - 3 * u)) * low_slope
+        slope += (u * (3 * u - 2)) * high_slope
+        return value, slope
+
+    def _node(self, number: int) -> tuple[Array, Array]:
+        range_m = float(np.exp(number * _LOG_STEP))
+        found = self._known.pop(number, None)
+        if found is None:
+            value, slope = self._averaged(range_m)
+            found = self._pack(value), self._pack(slope)
+        self._known[number] = found  # the last used comes last
+        if len(self._known) > self._kept:
+            del self._known[next(iter(self._known))]
+        return found
+
+    def _averaged(self, range_m: float) -> tuple[Array, Array]:
+        """Correlation and its slope at a range, each of shape (n, n): sums over all pairs of layers of points."""
+        from scipy.spatial.distance import cdist
+
+        n = len(self._supports.layers[0][1])
+        value, slope = np.zeros((2, n, n))
+        layers = [
+            (np.arange(n)[samples], points / range_m, np.full(len(points), 1.0 if weight is None else weight))
+            for samples, points, weight in self._supports.layers
+        ]
+        for number, (rows, points, weight) in enumerate(layers):
+            for columns, others, their_weight in layers[number:]:
+                step = max(1, _FEW_ELEMENTS // len(columns))
+                for some in (slice(start, start + step) for start in range(0, len(rows), step)):
+                    weights = np.outer(weight[some], their_weight)
+                    found = self._model.with_slope(cdist(points[some], others, "sqeuclidean"))
+                    for total, part in zip((value, slope), found, strict=True):
+                        part *= weights
+                        total[_index(rows[some], columns)] += part
+                        if others is not points:
+                            total[_index(columns, rows[some])] += part.T
+        return value, slope
+
+
+def _index(rows: Indices, columns: Indices) -> tuple[slice, slice] | tuple[Indices, Indices]:
+    """Index of the elements in these rows and columns; a view, if all of them follow each other."""
+    if rows[-1] - rows[0] == len(rows) - 1 and columns[-1] - columns[0] == len(columns) - 1:
+        return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return rows[:, None], columns[None, :]

@@ -1,0 +1,104 @@
+"""The action server of the simulated navigation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from soilmoist_ros.nodes.runtime.qos import DEFAULT
+from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, OnRoute, Outcome
+from soilmoist_ros.simulation.system import VirtualSystem
+
+ACTION = "topological_navigation"
+
+
+class NavigationServer:
+    """Serves GotoNode for a virtual system. Its callbacks and those that advance the system share a group.
+
+    A goal is only executed (in the sense of rclpy) when it ends: no thread waits while the robot drives.
+
+    :param node: node to serve from
+    :param system: what knows about goals
+    :param group: callback group in which nothing happens at the same time
+    :raises ImportError: if topological_navigation_msgs is not installed
+    """
+
+    def __init__(self, node: Node, system: VirtualSystem, group: CallbackGroup) -> None:
+        from topological_navigation_msgs.action import GotoNode
+
+        self._type = GotoNode
+        self._node = node
+        self._system = system
+        self._group = group
+        self._server: Any = None
+        self._plain_feedback: Publisher | None = None
+        if system.scenario.navigation.feedback == "topic":
+            self._plain_feedback = node.create_publisher(GotoNode.Feedback, f"{ACTION}/feedback", DEFAULT)
+        self._numbers: dict[bytes, int] = {}
+        self._handles: dict[int, Any] = {}
+        self._endings: dict[bytes, GoalEnded] = {}
+        self._accepted: int | None = None
+
+    def set_present(self, present: bool) -> None:
+        """Let the server appear, or vanish with all its goals."""
+        if self._server is not None:
+            self._server.destroy()
+            self._server = None
+            self._handles.clear()
+            self._numbers.clear()
+        if present:
+            self._server = ActionServer(
+                self._node,
+                self._type,
+                ACTION,
+                execute_callback=self._execute,
+                goal_callback=self._on_goal,
+                handle_accepted_callback=self._on_accepted,
+                cancel_callback=self._on_cancel,
+                callback_group=self._group,
+            )
+
+    def feed_back(self, event: OnRoute) -> None:
+        """Tell the client of a goal which node the robot passes."""
+        feedback = self._type.Feedback(route=event.node)
+        if self._plain_feedback is not None:
+            self._plain_feedback.publish(feedback)
+        elif event.goal_id in self._handles:
+            self._handles[event.goal_id].publish_feedback(feedback)
+
+    def end(self, event: GoalEnded) -> None:
+        """Tell the client of a goal how it has ended."""
+        handle = self._handles.pop(event.goal_id, None)
+        if handle is not None:
+            self._endings[bytes(handle.goal_id.uuid)] = event
+            handle.execute()
+
+    def _execute(self, handle: Any) -> Any:
+        event = self._endings.pop(bytes(handle.goal_id.uuid))
+        verbs = {
+            Outcome.SUCCEEDED: handle.succeed,
+            Outcome.CANCELED: handle.canceled,
+            Outcome.ABORTED: handle.abort,
+        }
+        verbs[event.outcome]()
+        return self._type.Result(success=bool(event.success))
+
+    def _on_goal(self, goal: Any) -> GoalResponse:
+        # Its number is needed before there is a handle; both callbacks run one right after the other.
+        self._accepted = self._system.go_to(goal.target)
+        self._node.get_logger().info(f"goal {goal.target}: {'rejected' if self._accepted is None else 'accepted'}")
+        return GoalResponse.REJECT if self._accepted is None else GoalResponse.ACCEPT
+
+    def _on_accepted(self, handle: Any) -> None:
+        assert self._accepted is not None
+        self._handles[self._accepted] = handle
+        self._numbers[bytes(handle.goal_id.uuid)] = self._accepted
+
+    def _on_cancel(self, handle: Any) -> CancelResponse:
+        number = self._numbers.get(bytes(handle.goal_id.uuid))
+        accepted = number is not None and self._system.cancel(number)
+        return CancelResponse.ACCEPT if accepted else CancelResponse.REJECT

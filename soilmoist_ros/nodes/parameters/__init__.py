@@ -1,0 +1,1 @@
+"""Declaration and checks of node parameters, and the table of each node."""

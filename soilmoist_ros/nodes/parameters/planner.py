@@ -1,0 +1,144 @@
+"""Parameters of the planner, and what they mean for the mission."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.mission.types import MissionRules, OnSilence
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies.registry import PRESETS, STRATEGIES, make_strategy
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, Value
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.site import load_site
+
+
+def _row(
+    name: str, default: Value, text: str, unit: str = "", low: float | None = None, choices: tuple[str, ...] = ()
+) -> Parameter:
+    return Parameter(name=name, default=default, description=text, unit=unit, low=low, choices=choices)
+
+
+PARAMETERS: Final = (
+    _row("field", "", "field file, or name of a shipped one"),
+    _row("strategy", "gcb", "how the next stop is chosen", choices=STRATEGIES),
+    _row("preset", "paper", "constants of the strategies", choices=tuple(PRESETS)),
+    _row("seed", 0, "seed of the strategies' randomness", low=0),
+    _row("dwell", "optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
+    _row("target", "rate", "what the map is to be good for", choices=("rate", "vwc")),
+    _row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
+    _row("longest_dwell_s", 3600.0, "longest time at a stop", "s", 1.0),
+    _row("hours", 2.0, "time of the mission, the way home and pauses included", "h", 0.01),
+    _row(
+        "others",
+        [],
+        "namespaces of other robots whose planners explore the same field: where one is going or counting, this "
+        "one does not go; its own is passed over",
+    ),
+    _row(
+        "properties",
+        [],
+        "namespaces in which further properties of the field are mapped, to be known as well as the first: "
+        "NAMESPACE or NAMESPACE:WEIGHT, the weight of the first being 1; one without a map is left out",
+    ),
+    _row("home", "", "stop to return to at the end; the robot stays where it is if empty"),
+    _row(
+        "graph", "topic", "ways of the robot: topic (the navigation's map), free (straight lines), or a map file"
+    ),
+    _row("map_topic", "/topological_map_2", "topic of the navigation's map"),
+    _row("navigator", "goto_node", "how goals are sent", choices=("goto_node", "goal_pose")),
+    _row("action_name", "topological_navigation", "name of the navigation's action"),
+    _row("action_type", "topological_navigation_msgs/action/GotoNode", "type of the navigation's action"),
+    _row("feedback_topic", "topological_navigation/feedback", "plain topic of the navigation's feedback"),
+    _row("speed_mps", 0.6, "speed of the robot, to estimate times", "m/s", 0.01),
+    _row("stop_overhead_s", 12.0, "time lost at each stop", "s", 0.0),
+    _row("arrival_radius_m", 3.0, "the robot is at a stop within this distance", "m", 0.01),
+    _row(
+        "settle_s",
+        5.0,
+        "a robot without answers (goal_pose) has arrived when it has stood for this time",
+        "s",
+        0.1,
+    ),
+    _row("navigation_wait_s", 30.0, "longest wait for the navigation to appear, or to end a goal", "s", 1.0),
+    _row("goal_time_factor", 3.0, "a trip may take so many times the expected time", "", 1.0),
+    _row("goal_time_margin_s", 60.0, "a trip may take so much longer on top", "s", 0.0),
+    _row("cancel_limit_s", 30.0, "a cancelled goal is taken for ended after this time", "s", 1.0),
+    _row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
+    _row("min_dwell_s", 60.0, "a stop is not gone to if less is left for counting there", "s", 0.0),
+    _row("map_wait_s", 20.0, "longest wait for the mapper before the next stop is chosen", "s", 0.0),
+    _row("plan_limit_s", 120.0, "longest time for choosing a stop", "s", 1.0),
+    _row("retries", 1, "how often a goal that failed is sent again", low=0),
+    _row("blacklist_s", 900.0, "how long a stop is ruled out after it failed or was skipped", "s", 1.0),
+    _row("failures_to_pause", 5, "failures in a row after which the operator is asked", low=1),
+    _row("silence_limit_s", 60.0, "time without a record of the stop that counts as silence", "s", 1.0),
+    _row("on_silence", "wait", "what to do in silence", choices=tuple(OnSilence)),
+    _row("autostart", False, "start the mission as soon as position, map and navigation are there"),
+    _row("journal_dir", "", "folder in which the mission is written down, to survive a crash; nowhere if empty"),
+    _row(
+        "resume",
+        "ask",
+        "what to do with a mission that was interrupted: wait for resume or abort, go on, or forget it",
+        choices=("ask", "auto", "fresh"),
+    ),
+    _row("exit_when_finished", False, "end the process with the mission, for simulations"),
+)
+
+
+def explorer_settings(parameters: Parameters) -> ExplorerSettings:
+    """How stops are chosen.
+
+    :raises InputError: if the dwell rule is not one, the strategy's solver is not installed, or the target is the
+        moisture and there is no calibration
+    """
+    text, number = parameters.text, parameters.number
+    make_strategy(text("strategy"), text("preset"))
+    return ExplorerSettings(
+        strategy=text("strategy"),
+        preset=text("preset"),
+        seed=parameters.whole("seed"),
+        dwell=parse_dwell(text("dwell"), number("longest_dwell_s")),
+        motion=RobotMotion(number("speed_mps"), number("stop_overhead_s")),
+        curve=_curve(text("site")) if text("target") == "vwc" else None,
+    )
+
+
+def _curve(site: str) -> CalibrationCurve:
+    curve = load_site(resource("sites", site)).curve if site else None
+    if curve is None:
+        raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
+    return curve
+
+
+def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:
+    """What governs the mission.
+
+    :param parameters: values of :data:`PARAMETERS`
+    :param settings: how stops are chosen
+    :param home: where to return to
+    """
+    number = parameters.number
+    return MissionRules(
+        budget_s=number("hours") * 3600,
+        dwell=settings.dwell,
+        home=home,
+        warm_up_stops=settings.warm_up_stops,
+        min_dwell_s=number("min_dwell_s"),
+        speed_mps=settings.motion.speed_mps,
+        stop_overhead_s=settings.motion.stop_overhead_s,
+        arrival_radius_m=number("arrival_radius_m"),
+        goal_time_factor=number("goal_time_factor"),
+        goal_time_margin_s=number("goal_time_margin_s"),
+        return_margin_s=number("return_margin_s"),
+        cancel_limit_s=number("cancel_limit_s"),
+        plan_limit_s=number("plan_limit_s"),
+        retries=parameters.whole("retries"),
+        blacklist_s=number("blacklist_s"),
+        failures_to_pause=parameters.whole("failures_to_pause"),
+        silence_limit_s=number("silence_limit_s"),
+        on_silence=OnSilence(parameters.text("on_silence")),
+    )

@@ -1,0 +1,1 @@
+"""What every node process shares: start and end, quality of service, loopback discovery."""

@@ -1,0 +1,1 @@
+"""Several nodes as one system: the demonstration and the launch files."""

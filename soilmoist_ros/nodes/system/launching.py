@@ -1,0 +1,39 @@
+"""Parameters of nodes from the arguments of a launch file, which are texts."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.nodes.parameters.declaration import Value, check_values
+
+
+def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:
+    """Those arguments that are parameters of a node, by name, in the type of the parameter.
+
+    :param node: name of the node
+    :param arguments: texts by name; an empty one leaves the parameter as it is
+    :raises InputError: with every value that is not allowed
+    """
+    table = {row.name: row for row in importlib.import_module(f"soilmoist_ros.nodes.{node}").PARAMETERS}
+    given = {
+        name: text if isinstance(table[name].default, str) else _value(text)
+        for name, text in arguments.items()
+        if text and name in table
+    }
+    values, mistakes = check_values(table, given)
+    if mistakes:
+        raise InputError([Mistake(f"{node}: {mistake.message}", mistake.remedy) for mistake in mistakes])
+    return {name: values[name] for name in given}
+
+
+def _value(text: str) -> object:
+    try:
+        value: object = YAML(typ="safe").load(text)
+    except YAMLError:
+        return text
+    return value

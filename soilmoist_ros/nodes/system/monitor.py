@@ -1,0 +1,62 @@
+"""Listens to a mission, for a live view."""
+
+from __future__ import annotations
+
+import contextlib
+from functools import partial
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.context import Context
+from rclpy.node import Node
+from sensor_msgs.msg import NavSatFix, PointCloud2
+
+from msg_adapters.diagnostics import health_from_status
+from msg_adapters.mission import mission_from_message
+from msg_adapters.samples import samples_from_message
+from msg_adapters.soil_map import soil_map_from_message
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
+from soilmoist_ros.reporting.live.live_mission import LiveMission
+
+
+class Monitor(Node):
+    """Hands what it hears to a :class:`LiveMission`.
+
+    Messages that are not what their topics promise are left out.
+
+    :param live: takes it
+    :param frame: plane of the field
+    :param context: context of the node
+    :param beside: namespace of the mapper of a second property, if there is one
+    """
+
+    def __init__(self, live: LiveMission, frame: LocalFrame, context: Context, beside: str = "") -> None:
+        super().__init__("monitor", context=context)
+        self._live = live
+        self._frame = frame
+        self.create_subscription(DiagnosticStatus, "mission", self._on_mission, LATCHED)
+        self.create_subscription(PointCloud2, "soil_map", partial(self._on_map, live), LATCHED)
+        if live.beside is not None:
+            self.create_subscription(
+                PointCloud2, f"{beside}/soil_map", partial(self._on_map, live.beside), LATCHED
+            )
+        self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
+        self.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
+
+    def _on_mission(self, message: DiagnosticStatus) -> None:
+        with contextlib.suppress(ValueError):
+            mission_from_message(message)
+            self._live.status = dict(health_from_status(message).values)
+
+    def _on_map(self, live: LiveMission, message: PointCloud2) -> None:
+        with contextlib.suppress(ValueError):
+            live.take_map(soil_map_from_message(message))
+
+    def _on_samples(self, message: PointCloud2) -> None:
+        with contextlib.suppress(ValueError):
+            self._live.samples_xy = samples_from_message(message).xy
+
+    def _on_fix(self, message: NavSatFix) -> None:
+        if message.status.status >= 0:
+            x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
+            self._live.robot_xy = (float(x_m), float(y_m))

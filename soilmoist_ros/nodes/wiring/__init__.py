@@ -1,0 +1,1 @@
+"""Subscriptions and publishers that are too long for the file of their node."""

@@ -1,0 +1,128 @@
+"""What the planner hears: fixes, records, the mapper's results, and the map of the navigation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters.counts import counts_from_message
+from msg_adapters.mission import mission_from_message
+from msg_adapters.model import model_from_message
+from msg_adapters.samples import samples_from_message
+from msg_adapters.stamps import to_seconds
+from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.nodes.parameters.declaration import other_namespaces
+from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR
+
+
+class PlannerInputs:
+    """Subscribes, and passes on what can be used; what cannot is logged once.
+
+    :param node: the node it belongs to
+    :param control: takes what is heard
+    :param frame: the field's plane
+    :param map_topic: topic of the navigation's map; empty if it is not wanted
+    :param others: namespaces of the planners of other robots on the field; its own is passed over
+    :param properties: namespaces in which further properties are mapped, and their weights
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        control: MissionControl,
+        frame: LocalFrame,
+        map_topic: str,
+        others: Sequence[str] = (),
+        properties: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        self._node = node
+        self._control = control
+        self._frame = frame
+        self._faults: dict[str, str] = {}
+        node.create_subscription(PointCloud2, "counts", self._on_counts, RECORDS)
+        node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
+        node.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
+        node.create_subscription(String, "model", self._on_model, LATCHED)
+        for name, weight in properties.items():
+            control.expect_property(name, weight)
+            samples, model = partial(self._on_samples_of, name), partial(self._on_model_of, name)
+            node.create_subscription(PointCloud2, f"{name}/counts", partial(self._on_counts_of, name), RECORDS)
+            node.create_subscription(PointCloud2, f"{name}/samples", samples, LATCHED)
+            node.create_subscription(String, f"{name}/model", model, LATCHED)
+        if map_topic:
+            node.create_subscription(String, map_topic, self._on_map, LATCHED)
+        for name in other_namespaces(node, others):
+            control.other(name, None)
+            node.create_subscription(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name), LATCHED)
+
+    def _on_fix(self, message: NavSatFix) -> None:
+        if message.status.status >= 0:
+            x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
+            self._control.fix((float(x_m), float(y_m)))
+
+    def _on_counts(self, message: PointCloud2) -> None:
+        try:
+            self._control.records(counts_from_message(message))
+        except ValueError as error:
+            self._ignore("counts", error)
+
+    def _on_samples(self, message: PointCloud2) -> None:
+        try:
+            self._control.samples(samples_from_message(message), to_seconds(message.header.stamp))
+        except ValueError as error:
+            self._ignore("samples", error)
+
+    def _on_model(self, message: String) -> None:
+        try:
+            model = model_from_message(message)
+            self._control.fit(model.fit, model.stamp_s)
+        except ValueError as error:
+            self._ignore("model", error)
+
+    def _on_counts_of(self, name: str, message: PointCloud2) -> None:
+        try:
+            self._control.records_of(name, counts_from_message(message))
+        except ValueError as error:
+            self._ignore(f"{name}/counts", error)
+
+    def _on_samples_of(self, name: str, message: PointCloud2) -> None:
+        try:
+            self._control.samples_of(name, samples_from_message(message), to_seconds(message.header.stamp))
+        except ValueError as error:
+            self._ignore(f"{name}/samples", error)
+
+    def _on_model_of(self, name: str, message: String) -> None:
+        try:
+            model = model_from_message(message)
+            self._control.fit_of(name, model.fit, model.stamp_s)
+        except ValueError as error:
+            self._ignore(f"{name}/model", error)
+
+    def _on_other(self, name: str, message: DiagnosticStatus) -> None:
+        try:
+            self._control.other(name, mission_from_message(message), name < self._node.get_namespace())
+        except ValueError as error:
+            self._ignore(f"{name}/mission", error)
+
+    def _on_map(self, message: String) -> None:
+        if not self._control.takes_ways:
+            self._node.get_logger().warning("a new map of the navigation came in mid-mission: the old one is kept")
+            return
+        try:
+            self._control.use_ways(parse_topological_map(message.data).graph)
+        except InputError as error:
+            self._ignore("the map of the navigation", error)
+
+    def _ignore(self, what: str, error: Exception) -> None:
+        if self._faults.get(what) != str(error):  # a publisher in error repeats it
+            self._faults[what] = str(error)
+            self._node.get_logger().error(f"{what} cannot be used: {error}")

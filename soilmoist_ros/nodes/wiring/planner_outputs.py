@@ -1,0 +1,99 @@
+"""What the planner gives out: the mission's status and plan, its own health, and the wish to save the map."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Path
+from rclpy.node import Node
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters.diagnostics import diagnostics_to_message
+from msg_adapters.mission import mission_to_message
+from msg_adapters.plan import plan_to_markers, plan_to_path
+from soilmoist_ros.exploration.mission.types import Finish, MissionStatus
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.health import Health
+from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED
+
+SAVE_LIMIT_S: Final = 30.0
+"""Longest time that the end of the process waits for the map to be saved [s]."""
+
+
+class PlannerOutlets:
+    """The :class:`Outlets` of a node.
+
+    :param node: the node it belongs to
+    :param hand_on: hands plans on, called by the executor after :meth:`wake`
+    :param properties: namespaces of mappers of further properties
+    """
+
+    def __init__(self, node: Node, hand_on: Callable[[], None], properties: Iterable[str] = ()) -> None:
+        self._node = node
+        self._mission = node.create_publisher(DiagnosticStatus, "mission", LATCHED)
+        self._path = node.create_publisher(Path, "plan", LATCHED)
+        self._markers = node.create_publisher(MarkerArray, "plan_markers", LATCHED)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
+        services = ("mapper/save", *(f"{name}/mapper/save" for name in properties))
+        self._saves = [node.create_client(Trigger, service) for service in services]
+        self._planned = node.create_guard_condition(hand_on)
+        self._shown: tuple[tuple[Stop, ...], float] | None = None
+        self._reason = ""
+        self._saving: list[Future] = []
+        self._leave_by_s: float | None = None
+
+    @property
+    def all_done(self) -> bool:
+        """Whether the mission has ended, and the map is saved as far as can be."""
+        if self._leave_by_s is None:
+            return False
+        return all(saving.done() for saving in self._saving) or time.monotonic() > self._leave_by_s
+
+    def now_s(self) -> float:
+        """ROS time [s]."""
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
+        """Publish the status, and the plan if it has changed."""
+        if status.reason != self._reason:
+            self._reason = status.reason
+            self._node.get_logger().info(f"{status.phase}: {status.reason}")
+        self._mission.publish(mission_to_message(status, more))
+        if (ahead, status.planned_dwell_s) != self._shown:
+            self._shown = ahead, status.planned_dwell_s
+            self._path.publish(plan_to_path(ahead, self.now_s()))
+            self._markers.publish(plan_to_markers(ahead, status.planned_dwell_s, self.now_s()))
+
+    def diagnose(self, parts: list[Health]) -> None:
+        """Publish the planner's health."""
+        name = self._node.get_fully_qualified_name()
+        self._diagnostics.publish(diagnostics_to_message(parts, self.now_s(), name))
+
+    def save(self, reason: str) -> None:
+        """Ask the mappers to save, without waiting."""
+        self._saving = []
+        for save in self._saves:
+            if not save.service_is_ready():
+                self._node.get_logger().warning(f"the map is not saved ({reason}): there is no {save.srv_name}")
+                continue
+            saving = save.call_async(Trigger.Request())
+            saving.add_done_callback(self._on_saved)
+            self._saving.append(saving)
+
+    def finish(self, finish: Finish) -> None:
+        """The mission has ended."""
+        self._leave_by_s = time.monotonic() + SAVE_LIMIT_S
+
+    def wake(self) -> None:
+        """Let the executor hand plans on."""
+        self._planned.trigger()
+
+    def _on_saved(self, future: Future) -> None:
+        answer = future.result()
+        if answer is not None and not answer.success:
+            self._node.get_logger().error(f"the mapper did not save: {answer.message}")

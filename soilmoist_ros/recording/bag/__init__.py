@@ -1,0 +1,1 @@
+"""Bags in the rosbag2 layout (MCAP): write, read, recover, play."""

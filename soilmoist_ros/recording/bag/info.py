@@ -1,0 +1,176 @@
+"""What is in a bag, and whether anything is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Final
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.mcap_scan import McapScan
+from soilmoist_ros.recording.bag.metadata import Extent
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.recovery import findings, mcap_files
+from soilmoist_ros.recording.bag.writer import is_being_written
+
+_REGULAR_FROM: Final = 10
+_REGULAR_SHARE: Final = 0.8
+_GAP_FACTOR: Final = 5.0
+_SHORTEST_GAP_S: Final = 1.0
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A time in which a topic that is otherwise regular was silent.
+
+    :param start_s: time of the last message before [s since 1970-01-01 UTC]
+    :param duration_s: its length [s]
+    """
+
+    start_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of a bag.
+
+    :param name: full name
+    :param type_name: name of its type
+    :param extent: its messages
+    :param size_bytes: size of all its messages [bytes]
+    :param interval_s: median time between messages [s], ``None`` for fewer than two
+    :param gaps: silences, if it is regular
+    """
+
+    name: str
+    type_name: str
+    extent: Extent
+    size_bytes: int
+    interval_s: float | None
+    gaps: tuple[Gap, ...]
+
+
+@dataclass(frozen=True)
+class BagInfo:
+    """A bag.
+
+    :param path: its folder, or its file
+    :param storage: ``mcap`` or ``sqlite3``
+    :param size_bytes: size of its files [bytes]
+    :param extent: all messages
+    :param topics: its topics, by name
+    :param recording: whether it is being recorded now
+    :param problems: what is wrong with it, in words
+    :param remedy: what to do about it, empty if nothing is to be done
+    """
+
+    path: Path
+    storage: str
+    size_bytes: int
+    extent: Extent
+    topics: tuple[TopicInfo, ...]
+    recording: bool
+    problems: tuple[str, ...]
+    remedy: str
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is wrong with it."""
+        return not self.problems
+
+
+def bag_info(path: Path) -> BagInfo:
+    """Look into a bag; reads every message of it.
+
+    :param path: folder of a bag, or a file of one; it may be cut, damaged, or still being recorded
+    :raises InputError: if there is none, or nothing can be read
+    """
+    files = _files(path)
+    if files[0].suffix != ".mcap":
+        return _from_reader(path, files)
+    scans = [McapScan(file) for file in mcap_files(path)]
+    notes = (
+        (m.topic.name, m.topic.definition.type_name, m.log_ns, len(m.data)) for s in scans for m in s.messages()
+    )
+    topics = _topics(_checked(notes, path))
+    problems = [text for scan in scans for text in findings(scan)]
+    recording = any(is_being_written(scan.path) for scan in scans)
+    if path.is_dir() and not recording and not (path / "metadata.yaml").is_file():
+        problems.append("metadata.yaml is missing")
+    remedy = "soilmoist bag recover" if problems else ""
+    if recording:
+        remedy = "stop the recorder"
+    return BagInfo(path, "mcap", _size(files), _whole(topics), topics, recording, tuple(problems), remedy)
+
+
+def find_gaps(times_s: list[float]) -> tuple[Gap, ...]:
+    """Silences of a topic whose messages mostly come at one interval; none for one without such an interval.
+
+    :param times_s: times of its messages, in order [s]
+    """
+    intervals = [later - earlier for earlier, later in pairwise(times_s)]
+    if len(intervals) < _REGULAR_FROM:
+        return ()
+    usual = median(intervals)
+    regular = sum(0.5 * usual <= interval <= 1.5 * usual for interval in intervals)
+    if regular < _REGULAR_SHARE * len(intervals):
+        return ()
+    longest = max(_GAP_FACTOR * usual, _SHORTEST_GAP_S)
+    return tuple(Gap(start, length) for start, length in zip(times_s, intervals, strict=False) if length > longest)
+
+
+def _from_reader(path: Path, files: list[Path]) -> BagInfo:
+    with BagReader(path) as reader:
+        storage = "sqlite3" if files[0].suffix == ".db3" or ".db3." in files[0].name else "mcap"
+        notes = ((m.topic, m.type_name, m.log_ns, len(m.data)) for m in reader.messages())
+        topics = _topics(notes)
+    return BagInfo(path, storage, _size(files), _whole(topics), topics, False, (), "")
+
+
+def _files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    found = [file for pattern in ("*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd") for file in path.glob(pattern)]
+    return sorted(found) or mcap_files(path)  # which says what is wrong
+
+
+def _topics(notes: Iterable[tuple[str, str, int, int]]) -> tuple[TopicInfo, ...]:
+    times: dict[tuple[str, str], list[int]] = {}
+    sizes: dict[tuple[str, str], int] = {}
+    for name, type_name, log_ns, size in notes:
+        times.setdefault((name, type_name), []).append(log_ns)
+        sizes[name, type_name] = sizes.get((name, type_name), 0) + size
+    topics = []
+    for (name, type_name), stamps in sorted(times.items()):
+        stamps.sort()
+        seconds = [stamp * 1e-9 for stamp in stamps]
+        interval_s = median(later - earlier for earlier, later in pairwise(seconds)) if len(stamps) > 1 else None
+        extent = Extent(len(stamps), stamps[0], stamps[-1])
+        topics.append(TopicInfo(name, type_name, extent, sizes[name, type_name], interval_s, find_gaps(seconds)))
+    return tuple(topics)
+
+
+def _whole(topics: tuple[TopicInfo, ...]) -> Extent:
+    extents = [topic.extent for topic in topics]
+    if not extents:
+        return Extent()
+    return Extent(
+        sum(extent.messages for extent in extents),
+        min(extent.start_ns for extent in extents),
+        max(extent.end_ns for extent in extents),
+    )
+
+
+def _size(files: Iterable[Path]) -> int:
+    return sum(file.stat().st_size for file in files)
+
+
+def _checked(notes: Iterator[tuple[str, str, int, int]], path: Path) -> Iterator[tuple[str, str, int, int]]:
+    try:
+        yield from notes
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", "check the disk and permissions", path) from None

@@ -1,0 +1,116 @@
+"""A bag played again: which of its messages, in which order, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.metadata import Qos
+from soilmoist_ros.recording.bag.reader import BagMessage, BagReader
+from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+
+INPUTS: Final = (
+    ".*/(counts|fix|pressure|temperature|relative_humidity|raw/logger|raw/gnss"
+    "|topological_map_2|closest_node|current_node)"
+)
+"""What mapper and planner take in, and what it was made of; not what they publish themselves."""
+CLOCK: Final = "rosgraph_msgs/msg/Clock"
+_LONGEST_STEP_S: Final = 0.1
+
+
+class Playback:
+    """Messages of a bag from some time on.
+
+    :param reader: the bag
+    :param topics: pattern of the full names of the topics
+    :param start_s: time after the beginning of the bag at which to start [s]
+    :raises InputError: if the pattern is none, fits no topic, or the bag ends before the start
+    """
+
+    def __init__(self, reader: BagReader, topics: str = INPUTS, start_s: float = 0.0) -> None:
+        self._reader = reader
+        choice = TopicChoice(topics)
+        chosen = {name: kind for name, kind in reader.topics.items() if kind != CLOCK and choice.wanted(name)}
+        extent = reader.extent
+        self.start_ns = extent.start_ns + round(start_s * 1e9)
+        """Time of the start [ns since 1970-01-01 UTC]."""
+        self.end_ns = extent.end_ns
+        """Time of the last message of the bag [ns]."""
+        if not chosen:
+            there = ", ".join(sorted(reader.topics)) or "none"
+            raise InputError(f"no topic fits {topics!r}", f"there are: {there}", reader.path)
+        if self.start_ns > self.end_ns:
+            lasts = f"the bag lasts {extent.duration_ns * 1e-9:.1f} s"
+            raise InputError(f"there is nothing after {start_s:g} s", lasts, reader.path)
+        clocks = {name: kind for name, kind in reader.topics.items() if kind == CLOCK}
+        self.topics: dict[str, str] = chosen | clocks
+        """Names of the topics, and their types; recorded clocks are always among them."""
+        self._offered = reader.offered
+        self.has_clock = bool(clocks)
+        """Whether simulated time was recorded; else the recorded messages tell the time."""
+
+    def leave_out(self, topic: str) -> None:
+        """Do without a topic."""
+        del self.topics[topic]
+
+    def offered(self, topic: str) -> tuple[Qos, ...]:
+        """What the publishers of a topic offered."""
+        return self._offered[topic]
+
+    def share(self, now_ns: int) -> float:
+        """How much of the time has passed, from 0 to 1.
+
+        :param now_ns: recorded time [ns since 1970-01-01 UTC]
+        """
+        return min(1.0, max(0.0, (now_ns - self.start_ns) / max(1, self.end_ns - self.start_ns)))
+
+    def messages(self) -> Iterator[BagMessage]:
+        """Messages in the order of recording; first the last ones of latched topics from before the start.
+
+        :raises InputError: if the bag is damaged
+        """
+        latched = {
+            name for name in self.topics if any(qos.durability == "transient_local" for qos in self.offered(name))
+        }
+        before: dict[str, BagMessage] = {}
+        for message in self._reader.messages(list(self.topics)):
+            if message.log_ns < self.start_ns:
+                if message.topic in latched:
+                    before[message.topic] = message
+                continue
+            yield from before.values()
+            before.clear()
+            yield message
+        yield from before.values()
+
+
+class Pacer:
+    """Recorded time as it passes while a bag is played.
+
+    It never makes up for lost time: whoever listens would get too much at once.
+
+    :param start_ns: time at which it starts [ns since 1970-01-01 UTC]
+    :param speed: recorded time per time
+    """
+
+    def __init__(self, start_ns: int, speed: float) -> None:
+        self.now_ns = start_ns
+        self.paused = False
+        self._speed = speed
+
+    def wait_s(self, due_ns: int) -> float:
+        """Time until something is due, infinite in a pause [s].
+
+        :param due_ns: recorded time of it [ns]
+        """
+        return math.inf if self.paused else max(0.0, (due_ns - self.now_ns) * 1e-9 / self._speed)
+
+    def step(self, elapsed_s: float) -> None:
+        """Time has passed.
+
+        :param elapsed_s: how much [s]
+        """
+        if not self.paused:
+            self.now_ns += round(min(elapsed_s, _LONGEST_STEP_S) * self._speed * 1e9)

@@ -1,0 +1,285 @@
+"""Record messages in a thread of its own: whoever delivers them never waits for the disk."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import re
+import shutil
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.metadata import Topic
+from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+
+_LOG = logging.getLogger(__name__)
+_RETRY_S: Final = 2.0
+_NO_SPACE: Final = (errno.ENOSPC, errno.EDQUOT)
+_RECOVER: Final = "what it has is safe: soilmoist bag recover"
+
+
+@dataclass(frozen=True)
+class RecorderState:
+    """How a recording is going.
+
+    :param recording: whether it has been started and not stopped
+    :param bag: folder of the bag, ``None`` while none could be made
+    :param messages: messages taken into the bag
+    :param dropped: messages lost because the disk was too slow, full or gone
+    :param waiting_bytes: size of messages that wait for the writer [bytes]
+    :param size_bytes: size of the bag [bytes]
+    :param topics: topics with messages in the bag
+    :param problem: what keeps it from writing now, empty if nothing does
+    """
+
+    recording: bool = False
+    bag: Path | None = None
+    messages: int = 0
+    dropped: int = 0
+    waiting_bytes: int = 0
+    size_bytes: int = 0
+    topics: int = 0
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Message:
+    topic: Topic
+    log_ns: int
+    publish_ns: int
+    data: bytes
+
+
+class BagRecorder:
+    """Takes messages at any time and from any thread, and writes them to one bag after the other.
+
+    While the disk is full, read-only or gone, messages wait up to the capacity and writing is tried again and
+    again. A full disk that gets space goes on with the same bag; after another error a new bag is begun.
+
+    :param new_bag: makes the next bag; called in the writer's thread
+    :param flush_period_s: time between flushes to the disk [s]: what a crash can cost
+    :param capacity_bytes: size of messages that may wait [bytes]
+    :param retry_s: time between two attempts after an error [s]
+    """
+
+    def __init__(
+        self,
+        new_bag: Callable[[], BagWriter],
+        flush_period_s: float = 0.5,
+        capacity_bytes: int = 64 << 20,
+        retry_s: float = _RETRY_S,
+    ) -> None:
+        self._new_bag = new_bag
+        self._flush_period_s = flush_period_s
+        self._capacity_bytes = capacity_bytes
+        self._retry_s = retry_s
+        self._queue: deque[_Message] = deque()
+        self._changed = threading.Condition()
+        self._state = RecorderState()
+        self._thread: threading.Thread | None = None
+        self._stopping = False
+        self._unsafe = 0
+
+    @property
+    def state(self) -> RecorderState:
+        """How it is going now."""
+        with self._changed:
+            return self._state
+
+    def start(self) -> None:
+        """Begin to record; does nothing while it records."""
+        with self._changed:
+            if self._state.recording:
+                return
+            self._state = RecorderState(recording=True)
+            self._stopping = False
+            self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
+            self._thread.start()
+
+    def put(self, topic: Topic, log_ns: int, publish_ns: int, data: bytes) -> bool:
+        """Hand over a message; returns at once.
+
+        :param topic: its topic
+        :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
+        :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
+        :param data: the message in CDR
+        :returns: whether it was taken; not while stopped, nor when too much is waiting
+        """
+        if log_ns <= 0:
+            log_ns = time.time_ns()
+        if publish_ns <= 0:
+            publish_ns = log_ns  # not every middleware knows it
+        with self._changed:
+            if self._stopping or not self._state.recording:
+                return False
+            waiting = self._state.waiting_bytes + len(data)
+            if waiting > self._capacity_bytes:
+                self._state = replace(self._state, dropped=self._state.dropped + 1)
+                return False
+            self._queue.append(_Message(topic, log_ns, publish_ns, data))
+            self._state = replace(self._state, waiting_bytes=waiting)
+            return True
+
+    def wait_open(self, timeout_s: float) -> bool:
+        """Wait until there is a bag.
+
+        :param timeout_s: longest time to wait [s]
+        :returns: whether there is one; else :attr:`state` says why not
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._state.bag is not None or bool(self._state.problem), timeout_s)
+            return self._state.bag is not None
+
+    def stop(self) -> RecorderState:
+        """Write what waits, close the bag and stop; how it went. Does nothing while stopped."""
+        with self._changed:
+            thread = self._thread
+            self._stopping = True
+            self._changed.notify_all()
+        if thread is not None:
+            thread.join()
+        return self.state
+
+    def _run(self) -> None:
+        bag: BagWriter | None = None
+        while not self._stopping:
+            started = time.monotonic()
+            bag = self._turn(bag)
+            pause_s = self._retry_s if self.state.problem else self._flush_period_s
+            with self._changed:
+                self._changed.wait_for(lambda: self._stopping, max(0.0, pause_s - (time.monotonic() - started)))
+        bag = self._turn(bag)
+        problem = self.state.problem
+        if bag is not None:
+            try:
+                if problem:
+                    bag.abandon()
+                else:
+                    bag.close()
+            except OSError as error:
+                problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"
+        with self._changed:
+            lost = len(self._queue)
+            self._queue.clear()
+            self._state = replace(
+                self._state, recording=False, problem=problem, waiting_bytes=0, dropped=self._state.dropped + lost
+            )
+            self._thread = None
+
+    def _turn(self, bag: BagWriter | None) -> BagWriter | None:
+        """Write what waits; the bag to go on with."""
+        try:
+            if bag is None:
+                bag = self._new_bag()
+                self._tell(bag=bag.folder, problem="")
+                _LOG.info("recording to %s", bag.folder)
+            if self.state.problem:
+                bag.flush()  # what the disk did not take, before more is taken in
+            self._write_waiting(bag)
+            bag.flush()
+        except InputError as error:
+            self._tell(problem=str(error))
+            return None
+        except OSError as error:
+            return self._after_error(bag, error)
+        self._unsafe = 0
+        self._tell(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts))
+        return bag
+
+    def _write_waiting(self, bag: BagWriter) -> None:
+        due = time.monotonic() + self._flush_period_s
+        while True:
+            with self._changed:
+                batch = list(self._queue)
+                self._queue.clear()
+            for index, message in enumerate(batch):
+                self._unsafe += 1
+                try:
+                    bag.write(message.topic, message.log_ns, message.publish_ns, message.data)
+                except OSError:
+                    self._took(batch[: index + 1])
+                    with self._changed:
+                        self._queue.extendleft(reversed(batch[index + 1 :]))
+                    raise
+            self._took(batch)
+            if not batch or time.monotonic() >= due:
+                return
+
+    def _took(self, messages: list[_Message]) -> None:
+        with self._changed:
+            self._state = replace(
+                self._state,
+                messages=self._state.messages + len(messages),
+                waiting_bytes=self._state.waiting_bytes - sum(len(message.data) for message in messages),
+            )
+
+    def _after_error(self, bag: BagWriter | None, error: OSError) -> BagWriter | None:
+        if bag is not None and error.errno in _NO_SPACE:
+            self._tell(problem=f"the disk of {bag.folder} is full: make space; nothing is lost so far")
+            return bag
+        problem = f"cannot write: {error.strerror or error}"
+        if bag is not None:
+            problem = f"{bag.folder} cannot be written any more: {error.strerror}; {_RECOVER}"
+            bag.abandon()
+        with self._changed:
+            self._state = replace(
+                self._state,
+                bag=None,
+                problem=problem,
+                messages=self._state.messages - self._unsafe,
+                dropped=self._state.dropped + self._unsafe,
+            )
+        self._unsafe = 0
+        _LOG.error("%s", problem)
+        return None
+
+    def _tell(self, **changes: object) -> None:
+        with self._changed:
+            problem = changes.get("problem", "")
+            if problem and problem != self._state.problem:
+                _LOG.error("%s", problem)
+            self._state = replace(self._state, **changes)  # type: ignore[arg-type]
+            self._changed.notify_all()
+
+
+def check_name(name: str) -> None:
+    """Refuse names of bags that are no plain names of folders.
+
+    :raises InputError: if it is one
+    """
+    if not re.fullmatch(r"[\w.-]*", name) or name.strip(".") != name:
+        raise InputError(f"{name!r} is no good name for a bag", "use letters, digits, '_' and '-'")
+
+
+def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
+    """The next bag of a recorder: of the name given, or of the time; with a number if there is one already.
+
+    :param out: folder for bags
+    :param name: name of the bag; the time is taken if it is empty
+    :param distribution: name of the ROS distribution
+    :raises InputError: if another recorder is writing a bag of the name, or none can be made
+    """
+    base = name or time.strftime("run_%Y-%m-%d_%H-%M-%S", time.gmtime())
+    folder, number = out / base, 1
+    while folder.exists() and not is_being_written(folder / f"{folder.name}_0.mcap"):
+        number += 1
+        folder = out / f"{base}_{number}"
+    return BagWriter(folder, distribution)
+
+
+def free_bytes(folder: Path) -> int | None:
+    """Space left on the disk of a folder, or of its nearest parent that exists [bytes]; ``None`` if unknown."""
+    for place in (folder.absolute(), *folder.absolute().parents):
+        try:
+            return shutil.disk_usage(place).free
+        except FileNotFoundError:
+            continue
+        except OSError:
+            return None
+    return None

@@ -1,0 +1,109 @@
+"""Make a valid bag of one that was cut or damaged; the original is never touched."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.mcap_scan import McapScan, ScannedMessage
+from soilmoist_ros.recording.bag.metadata import Extent
+from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+
+
+@dataclass(frozen=True)
+class RecoveredBag:
+    """What a recovery has found and written.
+
+    :param source: the bag that was read
+    :param folder: the bag that was written
+    :param extent: the messages in it
+    :param counts: number of messages of each topic
+    :param problems: what was wrong with the source, in words
+    """
+
+    source: Path
+    folder: Path
+    extent: Extent
+    counts: dict[str, int]
+    problems: tuple[str, ...]
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """MCAP files of a bag in the order of recording; the file itself if it is one.
+
+    :param path: folder of a bag, or a file of one
+    :raises InputError: if there are none; says what to do with bags of other kinds
+    """
+    if path.is_file() and path.suffix == ".mcap":
+        return [path]
+    if path.is_dir():
+        found = sorted(path.glob("*.mcap"), key=_split_number)
+        if found:
+            return found
+        if any(path.glob("*.db3")):
+            raise InputError("is an SQLite bag, which needs no recovery", "use ros2 bag reindex", path)
+        if any(path.glob("*.mcap.zstd")):
+            raise InputError("its files are compressed as a whole", "unpack them first with unzstd", path)
+    if not path.exists():
+        raise InputError("there is no such bag", "give the folder of a bag or an MCAP file", path)
+    raise InputError("holds no MCAP file", "give the folder of a bag or an MCAP file", path)
+
+
+def recover_bag(path: Path, out: Path) -> RecoveredBag:
+    """Write every whole message of a bag into a new one that any reader accepts.
+
+    :param path: folder of a bag, or an MCAP file; only read
+    :param out: folder to make; must not exist
+    :raises InputError: if nothing can be read, or the new bag cannot be written
+    """
+    scans = [McapScan(file) for file in mcap_files(path)]
+    messages = chain.from_iterable(_readable(scan) for scan in scans)
+    first = next(messages, None)
+    if first is None:
+        raise InputError("holds no whole message", "there is nothing to recover: remove it", path)
+    writer = BagWriter(out)
+    try:
+        with writer:
+            for message in chain([first], messages):
+                writer.write(message.topic, message.log_ns, message.publish_ns, message.data)
+    except OSError as error:
+        shutil.rmtree(out, ignore_errors=True)
+        raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
+    problems = [text for scan in scans for text in findings(scan)]
+    counts = {topic.name: count for topic, count in writer.counts.items()}
+    return RecoveredBag(path, out, writer.extent, counts, tuple(problems))
+
+
+def findings(scan: McapScan) -> list[str]:
+    """What is wrong with a file that has been scanned, in words."""
+    name = scan.path.name
+    found = []
+    if is_being_written(scan.path):
+        found.append(f"{name} is still being recorded")
+    elif not scan.finished:
+        cut = f"; its last {scan.cut_bytes} bytes are no whole message" if scan.cut_bytes else ""
+        found.append(f"{name} was not closed{cut}")
+    if scan.damaged:
+        found.append(f"{name} is damaged in {scan.damaged} place{'s'[: scan.damaged > 1]}")
+    if scan.orphans:
+        found.append(f"{name} holds {scan.orphans} messages whose topic was lost with a damaged place")
+    return found
+
+
+def _readable(scan: McapScan) -> Iterator[ScannedMessage]:
+    try:
+        yield from scan.messages()
+    except OSError as error:
+        raise InputError(
+            f"cannot be read: {error.strerror}", "check the disk and permissions", scan.path
+        ) from None
+
+
+def _split_number(path: Path) -> tuple[int, str]:
+    match = re.search(r"_(\d+)$", path.stem)
+    return (int(match[1]) if match else -1, path.name)

@@ -1,0 +1,94 @@
+"""What is in a bag, and what was recovered, for the terminal."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Final
+
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from soilmoist_ros.recording.bag.info import BagInfo, TopicInfo
+from soilmoist_ros.recording.bag.metadata import Extent
+from soilmoist_ros.recording.bag.recovery import RecoveredBag
+
+_PLAIN_WIDTH: Final = 240
+
+
+def info_table(info: BagInfo) -> RenderableType:
+    """What :func:`bag_info` found."""
+    head = Text(
+        f"{info.path}  {info.storage}, {size_text(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
+    )
+    table = Table("topic", "type", box=None, pad_edge=False)
+    for title in ("messages", "every", "size", "gaps"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for topic in info.topics:
+        table.add_row(
+            topic.name,
+            topic.type_name,
+            str(topic.extent.messages),
+            "" if topic.interval_s is None else _seconds_text(topic.interval_s),
+            size_text(topic.size_bytes),
+            _gaps_text(topic),
+        )
+    if info.recording:
+        verdict = Text("being recorded now", style="yellow")
+    elif info.whole:
+        verdict = Text("whole", style="green")
+    else:
+        verdict = Text("\n".join(info.problems) + f"\n-> {info.remedy}", style="red")
+    return Group(head, table, verdict)
+
+
+def recovery_table(bag: RecoveredBag) -> RenderableType:
+    """What :func:`recover_bag` did."""
+    table = Table("topic", box=None, pad_edge=False)
+    table.add_column("messages", justify="right")
+    for name, count in sorted(bag.counts.items()):
+        table.add_row(name, str(count))
+    problems = Text("\n".join(bag.problems) or f"{bag.source} was whole", style="yellow" if bag.problems else "")
+    return Group(problems, Text(f"recovered to {bag.folder}: {_extent_text(bag.extent)}", no_wrap=True), table)
+
+
+def print_plain(console: Console, content: RenderableType) -> None:
+    """Print without cutting off long names when the output is no terminal."""
+    if not console.is_terminal:
+        console = Console(file=console.file, width=_PLAIN_WIDTH)
+    console.print(content, highlight=False, crop=False)
+
+
+def size_text(size_bytes: int) -> str:
+    """A size for people."""
+    size = float(size_bytes)
+    for unit in ("B", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.3g} {unit}"
+        size /= 1000
+    return f"{size:.3g} GB"
+
+
+def _extent_text(extent: Extent) -> str:
+    if not extent.messages:
+        return "no messages"
+    start = datetime.fromtimestamp(extent.start_ns * 1e-9, UTC)
+    return (
+        f"{extent.messages} messages in {_seconds_text(extent.duration_ns * 1e-9)} from {start:%Y-%m-%d %H:%M:%S}Z"
+    )
+
+
+def _gaps_text(topic: TopicInfo) -> str:
+    if not topic.gaps:
+        return ""
+    longest = max(topic.gaps, key=lambda gap: gap.duration_s)
+    start = datetime.fromtimestamp(longest.start_s, UTC)
+    return f"{len(topic.gaps)}, longest {_seconds_text(longest.duration_s)} at {start:%H:%M:%S}Z"
+
+
+def _seconds_text(time_s: float) -> str:
+    if time_s < 60:
+        return f"{time_s:.3g} s"
+    minutes, seconds = divmod(round(time_s), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {seconds:02} s"

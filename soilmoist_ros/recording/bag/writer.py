@@ -1,0 +1,211 @@
+"""Write a bag in the rosbag2 layout, so that a crash costs no more than what came after the last flush."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Final, Self, cast
+
+from mcap.writer import CompressionType, Writer
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.metadata import Extent, Topic, bag_metadata, to_yaml
+from soilmoist_ros.recording.whole_file import sync_folder, write_whole
+
+_WRITE_AT: Final = 1 << 20
+
+
+class BagWriter:
+    """A bag: the folder ``NAME`` with ``NAME_0.mcap``, and ``metadata.yaml`` once it has been closed.
+
+    After an error of the disk nothing is lost: what could not be written is kept, and the next :meth:`flush`
+    tries again. While it is open the file is locked, so that others see that it is still being written.
+
+    :param folder: folder to make; must not exist
+    :param distribution: name of the ROS distribution, for the bag's metadata
+    :raises InputError: if the folder exists, or cannot be made or written to
+    """
+
+    def __init__(self, folder: Path, distribution: str = "jazzy") -> None:
+        self.folder = folder
+        self.path = folder / f"{folder.name}_0.mcap"
+        self._distribution = distribution
+        self._file = _AppendedFile(_make(folder, self.path))
+        self._mcap = Writer(cast(IO[bytes], self._file), compression=CompressionType.ZSTD)
+        self._mcap.start(profile="ros2")
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[Topic, int] = {}
+        self._counts: dict[Topic, int] = {}
+        self.extent = Extent()
+        self._unflushed = False
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes in the file and waiting for it."""
+        return self._file.tell()
+
+    @property
+    def counts(self) -> dict[Topic, int]:
+        """Number of messages of each topic."""
+        return dict(self._counts)
+
+    def write(self, topic: Topic, log_ns: int, publish_ns: int, data: bytes) -> None:
+        """Add a message.
+
+        :param topic: its topic
+        :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
+        :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
+        :param data: the message in CDR
+        :raises OSError: if the disk does not take it now; it is kept for the next :meth:`flush`
+        """
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._add(topic)
+        self._mcap.add_message(channel, log_time=log_ns, publish_time=publish_ns, data=data)
+        self._counts[topic] += 1
+        self.extent = self.extent.with_message(log_ns)
+        self._unflushed = True
+        if self._file.waiting >= _WRITE_AT:
+            self._file.write_out()
+
+    def flush(self) -> None:
+        """Bring everything written so far safely to the disk.
+
+        :raises OSError: if the disk does not take it now; nothing is lost, call it again
+        """
+        if self._unflushed:
+            self._mcap.flush()  # type: ignore[no-untyped-call]
+            self._unflushed = False
+        self._file.sync()
+
+    def close(self) -> None:
+        """Finish the file and write ``metadata.yaml``.
+
+        :raises OSError: if the disk does not take it; what it took can be recovered
+        """
+        metadata = bag_metadata(self.path.name, self.extent, self._counts, self._distribution)
+        try:
+            self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(metadata).strip()})
+            self._mcap.finish()  # type: ignore[no-untyped-call]
+            self._file.sync()
+            text = to_yaml({"rosbag2_bagfile_information": metadata})
+            write_whole(self.folder / "metadata.yaml", text.encode())
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        """Leave the file as it is, without its end."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def _add(self, topic: Topic) -> int:
+        definition = topic.definition
+        if definition.type_name not in self._schemas:
+            self._schemas[definition.type_name] = self._mcap.register_schema(
+                definition.type_name, definition.encoding, definition.text.encode()
+            )
+        self._channels[topic] = self._mcap.register_channel(
+            topic.name,
+            "cdr",
+            self._schemas[definition.type_name],
+            {
+                "offered_qos_profiles": to_yaml([qos.to_dict() for qos in topic.offered]).strip(),
+                "topic_type_hash": definition.type_hash,
+            },
+        )
+        self._counts[topic] = 0
+        return self._channels[topic]
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether a recorder on this machine has an MCAP file open."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+class _AppendedFile:
+    """What the MCAP writer takes for its file; keeps what the disk does not take, and never writes it twice.
+
+    Python's own buffered file leaves open how much of a failed write has reached the file.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._waiting = bytearray()
+        self._written = 0
+        self._synced = 0
+
+    @property
+    def waiting(self) -> int:
+        return len(self._waiting)
+
+    def write(self, data: bytes) -> int:
+        self._waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        return self._written + len(self._waiting)
+
+    def flush(self) -> None:
+        """Asked for by the MCAP writer at the end of each chunk; the disk's turn is :meth:`sync`."""
+
+    def write_out(self) -> None:
+        while self._waiting:
+            count = os.write(self._descriptor, self._waiting)
+            del self._waiting[:count]
+            self._written += count
+
+    def sync(self) -> None:
+        self.write_out()
+        if self._synced < self._written:
+            os.fdatasync(self._descriptor)
+            self._synced = self._written
+
+    def close(self) -> None:
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def _make(folder: Path, path: Path) -> int:
+    """Make a bag's folder and file; the descriptor of the file, locked."""
+    try:
+        folder.mkdir(parents=True)
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        except OSError:
+            folder.rmdir()
+            raise
+    except OSError as error:
+        raise _refusal(folder, path, error) from None
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    sync_folder(folder)
+    sync_folder(folder.parent)
+    return descriptor
+
+
+def _refusal(folder: Path, path: Path, error: OSError) -> InputError:
+    if not (isinstance(error, FileExistsError) and folder.is_dir()):
+        message = f"no recording can be made here: {error.strerror}"
+        return InputError(message, "choose a folder on a disk that is writable and has space", folder)
+    if is_being_written(path):
+        return InputError("another recorder is writing to this folder", "stop it, or give another name", folder)
+    return InputError("this folder exists; a recording never overwrites", "give another name or remove it", folder)

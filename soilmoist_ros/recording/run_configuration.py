@@ -1,0 +1,126 @@
+"""Keeps with a recording what its nodes were set up with: their parameters, and copies of the files they name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Final
+
+from ruamel.yaml import YAML
+
+from soilmoist_ros.foundation.configuration import read_yaml, resource
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.run_folder import BAG, CONFIGURATION, write_parameters
+from soilmoist_ros.recording.whole_file import write_whole
+
+_KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_format": "loggers"}
+"""Parameters that name a file, and where the shipped files of that kind are."""
+_NAMED: Final = {"field": ("geojson",), "site": ("corrections", "intensity", "file")}
+"""Keys under which such a file names another one, whose path starts at the file."""
+
+
+class RunConfiguration:
+    """The configuration of one recording after the other.
+
+    What is in the folder already stays: whoever started the nodes has written it.
+    """
+
+    def __init__(self) -> None:
+        self._nodes: dict[str, dict[str, object]] = {}
+        self._written: dict[str, dict[str, object]] = {}
+        self._bag: Path | None = None
+
+    def take(self, node: str, values: Mapping[str, object]) -> None:
+        """Parameters of a node, as they are now.
+
+        :param node: its name, after its namespace if that is another
+        :param values: by name
+        """
+        self._nodes[node.strip("/")] = dict(values)
+
+    def write(self, bag: Path) -> list[str]:
+        """Write what is new for this recording.
+
+        :param bag: its folder
+        :returns: nodes whose parameters have been written
+        :raises InputError: if something cannot be written; the next call tries again
+        """
+        if bag != self._bag:
+            self._bag, self._written = bag, {}
+        run = _run_of(bag)
+        done = []
+        for node, values in list(self._nodes.items()):
+            known = self._written.get(node)
+            if known == values or (known is None and (run / CONFIGURATION / f"{node}.yaml").exists()):
+                continue
+            kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
+            write_parameters(run, node, kept)
+            self._written[node] = values
+            done.append(node)
+        return done
+
+
+def _run_of(bag: Path) -> Path:
+    """The folder that the configuration belongs to: the run's if somebody has begun one, else the bag's own."""
+    return bag.parent if bag.name == BAG and (bag.parent / CONFIGURATION).is_dir() else bag
+
+
+def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
+    """Copy the file that a parameter names; the parameter with the name of the copy.
+
+    Nodes that name the same file share a copy.
+    """
+    if parameter not in _KINDS or not isinstance(value, str) or not value:
+        return value
+    try:
+        source = resource(_KINDS[parameter], value)
+    except InputError:  # no file, or one of another computer
+        return value
+    for stem in (parameter, f"{node.replace('/', '_')}_{parameter}"):
+        copies = _copies(source, parameter, stem)
+        free = all(_content(folder / name) in (None, content) for name, content in copies.items())
+        if free or stem != parameter:
+            break
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in copies.items():
+            if _content(folder / name) != content:
+                write_whole(folder / name, content)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "make space on the disk", folder) from None
+    return str((folder / next(iter(copies))).absolute())
+
+
+def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
+    """Contents of the copies by name: of the file, and of the one that it names.
+
+    :raises InputError: if the file cannot be read
+    """
+    content = _content(source)
+    if content is None:
+        raise InputError("cannot be read any more", "check the path and its permissions", source)
+    own = {f"{stem}{source.suffix}": content}
+    *path, key = _NAMED.get(parameter, ("",))
+    try:
+        tree = section = read_yaml(source)
+        for name in path:
+            section = section[name]
+        named = source.parent / section[key]
+    except (InputError, KeyError, TypeError):
+        return own
+    other = _content(named)
+    if other is None:
+        return own
+    section[key] = f"{stem}_{named.name}"
+    text = StringIO()
+    YAML(typ="rt").dump(tree, text)  # with its comments
+    return {f"{stem}{source.suffix}": text.getvalue().encode(), section[key]: other}
+
+
+def _content(path: Path) -> bytes | None:
+    """What is in a file, ``None`` if it is not there or cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None

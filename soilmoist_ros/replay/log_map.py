@@ -1,0 +1,209 @@
+"""The whole way of ``soilmoist map``: logs -> counts -> samples -> variogram -> kriging -> report."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping import (
+    FieldGrid,
+    default_cell_m,
+    estimate_variogram,
+    make_soil_map,
+    merge_records,
+)
+from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
+from soilmoist_ros.mapping.samples.merging import DrivenWays
+from soilmoist_ros.mapping.samples.spread import footprint_spread
+from soilmoist_ros.mapping.soil_map import MOST_EXACT_SAMPLES
+from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.mapping.variogram.model import ModelName
+from soilmoist_ros.reporting.map_run import input_file, make_run
+from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
+from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.position.nmea import read_nmea
+from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.survey.survey import Survey, process_logs
+
+Progress = Callable[[str, float], None]
+"""Called with the step that is under way and the share of it that is done [0..1]."""
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """Choices of a mapping run; what is ``None`` is chosen from the data.
+
+    :param logger: logger format, a shipped name or a file
+    :param site: site file
+    :param field: field file; the hull of the track is mapped without one
+    :param nmea: GNSS logs, for loggers that have no positions of their own
+    :param model: variogram model
+    :param fit: ``reml`` or ``soft_l1``
+    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
+    :param cell_m: cell size of the map [m]
+    :param merge_radius_m: records closer together than this become one sample [m]
+    :param title: title of the report
+    :param most_exact: number of samples up to which the map is exact; beyond, it is made tile by tile
+    """
+
+    logger: str | None = None
+    site: Path | None = None
+    field: Path | None = None
+    nmea: tuple[Path, ...] = ()
+    model: ModelName = "matern32"
+    fit: FitMethod = "reml"
+    keep_nugget: bool = True
+    cell_m: float | None = None
+    merge_radius_m: float | None = None
+    title: str | None = None
+    most_exact: int = MOST_EXACT_SAMPLES
+
+
+def map_logs(
+    paths: Sequence[Path],
+    settings: MapSettings,
+    progress: Progress = lambda step, share: None,
+    compute: Compute = map,
+) -> MapRun:
+    """Map the logs of a survey.
+
+    :param paths: log files of one probe
+    :param settings: choices
+    :param progress: called as the work goes on
+    :param compute: computes the tiles of a large map, see :func:`tile_workers`; it is
+        needed again when the outputs are written
+    :raises InputError: if a file cannot be used; with all mistakes that were found
+    """
+    site = load_site(settings.site) if settings.site else Site()
+    field = load_field(settings.field) if settings.field else None
+    logs = read_logs(paths, settings.logger, site, progress)
+    track, track_problems = _read_track(settings.nmea)
+    progress("correcting and placing records", 0.0)
+    survey = process_logs(logs, site, field.frame if field else None, track)
+    radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
+    ways = DrivenWays()
+    spread = np.array([ways.spread(record) for record in survey.records]).reshape(-1, 3)
+    samples = merge_records(survey.xy_m, survey.raw_counts, survey.effective_exposure_s, radius_m, spread)
+    samples = replace(samples, spread=samples.spread + footprint_spread(site.support_radius_m))
+    try:
+        grid = _grid(field, survey, site, settings.cell_m)
+    except ValueError as error:
+        raise InputError(f"the map cannot be laid out: {error}", "", settings.field) from None
+    progress(f"fitting the variogram of {len(samples)} samples", 0.0)
+    fit = estimate_variogram(
+        samples.xy,
+        samples.counts,
+        samples.exposure_s,
+        settings.model,
+        settings.fit,
+        extent_m=grid.extent_m,
+        spread=samples.spread,
+    )
+    kriging = f"kriging {np.count_nonzero(grid.mask)} cells"
+    soil_map = make_soil_map(
+        samples,
+        grid,
+        fit,
+        site.curve,
+        settings.keep_nugget,
+        lambda share: progress(kriging, share),
+        settings.most_exact,
+        compute,
+    )
+    return make_run(
+        soil_map,
+        survey.records,
+        site,
+        survey.frame,
+        field_name=field.name if field else "surroundings of the track",
+        settings={
+            "variogram_model": settings.model,
+            "variogram_fit": settings.fit,
+            "nugget": "kept" if settings.keep_nugget else "filtered",
+            "merge_radius_m": radius_m,
+            "cell_m": grid.cell_m,
+            "deconvolved_footprint_m": site.support_radius_m,
+            "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
+            **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
+        },
+        title=settings.title,
+        inputs=_inputs(logs, settings),
+        logger_format=logs[0].format_title,
+        losses=loss_rows([*survey.problems, *track_problems]),
+        simulated=any(log.simulated for log in logs),
+    )
+
+
+def read_logs(
+    paths: Sequence[Path], logger: str | None, site: Site, progress: Progress = lambda step, share: None
+) -> list[LogFile]:
+    """Read the logs of one probe.
+
+    :param paths: log files, at least one
+    :param logger: format, a shipped name or a file; told from the header of the first log if ``None``
+    :raises InputError: if a file cannot be used
+    """
+    form = load_logger_format(logger) if logger else detect_format(paths[0])
+    logs = []
+    for index, path in enumerate(paths):
+        progress("reading logs", index / len(paths))
+        logs.append(read_log(path, form, longitude=site.longitude))
+    return logs
+
+
+def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
+    if not paths:
+        return None, []
+    fixes, problems = [], []
+    for path in paths:
+        found, faults = read_nmea(path)
+        fixes += found
+        problems += faults
+    track = Track(fixes)
+    if len(track) == 0:
+        raise InputError("holds no position", "give a log of NMEA sentences (GGA and RMC) with a fix", paths[0])
+    return track, problems
+
+
+def _grid(field: Field | None, survey: Survey, site: Site, cell_m: float | None) -> FieldGrid:
+    if field is not None:
+        return field.grid(cell_m, site.footprint_radius_m)
+    margin = site.footprint_radius_m
+    width, height = np.ptp(survey.xy_m, axis=0) + 2 * margin
+    return FieldGrid.from_track(survey.xy_m, margin, cell_m or default_cell_m((width, height), margin))
+
+
+def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:
+    others = [("GNSS log", path) for path in settings.nmea]
+    others += [("site", settings.site)] if settings.site else []
+    others += [("field", settings.field)] if settings.field else []
+    return [
+        *(input_file(log.path, "neutron log", len(log.records)) for log in logs),
+        *(input_file(path, role, None) for role, path in others),
+    ]
+
+
+def loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
+    """One row per kind of problem, losses first, then the most frequent."""
+    counts = Counter((problem.kind, problem.lost) for problem in problems)
+    examples = {(problem.kind, problem.lost): problem.mistake for problem in reversed(problems)}
+    order = sorted(counts, key=lambda key: (not key[1], -counts[key], str(key[0])))
+    return [
+        LossRow(
+            kind=str(kind.value),
+            count=counts[kind, lost],
+            example=str(replace(examples[kind, lost], remedy="")),
+            consequence="lost" if lost else "kept",
+            remedy=examples[kind, lost].remedy,
+        )
+        for kind, lost in order
+    ]

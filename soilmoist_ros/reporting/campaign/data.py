@@ -1,0 +1,181 @@
+"""The results of a campaign, as its figures and findings ask for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
+from soilmoist_ros.simulation.campaign.mission_store import StoredMission
+from soilmoist_ros.simulation.campaign.table import SETTINGS, missions_table, results_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BASELINES = ("random", "lattice")
+STRATEGIES = {
+    "greedy": "Greedy",
+    "monte_carlo": "Monte Carlo",
+    "adaptive_sampling": "Adaptive sampling",
+    "random": "Random",
+    "lattice": "Lattice",
+    "ivr": "Integrated variance",
+    "gcb": "Cost-benefit tour",
+}
+"""Names for readers, in the order of lists and legends; others go by their own name."""
+COMPARED = ("strategy", "dwell", "seed")
+"""Settings within which the missions of a case differ."""
+NAMES = {
+    "hours": "{} h",
+    "variogram": "{} variogram",
+    "fit": "fit {}",
+    "preset": "constants: {}",
+    "map_from": "map from {}",
+    "travel": "travel {}",
+    "graph": "graph {}",
+    "speed_mps": "{} m/s",
+    "stop_overhead_s": "{} s lost at each stop",
+    "turn_s_per_rad": "{} s/rad for turning",
+    "cadence_s": "records of {} s",
+    "cell_m": "cells of {} m",
+    "footprint_m": "footprint {} m",
+    "position_sd_m": "GNSS ± {} m",
+    "weather": "weather: {}",
+    "robots": "robots: {}",
+    "random_field": "a field per seed: {}",
+    "also": "second property: {}",
+    "also_weight": "its weight: {}",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """Missions on one field that differ in strategy, dwell and seed only.
+
+    :param number: position in the campaign
+    :param field: field, as in the settings
+    :param title: name for readers; with those settings in which cases of the same field differ
+    :param hours: mission time [h]
+    """
+
+    number: int
+    field: str
+    title: str
+    hours: float
+
+
+def strategy_text(strategy: str) -> str:
+    """Name of a strategy for readers."""
+    return STRATEGIES.get(strategy, strategy.replace("_", " "))
+
+
+def dwell_text(dwell: str) -> str:
+    """Name of a dwell rule for readers: FMI with its seconds, AMI with its standard error in percent."""
+    kind, _, value = dwell.partition(":")
+    if kind == "fmi":
+        return f"FMI {float(value):g} s"
+    return f"AMI {100 * float(value):g} %" if kind == "ami" else dwell.capitalize()
+
+
+class CampaignData:
+    """All finished missions of a campaign.
+
+    :param campaign: the campaign
+    :param finished: its finished missions, in its order
+    """
+
+    def __init__(self, campaign: Campaign, finished: Sequence[tuple[Mission, StoredMission]]) -> None:
+        self.campaign = campaign
+        planned = missions(campaign)
+        self.expected = len(planned)
+        self._dwells = list(dict.fromkeys(mission.settings.dwell for mission in planned))
+        self.stored = {mission.key: stored for mission, stored in finished}
+        self.missions = missions_table(finished)
+        self.results = results_table(finished, campaign.table_every_s)
+        by_key = self._cases_by_key()
+        self.missions["case"] = self.missions["key"].map(by_key)
+        self.results["case"] = self.results["key"].map(by_key)
+
+    def _cases_by_key(self) -> dict[str, int]:
+        columns = [name for name in SETTINGS if name not in COMPARED]
+        number = self.missions.groupby(columns, sort=False, dropna=False).ngroup()
+        return dict(zip(self.missions["key"], number.astype(int).tolist(), strict=True))
+
+    @cached_property
+    def cases(self) -> list[Case]:
+        """The cases in the order of the campaign."""
+        first = self.missions.drop_duplicates("case")
+        found = []
+        for row in first.to_dict("records"):
+            siblings = first[first["field"] == row["field"]]
+            differing = [name for name in NAMES if siblings[name].nunique(dropna=False) > 1]
+            extra = [NAMES[name].format(_plain(row[name])) for name in differing]
+            namesakes = first[first["field_title"] == row["field_title"]]["field"].nunique() > 1
+            name = f"{row['field_title']} ({row['field']})" if namesakes else str(row["field_title"])
+            found.append(Case(int(row["case"]), str(row["field"]), ", ".join([name, *extra]), float(row["hours"])))
+        return found
+
+    @cached_property
+    def strategy_cases(self) -> list[Case]:
+        """Cases in which strategies can be compared."""
+        return [case for case in self.cases if self.final(case)["strategy"].nunique() > 1]
+
+    def main_dwell(self, case: Case) -> str:
+        """The dwell rule with the most strategies; of several the one with the most missions, then the first."""
+        rows = self._of(self.missions, case)
+        dwells = sorted(rows["dwell"].unique(), key=self._dwells.index)
+
+        def size(dwell: str) -> tuple[int, int]:
+            some = rows[rows["dwell"] == dwell]
+            return some["strategy"].nunique(), len(some)
+
+        return str(max(dwells, key=size))
+
+    def final(self, case: Case) -> pd.DataFrame:
+        """One row per mission of a case with its main dwell rule."""
+        rows = self._of(self.missions, case)
+        return rows[rows["dwell"] == self.main_dwell(case)]
+
+    def over_time(self, case: Case, dwell: str | None = None) -> pd.DataFrame:
+        """Rows of the results of a case, of one dwell rule or all."""
+        rows = self._of(self.results, case)
+        return rows if dwell is None else rows[rows["dwell"] == dwell]
+
+    def groups(self, case: Case) -> list[tuple[str, str, pd.DataFrame]]:
+        """Strategy, dwell and final values of each combination of a case, in the usual order of strategies."""
+        rows = self._of(self.missions, case)
+        found = [
+            (str(key[0]), str(key[1]), group) for key, group in rows.groupby(["strategy", "dwell"], sort=False)
+        ]
+        return sorted(found, key=lambda group: strategy_order(group[0]))
+
+    def example(self, case: Case, strategy: str) -> StoredMission | None:
+        """The mission of the first seed that has a map, ``None`` if no mission of the strategy has one."""
+        rows = self.final(case)
+        for key in rows[rows["strategy"] == strategy].sort_values("seed", kind="stable")["key"]:
+            if len(self.stored[key].x_m):
+                return self.stored[key]
+        return None
+
+    def _of(self, table: pd.DataFrame, case: Case) -> pd.DataFrame:
+        return table[table["case"] == case.number]
+
+
+def strategies_in(rows: pd.DataFrame) -> list[str]:
+    """Strategies that occur, in the usual order."""
+    return sorted(rows["strategy"].unique(), key=strategy_order)
+
+
+def strategy_order(strategy: str) -> int:
+    """Place of a strategy in lists and legends."""
+    return list(STRATEGIES).index(strategy) if strategy in STRATEGIES else len(STRATEGIES)
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "default" if value != value else f"{value:g}"
+    return str(value)

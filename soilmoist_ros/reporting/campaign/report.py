@@ -1,0 +1,298 @@
+"""The page of a campaign: what was run, figures, final values, and the comparison with what was published."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.campaign import figures as figures
+from soilmoist_ros.reporting.campaign.data import CampaignData, Case, dwell_text, strategy_text
+from soilmoist_ros.reporting.campaign.findings import Comparison, findings
+from soilmoist_ros.reporting.page.report import render_page
+from soilmoist_ros.reporting.page.section import Section
+from soilmoist_ros.reporting.page.style import picture
+from soilmoist_ros.reporting.page.wording import number, plain
+from soilmoist_ros.simulation.campaign.campaign import Failure, stored_missions
+from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
+from soilmoist_ros.simulation.campaign.mission_store import code_version
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAME = "report.html"
+
+
+@dataclass(frozen=True)
+class ExperimentRow:
+    """One experiment in words."""
+
+    title: str
+    description: str
+    fields: str
+    strategies: str
+    dwells: str
+    hours: str
+    runs: str
+    missions: int
+
+
+@dataclass(frozen=True)
+class FinalRow:
+    """Final values of one combination, mean ± standard deviation over its runs, as text.
+
+    ``field_rows`` is the number of rows of the field in its first row, else 0.
+    """
+
+    field: str
+    field_rows: int
+    last: bool
+    strategy: str
+    dwell: str
+    runs: int
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ComparisonRow:
+    """One comparison as text."""
+
+    where: str
+    what: str
+    quantity: str
+    value: str
+    reference: str
+    difference: str
+    relative: str
+    pairs: int
+    outcome: str
+
+
+def write_campaign_report(campaign: Campaign, out: Path, failures: Sequence[Failure] = ()) -> Path | None:
+    """Write ``report.html`` about the missions stored in the output folder of a campaign; returns its path.
+
+    Without a finished mission there is nothing to report: ``None``, and an older report is removed, since the
+    tables beside it are of this campaign.
+
+    :param campaign: the campaign
+    :param out: its output folder
+    :param failures: missions that failed in the last run, to be named
+    :raises InputError: if the page cannot be written
+    """
+    path, workshop = out / NAME, out / f".{NAME}.writing"
+    data = CampaignData(campaign, stored_missions(campaign, out))
+    try:
+        if not data.stored:
+            path.unlink(missing_ok=True)
+            return None
+        workshop.write_text(render_campaign_report(data, failures), encoding="utf-8")
+        os.replace(workshop, path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", path) from None
+    return path
+
+
+def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ()) -> str:
+    """The page as HTML.
+
+    :raises InputError: if no mission is finished
+    """
+    if not data.stored:
+        raise InputError(
+            "no mission of the campaign is finished", "run the campaign, and see why its missions failed"
+        )
+    found = findings(data)
+    return render_page(
+        "campaign.html.j2",
+        campaign=data.campaign,
+        version=code_version(),
+        done=len(data.stored),
+        expected=data.expected,
+        failures=[str(failure) for failure in failures],
+        experiments=list(_experiments(data)),
+        common=_common_settings(data),
+        optimal="optimal" in set(data.missions["dwell"]),
+        sections=list(_sections(data)),
+        finals=list(_finals(data)),
+        findings=[(finding, [_as_text(item) for item in finding.comparisons]) for finding in found],
+        runs=len(data.campaign.runs),
+    )
+
+
+def _experiments(data: CampaignData) -> Iterator[ExperimentRow]:
+    everything = missions(data.campaign)
+    titles = dict(zip(data.missions["field"], data.missions["field_title"], strict=True))
+    for experiment in data.campaign.experiments:
+        mine = [mission.settings for mission in everything if experiment.name in mission.experiments]
+        yield ExperimentRow(
+            title=experiment.title or experiment.name,
+            description=experiment.description,
+            fields=", ".join(str(titles.get(name, name)) for name in dict.fromkeys(s.field for s in mine)),
+            strategies=", ".join(strategy_text(name) for name in dict.fromkeys(s.strategy for s in mine)),
+            dwells=", ".join(dwell_text(name) for name in dict.fromkeys(s.dwell for s in mine)),
+            hours=", ".join(f"{value:g}" for value in dict.fromkeys(s.hours for s in mine)),
+            runs=str(len(data.campaign.runs)),
+            missions=len(mine),
+        )
+
+
+def _common_settings(data: CampaignData) -> list[tuple[str, str]]:
+    """Settings that all missions share."""
+    names = ("variogram", "fit", "preset", "travel", "cell_m", "footprint_m", "position_sd_m", "weather")
+    table = data.missions
+    shared = [(name, table[name].iloc[0]) for name in names if table[name].nunique(dropna=False) == 1]
+    return [(name, _setting(value)) for name, value in shared]
+
+
+def _setting(value: object) -> str:
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    return "the field's own" if value is None or value != value else plain(value)
+
+
+def _sections(data: CampaignData) -> Iterator[Section]:
+    """The figures in the order of a results section: strategies, examples, intervals, coverage."""
+    for case in data.strategy_cases:
+        yield _strategies_section(data, case)
+        examples = figures.examples_figure(data, case)
+        if examples is not None:
+            yield Section(
+                f"examples-{case.number}", f"{case.title}: examples of missions",
+                picture(examples, f"Truth, maps with paths, and kriging variance: {case.title}"),
+                "Above: the true rate, and the map at the end of one mission per strategy (the first seed) with "
+                f"its path and stops, {dwell_text(data.main_dwell(case))}. Below: the kriging variance, dark "
+                "where the map is least certain. Colours are the same across each row.",
+            )  # fmt: skip
+    for case in data.cases:
+        if figures.interval_strategies(data, case):
+            yield _intervals_section(data, case)
+    shown = data.strategy_cases or data.cases
+    yield Section(
+        "coverage", "Are the maps as sure as they may be?",
+        picture(figures.coverage_figure(data, shown), "Coverage of the 95 % interval against mission time", True),
+        "Share of the field whose true rate lies in the 95 % interval of the map (mean over the runs). A line "
+        "below the dashed one means maps that are too sure of themselves.",
+    )  # fmt: skip
+
+
+def _strategies_section(data: CampaignData, case: Case) -> Section:
+    rows = data.final(case)
+    means = rows.groupby("strategy")[["distance_m", "mse"]].mean()
+    distance, error = means["distance_m"].dropna(), means["mse"].dropna()
+    sentences = []
+    if len(distance):
+        least, most = distance.idxmin(), distance.idxmax()
+        sentences.append(
+            f"At the end, {strategy_text(str(least))} has driven least ({_metres(distance[least])} on average) "
+            f"and {strategy_text(str(most))} most ({_metres(distance[most])})."
+        )
+    if len(error):
+        best, worst = error.idxmin(), error.idxmax()
+        sentences.append(
+            f"The lowest final error is that of {strategy_text(str(best))} ({number(error[best])} (counts/s)²), "
+            f"the highest that of {strategy_text(str(worst))} ({number(error[worst])})."
+        )
+    return Section(
+        f"strategies-{case.number}", f"{case.title}: strategies",
+        picture(figures.strategies_figure(data, case), f"Distance and error against time: {case.title}", True),
+        f"Lines: mean over {_runs(rows)}; bands: one standard deviation to both sides, cut at the lowest run. "
+        f"Interval: {dwell_text(data.main_dwell(case))}. The error axis is logarithmic; multiply by 100 for "
+        f"(counts/10 s)². {' '.join(sentences)}",
+    )  # fmt: skip
+
+
+def _intervals_section(data: CampaignData, case: Case) -> Section:
+    panels = figures.interval_strategies(data, case)
+    rows = data.missions[(data.missions["case"] == case.number) & data.missions["strategy"].isin(panels)]
+    error = rows.groupby("dwell")["mse"].mean().dropna()
+    samples = rows.groupby("dwell")["samples"].mean()
+    text = ""
+    if len(error):
+        best = str(error.idxmin())
+        counts = ", ".join(f"{dwell_text(str(name))}: {value:.0f}" for name, value in samples.items())
+        text = (
+            f" Over all panels, {dwell_text(best)} ends lowest ({number(error[best])} (counts/s)²). Stops of a "
+            f"mission on average: {counts}."
+        )
+    pays = "optimal" in samples.index
+    optimal = " Green: it counts as long as that lowers the variance of the map faster than moving on." * pays
+    alt = f"Error against time by counting interval: {case.title}"
+    return Section(
+        f"intervals-{case.number}", f"{case.title}: fixed and adaptive counting interval",
+        picture(figures.intervals_figure(data, case), alt, True),
+        "Orange: the robot counts for a fixed time (FMI). Blue: it counts until the relative standard error of "
+        f"the counts falls to a threshold (AMI).{optimal} Solid: long intervals; dashed: short ones. Mean over "
+        f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.{text}",
+    )  # fmt: skip
+
+
+def _runs(rows: pd.DataFrame) -> str:
+    count = int(rows["seed"].nunique())
+    return f"{count} runs" if count != 1 else "one run"
+
+
+def _metres(value: float) -> str:
+    return f"{value / 1000:.2f} km" if value >= 2000 else f"{value:.0f} m"
+
+
+def _finals(data: CampaignData) -> Iterator[FinalRow]:
+    """Rows of the table, field by field."""
+    for case in data.cases:
+        groups = data.groups(case)
+        for position, (strategy, dwell, rows) in enumerate(groups):
+            values = (
+                mean_sd_text(rows["mse"]),
+                mean_sd_text(100 * rows["mse"]),
+                mean_sd_text(100 * rows["vwc_rmse"]),
+                mean_sd_text(100 * rows["coverage95"], most_decimals=0),
+                mean_sd_text(rows["distance_m"], most_decimals=0),
+                mean_sd_text(rows["samples"], most_decimals=1),
+                mean_sd_text(100 * rows["counting_share"], most_decimals=0),
+            )
+            first = len(groups) if position == 0 else 0
+            last = position == len(groups) - 1
+            yield FinalRow(case.title, first, last, strategy_text(strategy), dwell_text(dwell), len(rows), values)
+
+
+def mean_sd_text(values: pd.Series, most_decimals: int = 6) -> str:
+    """Mean ± standard deviation, to the decimal of the deviation's second digit at most; a dash without values."""
+    known = values.dropna().to_numpy(float)
+    if not len(known):
+        return "–"
+    mean, sd = float(known.mean()), float(known.std(ddof=1)) if len(known) > 1 else float("nan")
+    if not sd > 0:
+        return number(mean)
+    decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, most_decimals))
+    return f"{mean:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
+
+
+def _as_text(item: Comparison) -> ComparisonRow:
+    return ComparisonRow(
+        where=item.where,
+        what=item.what,
+        quantity=item.quantity,
+        value=number(item.value),
+        reference=number(item.reference),
+        difference=_signed(item.difference, item.standard_error),
+        relative=_signed_percent(item.relative),
+        pairs=item.pairs,
+        outcome=item.outcome,
+    )
+
+
+def _signed(value: float, error: float) -> str:
+    if not np.isfinite(value):
+        return "–"
+    if not (np.isfinite(error) and error > 0):
+        return f"{'+' if value > 0 else ''}{number(value)}"
+    decimals = int(np.clip(1 - np.floor(np.log10(error)), 0, 6))
+    return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
+
+
+def _signed_percent(share: float) -> str:
+    return f"{100 * share:+.0f} %".replace("-", "−") if np.isfinite(share) else "–"

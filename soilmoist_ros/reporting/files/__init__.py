@@ -1,0 +1,1 @@
+"""Tables, GeoTIFF, GeoJSON and summary of a run."""

@@ -1,0 +1,140 @@
+"""The samples, the track and the field as GeoJSON (RFC 7946)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.reporting.files.strict_json import dumps, jsonable
+from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
+from soilmoist_ros.reporting.run import MapRun
+
+DIGITS = 7
+"""Decimal places of a degree, about 1 cm."""
+
+
+def write_samples(path: Path, run: MapRun) -> Path:
+    """Write field, track and samples as one feature collection; returns ``path``."""
+    collection = samples_collection(run)
+    features = ",\n".join(dumps(feature) for feature in collection.pop("features"))
+    head = dumps(collection)[:-1]
+    path.write_text(f'{head}, "features": [\n{features}\n]}}\n', encoding="utf-8")
+    return path
+
+
+def samples_collection(run: MapRun) -> dict[str, Any]:
+    """Field, track and samples as a GeoJSON feature collection.
+
+    Each feature has a ``kind``: ``field`` (polygon), ``track`` (line, if the robot moved; of several robots a
+    line each) or ``sample`` (point). Values that are not defined, such as the moisture of a rate below the curve,
+    are ``null``.
+    """
+    samples = _sample_features(run)
+    shapes = [_field_feature(run)]
+    tracks = run.tracks_xy
+    moved = [track for track in tracks if len(np.unique(track, axis=0)) > 1]
+    if moved:
+        shapes.append(_track_feature(run, moved))
+    points = np.vstack([*rings(run.soil_map), *tracks, run.soil_map.samples.xy])
+    collection = {
+        "type": "FeatureCollection",
+        "bbox": _bounding_box(run.frame, points),
+        "features": shapes + samples,
+    }
+    return dict(jsonable(collection))
+
+
+def _sample_features(run: MapRun) -> list[dict[str, Any]]:
+    samples, curve = run.soil_map.samples, run.soil_map.curve
+    counts, exposure = np.asarray(samples.counts, float), np.asarray(samples.exposure_s, float)
+    rate = counts / exposure
+    rate_sd = np.where(counts > 0, np.sqrt(counts) / exposure, np.nan)
+    vwc = np.full_like(rate, np.nan) if curve is None else curve.vwc(rate)
+    vwc_sd = np.full_like(rate, np.nan) if curve is None else curve.vwc_sd(rate, rate_sd, order=3)
+    lon_lat = _lon_lat(run.frame, samples.xy)
+    return [
+        {
+            "type": "Feature",
+            "id": f"sample-{i + 1}",
+            "geometry": {"type": "Point", "coordinates": lon_lat[i].tolist()},
+            "properties": {
+                "kind": "sample",
+                "raw_counts": round(float(counts[i])),
+                "effective_exposure_s": round(float(exposure[i]), 3),
+                "rate_cps": rate[i],
+                "rate_sd_cps": rate_sd[i],
+                "vwc": vwc[i],
+                "vwc_sd": vwc_sd[i],
+            },
+        }
+        for i in range(len(rate))
+    ]
+
+
+def _field_feature(run: MapRun) -> dict[str, Any]:
+    polygon = field_polygon(run.soil_map)
+    properties = {
+        "kind": "field",
+        "name": run.field_name,
+        "site": run.site,
+        "area_m2": round(float(polygon.area), 1),
+        "simulated": run.simulated,
+        "software": f"soilmoist_ros {run.version}".strip(),
+        "created_utc": run.created,
+    }
+    return {"type": "Feature", "id": "field", "geometry": _geometry(run.frame, polygon), "properties": properties}
+
+
+def _track_feature(run: MapRun, tracks: Sequence[NDArray[np.float64]]) -> dict[str, Any]:
+    from shapely.geometry import LineString, MultiLineString
+
+    stamps = [record.stamp_s for record in run.track]
+    properties = {
+        "kind": "track",
+        "n_records": len(run.track),
+        "first_stamp_s": min(stamps),
+        "last_stamp_s": max(stamps),
+    }
+    geometry = _geometry(run.frame, LineString(tracks[0]) if len(tracks) == 1 else MultiLineString(tracks))
+    return {"type": "Feature", "id": "track", "geometry": geometry, "properties": properties}
+
+
+def _unwrapped(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitude and latitude (n, 2); longitudes continuous about the datum, so maybe beyond +-180."""
+    lat, lon = frame.to_geographic(xy_m).T
+    lon = frame.longitude_deg + (lon - frame.longitude_deg + 180) % 360 - 180
+    return np.column_stack([lon, lat])
+
+
+def _lon_lat(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    lon_lat = _unwrapped(frame, xy_m)
+    lon_lat[:, 0] = (lon_lat[:, 0] + 180) % 360 - 180
+    return np.round(lon_lat, DIGITS)
+
+
+def _bounding_box(frame: LocalFrame, xy_m: NDArray[np.float64]) -> list[float]:
+    """West, south, east, north; west > east when the antimeridian lies between (RFC 7946, 5.2)."""
+    lon, lat = _unwrapped(frame, xy_m).T
+    west, east = ((value + 180) % 360 - 180 for value in (lon.min(), lon.max()))
+    return [round(float(value), DIGITS) for value in (west, lat.min(), east, lat.max())]
+
+
+def _geometry(frame: LocalFrame, shape: Any) -> dict[str, Any]:
+    """A local shape as GeoJSON geometry, cut at the antimeridian (RFC 7946, 3.1.9), right-hand rule."""
+    from shapely import transform
+    from shapely.geometry import box, mapping
+
+    there = transform(shape, lambda xy: _unwrapped(frame, xy))
+    west, _, east, _ = there.bounds
+    if west < -180 or east > 180:
+        beyond = -360.0 if east > 180 else 360.0
+        world = box(-180, -90, 180, 90)
+        moved = transform(there, lambda ll: ll + np.array([beyond, 0.0]))
+        there = there.intersection(world).union(moved.intersection(world))
+    rounded = transform(there, lambda ll: np.round(ll, DIGITS))
+    return dict(mapping(right_handed(rounded)))

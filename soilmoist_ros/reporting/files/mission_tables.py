@@ -1,0 +1,38 @@
+"""The course of a mission as CSV files."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow, Visit
+
+
+def write_series(path: Path, mission: MissionResult) -> Path:
+    """Write the state over time, one row per entry; returns ``path``. What is not defined is empty.
+
+    The columns of a second property are there only if the mission has one.
+    """
+    names = [name for name in SeriesRow._fields if mission.also is not None or not name.startswith("also_")]
+    return _write(path, names, (row[: len(names)] for row in mission.series))
+
+
+def write_visits(path: Path, mission: MissionResult) -> Path:
+    """Write the measurements in order; returns ``path``."""
+    return _write(path, Visit._fields, mission.visits)
+
+
+def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([_cell(value) for value in row] for row in rows)
+    return path
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, float):
+        return f"{value:.8g}" if math.isfinite(value) else ""
+    return value

@@ -1,0 +1,207 @@
+"""``summary.json``: the run in numbers, for programs. Units stand in the names of the keys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from soilmoist_ros.exploration.travel.travel import polyline_length_m
+from soilmoist_ros.reporting.files.geotiff import model_parameters
+from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
+from soilmoist_ros.reporting.geometry import field_polygon, track_xy
+from soilmoist_ros.reporting.page.statistics import (
+    TruthScore,
+    band_statistics,
+    calibration_sd,
+    leave_one_out,
+    mean_sd,
+    truth_score,
+    uncertain_share,
+    undefined_share,
+)
+from soilmoist_ros.reporting.page.wording import doubts
+from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+
+if TYPE_CHECKING:
+    from soilmoist_ros.simulation.mission.mission_run import Mapped, MissionResult
+
+SCHEMA = 1
+"""Version of the keys; rises when one is renamed or removed."""
+
+
+def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str, Any]:
+    """The run as a dictionary of plain JSON values; what is undefined is ``None``.
+
+    :param run: the run
+    :param crs: coordinate reference system of the GeoTIFF; default that of the datum's UTM zone
+    :param outputs: names of the files written
+    """
+    soil_map = run.soil_map
+    content = {
+        "schema": SCHEMA,
+        "software": "soilmoist_ros",
+        "version": run.version,
+        "created_utc": run.created,
+        "simulated": run.simulated,
+        "title": run.title,
+        "site": run.site,
+        "field": run.field_name,
+        "inputs": [asdict(item) for item in run.inputs],
+        "logger_format": run.logger_format,
+        **_records(run),
+        "area_m2": float(field_polygon(soil_map).area),
+        "cells": int(np.count_nonzero(soil_map.grid.mask)),
+        "cell_m": float(soil_map.grid.cell_m),
+        "datum": {"latitude_deg": run.frame.latitude_deg, "longitude_deg": run.frame.longitude_deg},
+        "crs": crs or run.frame.export_crs().to_string(),
+        "variogram": model_parameters(soil_map),
+        "fit": _fit(run),
+        "map": _map(run),
+        "cross_validation": _cross_validation(run),
+        "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
+        "mission": None if run.mission is None else mission_summary(run.mission),
+        "corrections": [_correction(row) for row in run.corrections],
+        "calibration": _calibration(run),
+        "warnings": [*run.warnings, *doubts(run)],
+        "settings": dict(run.settings),
+        "outputs": list(outputs),
+    }
+    return dict(jsonable(content))
+
+
+def write_summary(path: Path, run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> Path:
+    """Write :func:`summary` as strict JSON; returns ``path``."""
+    return write_json(path, summary(run, crs, outputs))
+
+
+def _records(run: MapRun) -> dict[str, Any]:
+    samples = run.soil_map.samples
+    stamps = [record.stamp_s for record in run.track]
+    counts = np.asarray(samples.counts, float)
+    return {
+        "n_records": len(run.track),
+        "n_placed_records": len(track_xy(run.track)),
+        "n_lost": {row.kind: row.count for row in run.losses if row.consequence == "lost"},
+        "n_kept_with_reservation": {row.kind: row.count for row in run.losses if row.consequence == "kept"},
+        "first_stamp_s": min(stamps, default=None),
+        "last_stamp_s": max(stamps, default=None),
+        "exposure_s": float(sum(record.exposure_s for record in run.track)),
+        "distance_m": run.travelled_m,
+        "n_samples": len(samples.xy),
+        "sample_counts": round(float(counts.sum())),
+        "sample_effective_exposure_s": float(np.sum(samples.exposure_s)),
+    }
+
+
+def _fit(run: MapRun) -> dict[str, Any] | None:
+    """How the variogram was fitted; ``None`` if it was given."""
+    fit = run.soil_map.fit
+    if fit is None:
+        return None
+    return {
+        "method": fit.method,
+        "converged": fit.converged,
+        "objective": fit.objective,
+        "log_sd": fit.log_sd and dict(zip(("structured_sill", "range", "nugget"), fit.log_sd, strict=True)),
+        "prior_share": dict(zip(("structured_sill", "range", "nugget"), fit.prior_share, strict=True)),
+    }
+
+
+def _map(run: MapRun) -> dict[str, Any]:
+    soil_map = run.soil_map
+    return {
+        "rate_cps": asdict(band_statistics(soil_map.rate)),
+        "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
+        "vwc": asdict(band_statistics(soil_map.vwc)),
+        "vwc_sd": asdict(band_statistics(soil_map.vwc_sd)),
+        "mean_rate_sd_cps": mean_sd(soil_map, moisture=False),
+        "mean_vwc_sd": mean_sd(soil_map, moisture=True),
+        "calibration_vwc_sd": calibration_sd(soil_map, run.calibration.n0_sd_cps if run.calibration else None),
+        "undefined_vwc_share": undefined_share(soil_map),
+        "uncertain_share": uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share),
+        "uncertain_above": {"vwc_sd": run.uncertain_vwc_sd}
+        if run.calibrated
+        else {"rate_sd_per_rate": run.uncertain_rate_share},
+    }
+
+
+def _cross_validation(run: MapRun) -> dict[str, float] | None:
+    loo = leave_one_out(run.soil_map)
+    if loo is None:
+        return None
+    return {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95}
+
+
+def _score(score: TruthScore) -> dict[str, float]:
+    return {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95}
+
+
+def mission_summary(mission: MissionResult) -> dict[str, Any]:
+    """What a simulated mission was run with and how it ended."""
+    return {
+        "settings": asdict(mission.settings),
+        "field": mission.field_title,
+        "ended": mission.ended,
+        "stops": len(mission.visits),
+        "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
+        "efficiency": _efficiency(mission),
+        "final": mission.series[-1]._asdict() if mission.series else None,
+        "also": None if mission.also is None else _also(mission.also),
+    }
+
+
+def _also(mapped: Mapped) -> dict[str, Any]:
+    """The map of a second property."""
+    about: dict[str, Any] = {
+        "name": mapped.name,
+        "field": mapped.field_title,
+        "n_records": len(mapped.records),
+        "map": None,
+    }
+    soil_map = mapped.soil_map
+    if soil_map is None:
+        return about
+    truth = mapped.known_truth
+    score = None if truth is None else truth_score(soil_map, truth)
+    return {
+        **about,
+        "variogram": model_parameters(soil_map),
+        "map": {
+            "rate_cps": asdict(band_statistics(soil_map.rate)),
+            "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
+        },
+        "truth": None if score is None else _score(score),
+    }
+
+
+def _efficiency(mission: MissionResult) -> dict[str, float] | None:
+    """What the mission reached of what any plan could; variances of the smooth rate [(counts/s)^2]."""
+    plan = mission_efficiency(mission)
+    if plan is None:
+        return None
+    return {"reached": plan.reached, "least_variance": plan.least, "left_variance": plan.left}
+
+
+def _correction(row: Any) -> dict[str, Any]:
+    return {**asdict(row), "parameters": dict(row.parameters)}
+
+
+def _calibration(run: MapRun) -> dict[str, Any] | None:
+    """The curve in use; its origin only if the run knows it."""
+    curve = run.soil_map.curve
+    if curve is None:
+        return None
+    return {
+        "n0_cps": curve.n0_cps,
+        "n0_sd_cps": run.calibration.n0_sd_cps if run.calibration else None,
+        "bulk_density_gcm3": curve.bulk_density_gcm3,
+        "lattice_water": curve.lattice_water,
+        "organic_water": curve.organic_water,
+        "lowest_rate_cps": curve.lowest_rate_cps,
+        "source": run.calibration.source if run.calibration else "",
+    }

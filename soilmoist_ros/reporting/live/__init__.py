@@ -1,0 +1,1 @@
+"""A mission in the terminal while it runs."""

@@ -1,0 +1,119 @@
+"""Collects what a mission under way says of itself, for :mod:`terminal`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.reporting.live.terminal import LiveView
+from soilmoist_ros.reporting.page.wording import duration, length
+
+Array = NDArray[np.float64]
+
+WETTEST = 0.6
+"""Soil moisture that hardly any soil can exceed [m^3/m^3]; early maps do, where the rate is hardly known."""
+
+
+class LiveMission:
+    """The newest of everything. What comes may be set in one thread and viewed in another.
+
+    :param title: first line
+    :param true_rate: true rate on the map's raster, shape (ny, nx) [counts/s], if it is known
+    :param beside: a second property: what is told of its map, titled with its name
+    """
+
+    def __init__(self, title: str, true_rate: Array | None = None, beside: LiveMission | None = None) -> None:
+        self._title = title
+        self._true_rate = true_rate
+        self.beside = beside
+        self.status: Mapping[str, str] = {}
+        self.robot_xy: tuple[float, float] | None = None
+        self.samples_xy: Array = np.empty((0, 2))
+        self._map: NDArray[np.void] | None = None
+
+    def take_map(self, cells: NDArray[np.void]) -> None:
+        """A map has come: cells with fields x, y, rate, rate_sd, vwc, vwc_sd, shape (ny, nx)."""
+        self._map = cells
+
+    @property
+    def state(self) -> str:
+        """State and reason of the mission."""
+        status = self.status
+        return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
+
+    @property
+    def mse(self) -> float:
+        """Mean squared error of the rate map [(counts/s)^2]; NaN without a map or a truth."""
+        cells = self._map
+        if cells is None or self._true_rate is None or cells.shape != self._true_rate.shape:
+            return math.nan
+        error = cells["rate"] - self._true_rate
+        return float(np.mean(error[np.isfinite(error)] ** 2)) if np.isfinite(error).any() else math.nan
+
+    def view(self) -> LiveView:
+        """What is to be seen now."""
+        cells, status, samples = self._map, self.status, self.samples_xy  # each may be replaced meanwhile
+        facts = self._facts(status, len(samples))
+        if cells is None or not (_inside(cells) & np.isfinite(cells["rate"])).any():
+            return LiveView(self._title, facts)
+        field, extent = _field(cells)
+        moist = bool(np.isfinite(field["vwc"]).any())
+        return LiveView(
+            self._title,
+            facts,
+            band=np.asarray(field["vwc" if moist else "rate"], float),
+            band_name="moisture [m³/m³]" if moist else "rate [counts/s]",
+            wet_is_high=moist,
+            extent=extent,
+            samples_xy=samples,
+            robot_xy=self.robot_xy,
+            target_xy=_target(status),
+        )
+
+    def _facts(self, status: Mapping[str, str], n_samples: int) -> dict[str, str]:
+        facts = {"state": self.state}
+        if not status:
+            return facts
+        number = {key: float(status[key]) for key in (
+            "planned_dwell_s", "elapsed_dwell_s", "time_used_s", "time_left_s", "distance_m",
+        )}  # fmt: skip
+        if status["target"]:
+            facts["target"] = f"{status['target']}, counted {number['elapsed_dwell_s']:.0f} s"
+            if math.isfinite(number["planned_dwell_s"]):
+                facts["target"] += f" of about {number['planned_dwell_s']:.0f} s"
+        value, unit = length(number["distance_m"])
+        facts["mission"] = (
+            f"{duration(number['time_used_s'])} used, {duration(number['time_left_s'])} left; "
+            f"{value} {unit} driven"
+        )
+        facts["map"] = f"{status['samples']} stops, {n_samples} samples with those on the way"
+        if math.isfinite(mse := self.mse):
+            facts["map"] += f"; mean squared error {mse:.4f} (counts/s)²"
+        if self.beside is not None and math.isfinite(mse := self.beside.mse):
+            facts["beside"] = f"{self.beside._title}; mean squared error {mse:.4f} (counts/s)²"
+        return facts
+
+
+def _target(status: Mapping[str, str]) -> tuple[float, float] | None:
+    x_m, y_m = (float(status.get(key, "nan")) for key in ("target_x_m", "target_y_m"))
+    return (x_m, y_m) if math.isfinite(x_m) and math.isfinite(y_m) else None
+
+
+def _inside(cells: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Which cells are in the field: one outside does not even tell its place."""
+    return np.asarray(np.isfinite(cells["x"]) & np.isfinite(cells["y"]))
+
+
+def _field(cells: NDArray[np.void]) -> tuple[NDArray[np.void], tuple[float, float, float, float]]:
+    """The part of a map that holds the field, and where its edges lie: west, east, south, north [m]."""
+    inside = _inside(cells)
+    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    part = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    west, east = float(np.nanmin(part["x"])), float(np.nanmax(part["x"]))
+    south, north = float(np.nanmin(part["y"])), float(np.nanmax(part["y"]))
+    steps = max(part.shape) - 1
+    half = (max(east - west, north - south) / steps if steps else 1.0) / 2
+    return part, (west - half, east + half, south - half, north + half)

@@ -1,0 +1,151 @@
+"""What is told of a mapping run besides its map: corrections, calibration, warnings."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from soilmoist_ros import __version__
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping import SoilMap
+from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.records import CountRecord
+
+
+def make_run(
+    soil_map: SoilMap,
+    records: Sequence[CountRecord],
+    site: Site,
+    frame: LocalFrame,
+    *,
+    field_name: str,
+    settings: Mapping[str, object],
+    title: str | None = None,
+    inputs: Sequence[InputFile] = (),
+    logger_format: str = "",
+    losses: Sequence[LossRow] = (),
+    simulated: bool = False,
+) -> MapRun:
+    """The run behind a map, made now.
+
+    :param soil_map: the map
+    :param records: records behind it in order of time, at least one; those without a place included
+    :param site: site of the sensor, whose corrections the records have
+    :param frame: plane of the field
+    :param title: title of the report, from what is mapped if ``None``
+
+    The other parameters are those of :class:`MapRun`.
+    """
+    return MapRun(
+        soil_map=soil_map,
+        frame=frame,
+        created_utc=datetime.now(UTC),
+        track=records,
+        title=title or ("Soil moisture map" if site.curve else "Neutron count rate map"),
+        site=site.name,
+        field_name=field_name,
+        inputs=inputs,
+        logger_format=logger_format,
+        corrections=_correction_rows(records, site),
+        losses=losses,
+        warnings=_warnings(soil_map, site),
+        calibration=_calibration(site),
+        simulated=simulated,
+        version=__version__,
+        settings=settings,
+        footprint_radius_m=site.footprint_radius_m,
+    )
+
+
+def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
+    """A file that went into a run, as the outputs tell of it."""
+    content = path.read_bytes()
+    return InputFile(str(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
+
+
+def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[CorrectionRow]:
+    settings = site.corrections
+    monitor = settings.intensity
+    rows = [
+        (
+            "air pressure",
+            "exp(beta (P - P0))",
+            "f_pressure",
+            {"beta [1/hPa]": settings.pressure.beta_per_hpa, "P0 [hPa]": settings.pressure.reference_hpa}
+            if settings.pressure
+            else None,
+            "",
+        ),
+        (
+            "air humidity",
+            "1 + c (Q - Q0)",
+            "f_humidity",
+            {"c [m3/g]": settings.humidity.coefficient_m3g, "Q0 [g/m3]": settings.humidity.reference_gm3}
+            if settings.humidity
+            else None,
+            "",
+        ),
+        (
+            "incoming neutrons",
+            "C0 / C",
+            "f_intensity",
+            {"C0": monitor.reference} if monitor else None,
+            f"C from {monitor.file.name if monitor.file else 'a constant'}" if monitor else "",
+        ),
+    ]
+    return [
+        CorrectionRow(
+            name,
+            formula,
+            parameters or {},
+            *_range([getattr(record, factor) for record in records]),
+            remark=remark if parameters else "not applied",
+        )
+        for name, formula, factor, parameters, remark in rows
+    ]
+
+
+def _range(factors: Sequence[float]) -> tuple[float, float, float]:
+    return float(np.mean(factors)), min(factors), max(factors)
+
+
+def _warnings(soil_map: SoilMap, site: Site) -> list[str]:
+    warnings = []
+    if site.calibration is not None and site.calibration.note and "illustrative" in site.calibration.note:
+        warnings.append("The calibration is illustrative: patterns are real, absolute soil moisture is not.")
+    if soil_map.undefined_vwc_cells:
+        warnings.append(
+            f"{soil_map.undefined_vwc_cells} cells have a count rate too low for any soil moisture: check N0."
+        )
+    if soil_map.fit is not None and soil_map.fit.prior_mattered:
+        warnings.append(
+            "The samples say little about how moisture varies in space: the variogram rests mostly on "
+            "assumptions. More samples, some of them close together, would help."
+        )
+    if soil_map.accuracy is not None and soil_map.accuracy.rate_error > 0.05:
+        warnings.append(
+            f"The map is made tile by tile and its rate may be off by {100 * soil_map.accuracy.rate_error:.0f} % "
+            "of its standard deviation: use matern32 or exponential, or merge samples in a larger radius."
+        )
+    if soil_map.fit is not None and not soil_map.fit.converged:
+        warnings.append(f"The variogram fit did not converge: {soil_map.fit.message}.")
+    return warnings
+
+
+def _calibration(site: Site) -> CalibrationInfo | None:
+    if site.calibration is None or site.soil is None:
+        return None
+    source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
+    return CalibrationInfo(
+        n0_cps=site.calibration.n0_cps,
+        bulk_density_gcm3=site.soil.bulk_density_gcm3,
+        n0_sd_cps=site.calibration.n0_sd_cps,
+        lattice_water=site.soil.lattice_water,
+        organic_water=site.soil.organic_water,
+        source=source,
+    )

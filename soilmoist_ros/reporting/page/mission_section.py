@@ -1,0 +1,265 @@
+"""The part of a report about the mission behind the map: its course over time, its stops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.travel.travel import polyline_length_m
+from soilmoist_ros.reporting.geometry import map_extent
+from soilmoist_ros.reporting.page import maps
+from soilmoist_ros.reporting.page.properties_section import second_sections, side_by_side
+from soilmoist_ros.reporting.page.section import Section
+from soilmoist_ros.reporting.page.style import (
+    BLUE,
+    GOLD,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    SMALL,
+    label,
+    new_figure,
+    picture,
+    plain,
+)
+from soilmoist_ros.reporting.page.wording import duration, length, number, percent
+from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow, Visit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+MOST_VISITS = 100
+MOST_NUMBERS = 80
+ROBOTS = {"blue": BLUE, "orange": ORANGE, "green": GREEN, "purple": PURPLE, "gold": GOLD, "black": INK}
+"""Colours of the robots, from the first; taken again from the beginning where there are more."""
+
+
+@dataclass(frozen=True)
+class MissionPart:
+    """What the page shows of a mission.
+
+    :param text: how it went, in sentences
+    :param sections: figures
+    :param visits: the first stops
+    :param hidden: number of stops that are left out of the table
+    :param several: whether there are several robots
+    :param properties: both properties side by side, if there are two
+    """
+
+    text: str
+    sections: tuple[Section, ...]
+    visits: tuple[Visit, ...]
+    hidden: int
+    several: bool = False
+    properties: Section | None = None
+
+
+def mission_part(run: MapRun) -> MissionPart | None:
+    """The mission's part of the report, ``None`` without a mission."""
+    mission = run.mission
+    if mission is None:
+        return None
+    sections = [
+        Section(
+            "trajectory", "Path and stops",
+            picture(trajectory_map(run), "Path of the robot with its stops numbered in order"),
+            "The robot's path over the map of the rate. Stops are numbered in order; the square is the start."
+            if len(mission.tracks) == 1
+            else f"The robots' paths over the map of the rate: {_key(len(mission.tracks))}. Stops are numbered in "
+            "the order in which they were finished; the square is the start.",
+        )
+    ]  # fmt: skip
+    if mission.series:
+        has_truth = bool(np.isfinite(mission.truth_rate).any())
+        told = "Error, coverage and distance" if has_truth else "Distance"
+        about = (
+            "From above: the mean squared error of the rate map (logarithmic; multiply by 100 for "
+            "(counts/10 s)²), the share of the field whose true rate lies in the 95 % interval of the map, "
+            "and the distance."
+        )
+        sections.append(
+            Section(
+                "course", "The course of the mission",
+                picture(course_chart(mission.series, has_truth), f"{told} against mission time", True),
+                f"{about if has_truth else 'The distance driven.'} Ticks at the foot: times at which a "
+                "measurement was finished.",
+            )
+        )  # fmt: skip
+    sections += second_sections(run)
+    shown = tuple(mission.visits[:MOST_VISITS])
+    hidden = len(mission.visits) - len(shown)
+    several = len(mission.tracks) > 1
+    return MissionPart(_text(mission), tuple(sections), shown, hidden, several, side_by_side(run))
+
+
+def _text(mission: MissionResult) -> str:
+    settings, sentences = mission.settings, []
+    sentences.append(
+        f"Strategy {settings.strategy.replace('_', ' ')}, counting interval {settings.dwell}, "
+        f"{settings.hours:g} h, seed {settings.seed}: {len(mission.visits)} measurements"
+    )
+    if mission.series:
+        end = mission.series[-1]
+        value, unit = length(end.distance_m)
+        sentences[0] += f" in {duration(end.time_s)} and on {value} {unit}"
+        if end.time_s > 0:
+            share = end.counting_s / (end.time_s * settings.robots)
+            sentences[0] += f", {percent(share)} of the time spent counting"
+        if settings.robots > 1:
+            ways = [polyline_length_m(track) for track in mission.tracks]
+            each = ", ".join(" ".join(length(way_m)) for way_m in ways)
+            sentences.append(f"There were {settings.robots} robots, which drove {each}")
+        if np.isfinite(end.mse):
+            sentences.append(
+                f"At the end the map has a mean squared error of {number(end.mse)} (counts/s)², which is "
+                f"{number(end.mse_10s)} (counts/10 s)²"
+            )
+            if np.isfinite(end.vwc_rmse):
+                sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
+            sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
+    if mission.also is not None:
+        told = (
+            f"planned for with the weight {settings.also_weight:g}" if settings.also_weight else "not planned for"
+        )
+        sentences.append(f"A second property ({mission.also.field_title}) was mapped beside, {told}")
+        if mission.series and np.isfinite(mission.series[-1].also_mse):
+            end = mission.series[-1]
+            sentences[-1] += (
+                f": its map has a mean squared error of {number(end.also_mse)} (counts/s)², and the truth lies in "
+                f"the 95 % interval on {percent(end.also_coverage95)} of the field"
+            )
+    if (plan := mission_efficiency(mission)) is not None:
+        sentences.append(
+            f"It reached {percent(plan.reached)} of what any plan could have done in this time: no division of it "
+            "among all places, even without driving, would leave less than this share of the map's mean variance"
+        )
+    if mission.ended:
+        sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
+    return ". ".join(sentences) + "."
+
+
+def course_chart(series: Sequence[SeriesRow], has_truth: bool = True) -> Figure:
+    """Error, coverage and distance against time, one above the other; without a truth the distance only."""
+    state = np.array(series, float)
+    hours, distance, samples, error, coverage = (
+        state[:, 0] / 3600,
+        state[:, 1],
+        state[:, 2],
+        state[:, 3],
+        state[:, 6],
+    )
+    if not has_truth:
+        figure = new_figure(maps.NARROW_IN, 2.2)
+        _distance_panel(figure.add_axes((0.155, 0.22, 0.81, 0.7)), hours, distance, samples)
+        return figure
+    figure = new_figure(maps.NARROW_IN, 5.6)
+    axes = [
+        figure.add_axes((0.155, bottom, 0.81, high))
+        for bottom, high in ((0.57, 0.385), (0.325, 0.18), (0.085, 0.18))
+    ]
+    for panel, values, y in (
+        (axes[0], error, "Mean squared error\n[(counts/s)²]"),
+        (axes[1], 100 * coverage, "Coverage [%]"),
+    ):
+        plain(panel, "y").plot(hours, values, color=BLUE, linewidth=1.8)
+        panel.set_xlim(0, max(float(hours[-1]), 1e-9))
+        label(panel, "", y)
+    _error_axis(axes[0], error)
+    axes[1].set_ylim(min(50.0, float(np.nanmin(100 * coverage, initial=100.0)) - 5), 102)
+    axes[1].axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
+    axes[1].annotate("95 %, as stated", (0.01, 95), xycoords=("axes fraction", "data"), xytext=(0, -3),
+                     textcoords="offset points", ha="left", va="top", fontsize=SMALL, color=INK)  # fmt: skip
+    for panel in axes[:2]:
+        panel.tick_params(labelbottom=False)
+    _distance_panel(axes[2], hours, distance, samples)
+    return figure
+
+
+def _distance_panel(panel: Axes, hours: Array, distance: Array, samples: Array) -> None:
+    plain(panel, "y").plot(hours, distance, color=BLUE, linewidth=1.8)
+    panel.set_xlim(0, max(float(hours[-1]), 1e-9))
+    panel.set_ylim(bottom=0)
+    finished = hours[1:][np.diff(samples) > 0]
+    panel.plot(finished, np.zeros(len(finished)), "|", color=INK, markersize=7, clip_on=False)
+    label(panel, "Mission time [h]", "Distance [m]")
+
+
+def _colour(robot: int) -> str:
+    return list(ROBOTS.values())[(robot - 1) % len(ROBOTS)]
+
+
+def _key(robots: int) -> str:
+    """Which colour is which robot's."""
+    names = list(ROBOTS)
+    return ", ".join(f"robot {number + 1} {names[number % len(names)]}" for number in range(robots))
+
+
+def _error_axis(axes: Axes, error: Array) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    known = error[np.isfinite(error) & (error > 0)]
+    if not len(known):
+        axes.set_ylim(0, 1)
+        axes.annotate("no map, so no error", (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=SMALL)
+        return
+    axes.set_yscale("log")
+    steps = (1.0, 2.0, 5.0) if known.max() / known.min() < 200 else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(subs=steps))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
+    """The robots' paths with numbered stops over a faint map of the rate.
+
+    :raises ValueError: without a mission
+    """
+    mission, soil_map = run.mission, run.soil_map
+    if mission is None:
+        raise ValueError("a path needs a mission")
+    figure, axes, unit_m = maps.map_axes(run, width_in)
+    low, high = maps.colour_range(run, maps.RATE)
+    west, east, south, north = (edge / unit_m for edge in map_extent(soil_map))
+    axes.imshow(
+        np.where(soil_map.grid.mask, soil_map.rate, np.nan), origin="lower", extent=(west, east, south, north),
+        cmap=maps.colours(maps.RATE.colours), vmin=low, vmax=high, interpolation="nearest", aspect="equal",
+        alpha=0.45,
+    )  # fmt: skip
+    maps.draw_boundary(run, axes, unit_m)
+    several = len(mission.tracks) > 1
+    for robot, track in enumerate(mission.tracks, start=1):
+        path = np.asarray(track, float).reshape(-1, 2) / unit_m
+        colour = _colour(robot) if several else INK
+        axes.plot(
+            path[:, 0], path[:, 1], color=colour, linewidth=1.4 if several else 0.9, zorder=2.6,
+        )  # fmt: skip
+        # hollow and above all: a mission often starts where it stops, and the number is to be read as well
+        for edge, width in (("white", 4.0), (INK, 2.0)):
+            axes.scatter(
+                path[:1, 0], path[:1, 1], s=200, marker="s", facecolors="none", edgecolors=edge,
+                linewidths=width, zorder=6,
+            )  # fmt: skip
+    numbered = len(mission.visits) <= MOST_NUMBERS
+    stops = np.array([(visit.x_m, visit.y_m) for visit in mission.visits]).reshape(-1, 2) / unit_m
+    axes.scatter(
+        stops[:, 0],
+        stops[:, 1],
+        s=105 if numbered else 14,
+        facecolors="white",
+        edgecolors=[_colour(visit.robot) for visit in mission.visits] if several else INK,
+        linewidths=1.4 if several else 0.8,
+        zorder=4,
+    )
+    if numbered:
+        for order, (x, y) in enumerate(stops.tolist(), start=1):
+            axes.text(x, y, str(order), ha="center", va="center_baseline", fontsize=6.5, color=INK, zorder=5)
+    return figure

@@ -1,0 +1,262 @@
+"""What the map says as numbers, and how far the model behind it can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping import SoilMap
+
+MOST_SAMPLES = 1000
+MOST_CELLS = 1500
+INTERVAL_SD = 1.96
+"""Half the width of a 95 % interval, in standard deviations."""
+
+
+@dataclass(frozen=True)
+class BandStatistics:
+    """Spread of one band over the cells of the field; NaN throughout if no cell has a value."""
+
+    mean: float
+    sd: float
+    minimum: float
+    maximum: float
+    p05: float
+    p50: float
+    p95: float
+
+
+def band_statistics(values: ArrayLike) -> BandStatistics:
+    """Statistics of the cells that have a value."""
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    if finite.size == 0:
+        return BandStatistics(*[float("nan")] * 7)
+    return BandStatistics(
+        float(finite.mean()), float(finite.std()), float(finite.min()), float(finite.max()),
+        *(float(q) for q in np.percentile(finite, (5, 50, 95))),
+    )  # fmt: skip
+
+
+def undefined_share(soil_map: SoilMap) -> float:
+    """Share of the field's cells whose rate lies below the calibration curve, so that VWC is undefined [0..1].
+
+    1 without a calibration.
+    """
+    mask = np.asarray(soil_map.grid.mask, bool)
+    return float(np.mean(~np.isfinite(soil_map.vwc[mask]))) if mask.any() else float("nan")
+
+
+def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> float:
+    """Share of the field's cells known worse than a limit, or not at all [0..1].
+
+    :param vwc_sd: limit of the standard deviation of VWC [m^3/m^3], used with a calibration
+    :param rate_share: limit of the standard deviation of the rate as a share of the rate, used without
+    """
+    mask = np.asarray(soil_map.grid.mask, bool)
+    if not mask.any():
+        return float("nan")
+    if soil_map.curve is not None:
+        return float(np.mean(~(soil_map.vwc_sd[mask] <= vwc_sd)))
+    return float(np.mean(~(soil_map.rate_sd[mask] <= rate_share * soil_map.rate[mask])))
+
+
+def pore_volume(bulk_density_gcm3: float) -> float:
+    """Share of a mineral soil's volume that water can fill [m^3/m^3], from the density of quartz, 2.65 g/cm^3."""
+    return max(1 - bulk_density_gcm3 / 2.65, 0.0)
+
+
+def implausible_shares(soil_map: SoilMap) -> tuple[float, float]:
+    """Shares of the field's cells with more water than pores, and with less than none [0..1]."""
+    mask = np.asarray(soil_map.grid.mask, bool)
+    if soil_map.curve is None or not mask.any():
+        return 0.0, 0.0
+    vwc = soil_map.vwc[mask]
+    pores = pore_volume(soil_map.curve.bulk_density_gcm3)
+    return float(np.mean(vwc > pores)), float(np.mean(vwc < 0))
+
+
+@dataclass(frozen=True)
+class LeaveOneOut:
+    """Each sample predicted from all others with the map's variogram.
+
+    :param observed: observed rates [counts/s]
+    :param predicted: rates predicted without the sample [counts/s]
+    :param sd: standard deviation of ``observed - predicted``, counting noise included [counts/s]
+    """
+
+    observed: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+    sd: NDArray[np.float64]
+
+    @property
+    def rmse(self) -> float:
+        """Root mean squared error [counts/s]."""
+        return float(np.sqrt(np.mean((self.observed - self.predicted) ** 2)))
+
+    @property
+    def standardised_sd(self) -> float:
+        """Root mean square of error / sd; 1 if the stated uncertainty is right, more if too small."""
+        return float(np.sqrt(np.mean(((self.observed - self.predicted) / self.sd) ** 2)))
+
+    @property
+    def coverage95(self) -> float:
+        """Share of samples inside their 95 % interval [0..1]; should be 0.95."""
+        return float(np.mean(np.abs(self.observed - self.predicted) <= INTERVAL_SD * self.sd))
+
+
+class _Kriging:
+    """The Poisson kriging system of a map's samples, factored once, in units of the total sill.
+
+    The covariance is ``sill - semivariance`` plus the counting noise ``mean_rate / exposure``.
+    """
+
+    def __init__(self, soil_map: SoilMap) -> None:
+        from scipy.linalg import cho_factor
+
+        self.soil_map = soil_map
+        self.xy = np.asarray(soil_map.samples.xy, float)
+        noise = soil_map.mean_rate / np.asarray(soil_map.samples.exposure_s, float)
+        self._spread = soil_map.samples.spread
+        system = self._between_samples() + np.diag(noise)
+        self.factor = cho_factor(system, lower=True)
+        self.ones = self.solve(np.ones(len(self.xy)))
+
+    def covariance(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+        from scipy.spatial.distance import cdist
+
+        variogram = self.soil_map.variogram
+        return np.asarray(variogram.sill - variogram.semivariance(cdist(a, b)), float)
+
+    def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance of the samples with places, shape (samples, places)."""
+        from soilmoist_ros.mapping.kriging.targets import Points
+
+        if not self._spread.any():
+            return self.covariance(self.xy, xy)
+        variogram = self.soil_map.variogram
+        correlation = Points(variogram, self.xy, xy, self._spread).correlation(slice(None))
+        return np.asarray(variogram.structured_sill * correlation.T)
+
+    def _between_samples(self) -> NDArray[np.float64]:
+        from soilmoist_ros.mapping.variogram.support import Supports
+
+        if not self._spread.any():
+            return self.covariance(self.xy, self.xy)
+        smooth = Supports(self.xy, self._spread).average(self.towards)
+        return smooth + self.soil_map.variogram.nugget * np.eye(len(self.xy))
+
+    def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        from scipy.linalg import cho_solve
+
+        return np.asarray(cho_solve(self.factor, right), float)
+
+
+def _kriging(soil_map: SoilMap) -> _Kriging | None:
+    """The kriging system, or ``None`` if it is too large for a report or numerically singular."""
+    if not 1 <= len(soil_map.samples.xy) <= MOST_SAMPLES or not soil_map.variogram.sill > 0:
+        return None
+    try:
+        return _Kriging(soil_map)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
+    """Leave-one-out cross-validation in closed form (Dubrule 1983, Mathematical Geology 15:687-699).
+
+    With the projected inverse ``Q = K^-1 - K^-1 1 1' K^-1 / (1' K^-1 1)`` the error of sample i is
+    ``(Q y)_i / Q_ii`` and its variance ``1 / Q_ii``.
+
+    :returns: ``None`` for fewer than 5 or more than ``MOST_SAMPLES`` samples
+    """
+    kriging = _kriging(soil_map) if len(soil_map.samples.xy) >= 5 else None
+    if kriging is None:
+        return None
+    q = kriging.solve(np.eye(len(kriging.xy))) - np.outer(kriging.ones, kriging.ones) / kriging.ones.sum()
+    observed = np.asarray(soil_map.samples.rate_cps, float)
+    precision = np.diag(q)
+    return LeaveOneOut(observed, observed - q @ observed / precision, 1 / np.sqrt(precision))
+
+
+def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
+    """Standard deviation of the *field mean* of the rate [counts/s] or of VWC [m^3/m^3].
+
+    Errors of neighbouring cells go together, so this is neither the mean standard deviation of the cells
+    nor that divided by the root of their number: it is block kriging over a subset of at most
+    ``MOST_CELLS`` cells, for VWC with the curve's slope as weight. An error of N0 is not part of it.
+
+    :returns: ``None`` if there are too many samples, or nothing to average
+    """
+    kriging = _kriging(soil_map)
+    cells, rate = _some_cells(soil_map)
+    curve = soil_map.curve
+    if kriging is None or (moisture and curve is None):
+        return None
+    weight = np.ones(len(rate)) if curve is None or not moisture else curve.slope(rate)
+    cells, weight = cells[np.isfinite(weight)], weight[np.isfinite(weight)]
+    if not len(cells):
+        return None
+    weight = weight / len(weight)
+    towards = kriging.towards(cells) @ weight
+    block = weight @ kriging.covariance(cells, cells) @ weight
+    gap = weight.sum() - kriging.ones @ towards
+    variance = block - towards @ kriging.solve(towards) + gap**2 / kriging.ones.sum()
+    return float(np.sqrt(max(variance, 0.0)))
+
+
+def calibration_sd(soil_map: SoilMap, n0_sd_cps: float | None) -> float | None:
+    """Standard deviation of VWC that an uncertain N0 adds, mean over the field [m^3/m^3].
+
+    First order: ``d(vwc)/d(N0) = -d(vwc)/d(rate) * rate / N0``. It shifts all cells together.
+
+    :returns: ``None`` without a calibration or without ``n0_sd_cps``
+    """
+    curve = soil_map.curve
+    if curve is None or n0_sd_cps is None:
+        return None
+    rate = soil_map.rate[curve.valid(soil_map.rate)]
+    if not rate.size:
+        return None
+    return float(np.mean(np.abs(curve.slope(rate)) * rate / curve.n0_cps) * n0_sd_cps)
+
+
+def _some_cells(soil_map: SoilMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres (n, 2) and rates of an even subset of the field's cells."""
+    mask = np.asarray(soil_map.grid.mask, bool)
+    x, y = np.meshgrid(soil_map.grid.x_m, soil_map.grid.y_m)
+    cells, rate = np.column_stack([x[mask], y[mask]]), np.asarray(soil_map.rate, float)[mask]
+    pick = np.unique(np.linspace(0, len(cells) - 1, min(len(cells), MOST_CELLS)).astype(int))
+    return cells[pick], rate[pick]
+
+
+@dataclass(frozen=True)
+class TruthScore:
+    """How the map compares with a known truth, over the cells of the field.
+
+    :param rmse: root mean squared error of the rate [counts/s]
+    :param bias: mean of estimate minus truth [counts/s]
+    :param coverage95: share of cells whose 95 % interval holds the truth [0..1]
+    """
+
+    rmse: float
+    bias: float
+    coverage95: float
+
+
+def truth_score(soil_map: SoilMap, truth_rate: ArrayLike) -> TruthScore:
+    """Compare the rate map with the truth on the same grid.
+
+    :raises ValueError: if the shapes differ
+    """
+    truth = np.asarray(truth_rate, float)
+    if truth.shape != soil_map.rate.shape:
+        raise ValueError(f"the truth has shape {truth.shape}, the map {soil_map.rate.shape}")
+    mask = np.asarray(soil_map.grid.mask, bool) & np.isfinite(truth) & np.isfinite(soil_map.rate)
+    error = (soil_map.rate - truth)[mask]
+    inside = np.abs(error) <= INTERVAL_SD * soil_map.rate_sd[mask]
+    return TruthScore(float(np.sqrt(np.mean(error**2))), float(error.mean()), float(inside.mean()))

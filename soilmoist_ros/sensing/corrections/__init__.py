@@ -1,0 +1,1 @@
+"""Corrections of counts: pressure, humidity, incoming intensity, tubes."""

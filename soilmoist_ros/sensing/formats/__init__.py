@@ -1,0 +1,1 @@
+"""Logger formats: bytes of a log or a link to records."""

@@ -1,0 +1,156 @@
+"""Files of loggers: reading them as lines, and saying why one cannot be read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout, is_header, plain_name
+from soilmoist_ros.sensing.formats.log_values import decode_line, split_lines
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, available_formats, load_logger_format
+
+HEADER_LINES = 200
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
+_GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
+_MAGIC = {
+    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
+    b"\x1f\x8b": "a gzip archive",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "an image",
+    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
+    b"\x89MCAP": "a ROS bag (MCAP)",
+    b"SQLite": "a database",
+}
+
+
+def read_lines(path: Path) -> tuple[list[bytes], bool]:
+    """Lines of a text file without their ends, and whether the last one had an end.
+
+    :raises InputError: if it is missing, a folder, not readable, empty or not text
+    """
+    if path.is_dir():
+        raise InputError("is a folder, not a file", "give the path of a log file in it", path)
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError("there is no such file", "check the path", path) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", "check the path and its permissions", path) from None
+    if not data.strip(b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"):
+        raise InputError("is empty", "check that the logger wrote it, and that it was copied as a whole", path)
+    for magic, what in _MAGIC.items():
+        if data.startswith(magic):
+            raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
+    if _is_binary(data[:4096]):
+        raise InputError("is not a text file", "give the text file that the logger wrote", path)
+    return split_lines(data)
+
+
+def _is_binary(start: bytes) -> bool:
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
+        return False
+    control = sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start)
+    return control > 0.05 * len(start)
+
+
+def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list[str]]:
+    """Lists of column names that the first lines of a file may hold, were it of this format."""
+    found: list[list[str]] = []
+    comment = logger.header.comment
+    continued = {plain_name(name) for name in logger.header.continued_by}
+    for line in lines[:HEADER_LINES]:
+        text = (
+            decode_line(line).strip().partition("*")[0] if logger.checksum == "nmea" else decode_line(line).strip()
+        )
+        if comment:
+            text = text.removeprefix(comment)
+        names = [name for name in (part.strip() for part in text.split(_DELIMITERS[logger.delimiter])) if name]
+        if is_header(logger, names):
+            found.append(names)
+        elif found and names and plain_name(names[0]) in continued:
+            found[-1] = found[-1] + names
+    return found
+
+
+def matching_formats(lines: Sequence[bytes]) -> list[str]:
+    """Names of the shipped formats whose columns the first lines hold, the best match first."""
+    matches = []
+    for name in available_formats():
+        logger = _shipped(name)
+        best = max((_number_of_sources(logger, names) for names in header_candidates(logger, lines)), default=0)
+        if best:
+            matches.append((-best, name))
+    return [name for _, name in sorted(matches)]
+
+
+@cache
+def _shipped(name: str) -> LoggerFormat:
+    return load_logger_format(name)
+
+
+def _number_of_sources(logger: LoggerFormat, names: Sequence[str]) -> int:
+    try:
+        return build_layout(logger, names).number_of_sources
+    except MissingColumnsError:
+        return 0
+
+
+def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, missing: Sequence[str]) -> Mistake:
+    """Why a file is not of a format, and of which one it may be.
+
+    :param path: the file
+    :param lines: its lines
+    :param logger: the format it was read by
+    :param missing: the columns its header lacks; empty if it has no header
+    """
+    remedy = other_format(lines)
+    if not missing:
+        wanted = " or ".join(repr(name) for name in logger.time.columns)
+        return Mistake(f"{logger.title}: no header line, which would name a column {wanted}", remedy, path)
+    number, names = _first_header(logger, lines)
+    have = f"; it has {', '.join(name.lstrip('/# ') for name in names[:40])}" if names else ""
+    lacks = "; no column ".join(missing)
+    return Mistake(f"{logger.title}: the header has no column {lacks}{have}", remedy, path, number)
+
+
+def nothing_usable(
+    path: Path, lines: Sequence[bytes], logger: LoggerFormat, mistakes: Sequence[Mistake]
+) -> Mistake:
+    """Why no record of a file could be used.
+
+    :param path: the file
+    :param lines: its lines
+    :param logger: the format it was read by
+    :param mistakes: what was wrong with each, at least one
+    """
+    first = mistakes[0]
+    fitting = matching_formats(lines)
+    same = any(_shipped(name) == logger for name in fitting[:1])
+    remedy = first.remedy or "check the file" if same else other_format(lines)
+    message = f"{logger.title}: none of the {len(mistakes)} records is usable; the first: {first.message}"
+    return Mistake(message, remedy, path, first.line, first.column)
+
+
+def other_format(lines: Sequence[bytes]) -> str:
+    """Which format a file may be of, as advice."""
+    fitting = matching_formats(lines)
+    if fitting:
+        return f"this looks like {fitting[0]}: pass --logger {fitting[0]}"
+    if any(_GNSS_SENTENCE.match(line) for line in lines[:HEADER_LINES]):
+        return "this looks like the log of a GNSS receiver: pass it with --nmea, beside the neutron log"
+    return (
+        f"the shipped formats are {', '.join(available_formats())}; for another logger copy the nearest YAML "
+        "file of config/loggers, change the column names, and pass its path with --logger"
+    )
+
+
+def _first_header(logger: LoggerFormat, lines: Sequence[bytes]) -> tuple[int, list[str]]:
+    for number, line in enumerate(lines[:HEADER_LINES], start=1):
+        names = header_candidates(logger, [line])
+        if names:
+            return number, names[0]
+    return 0, []

@@ -1,0 +1,224 @@
+"""Where in the lines of one log the quantities of its format stand."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from soilmoist_ros.sensing.formats import units
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+
+TUBE = "{tube}"
+
+
+def plain_name(name: str) -> str:
+    """A column name without case, blanks and punctuation: what names are compared by."""
+    return re.sub(r"[^a-z0-9%]", "", name.casefold())
+
+
+class MissingColumnsError(ValueError):
+    """A header lacks columns that its format cannot do without.
+
+    :param columns: for each, the names it may have, in words
+    """
+
+    def __init__(self, columns: Sequence[str]) -> None:
+        self.columns = tuple(columns)
+        super().__init__("no column " + "; no column ".join(self.columns))
+
+
+@dataclass(frozen=True)
+class Source:
+    """A column that gives a quantity.
+
+    :param index: number of the column, from 0
+    :param name: its name as the header has it
+    :param convert: to this package's unit
+    """
+
+    index: int
+    name: str
+    convert: Callable[[float], float] = float
+
+
+@dataclass(frozen=True)
+class PositionLayout:
+    """Columns of the position; ``None`` where there is none."""
+
+    latitude: Source
+    longitude: Source
+    altitude: Source | None
+    quality: Source | None
+    hdop: Source | None
+    time_of_day: Source | None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of one log.
+
+    :param names: all names as the header has them
+    :param time: columns of the stamp, more than one if date and time are apart
+    :param record_number: column of the running number
+    :param tubes: numbers of the tubes, ascending
+    :param counts: a column for each tube
+    :param live: a column for each tube, ``None`` where there is none
+    :param pressure: barometers in order of preference
+    :param temperature: thermometers in order of preference
+    :param humidity: hygrometers in order of preference
+    :param position: columns of the position
+    """
+
+    names: tuple[str, ...]
+    time: tuple[Source, ...]
+    record_number: Source | None
+    tubes: tuple[int, ...]
+    counts: tuple[Source, ...]
+    live: tuple[Source | None, ...]
+    pressure: tuple[Source, ...]
+    temperature: tuple[Source, ...]
+    humidity: tuple[Source, ...]
+    position: PositionLayout | None
+
+    @property
+    def number_of_sources(self) -> int:
+        """How many columns have a meaning: the format that knows most of them fits a header best."""
+        groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
+        found = sum(source is not None for group in groups for source in group)
+        return found + (self.record_number is not None) + 2 * (self.position is not None)
+
+    @property
+    def last_needed(self) -> int:
+        """Index of the last column whose value is used for counts or live time."""
+        needed = [*self.time, *self.counts, *(source for source in self.live if source)]
+        return max(source.index for source in needed)
+
+
+class _Columns:
+    """Looks names up in a header."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(name.strip() for name in names)
+        self._plain = [plain_name(name) for name in self.names]
+
+    def find(self, alternatives: Sequence[str], convert: Callable[[float], float] = float) -> Source | None:
+        for name in alternatives:
+            plain = plain_name(name)
+            if plain and plain in self._plain:
+                index = self._plain.index(plain)
+                return Source(index, self.names[index], convert)
+        return None
+
+    def find_tubes(self, alternatives: Sequence[str]) -> dict[int, Source]:
+        """Columns of a pattern with ``{tube}``, or column 1 of a name without, by number of tube."""
+        for name in alternatives:
+            if TUBE not in name:
+                single = self.find([name])
+                found = {1: single} if single else {}
+            else:
+                found = self._find_pattern(name)
+            if found:
+                return dict(sorted(found.items()))
+        return {}
+
+    def _find_pattern(self, name: str) -> dict[int, Source]:
+        before, _, after = name.partition(TUBE)
+        pattern = re.compile(rf"{plain_name(before)}0*(\d{{1,3}}){plain_name(after)}", re.ASCII)
+        found: dict[int, Source] = {}
+        for index, plain in enumerate(self._plain):
+            match = pattern.fullmatch(plain)
+            if match:
+                found.setdefault(int(match[1]), Source(index, self.names[index]))
+        return found
+
+
+def is_header(logger: LoggerFormat, fields: Sequence[str]) -> bool:
+    """Whether the fields of a line are names: one of them is the name of a time column."""
+    known = {plain_name(part) for name in logger.time.columns for part in name.split("+")}
+    return any(plain_name(field) in known for field in fields)
+
+
+def build_layout(logger: LoggerFormat, names: Sequence[str]) -> Layout:
+    """Find the columns of a format in a header.
+
+    :param logger: the format
+    :param names: names of the columns, in order
+    :raises MissingColumnsError: if the time, the counts, or a position the format must have is not there
+    """
+    columns = _Columns(names)
+    time = _find_time(columns, logger.time.columns)
+    counts = columns.find_tubes(logger.counts.columns)
+    position = _find_position(columns, logger)
+    missing = []
+    if not time:
+        missing.append(f"of the time ({_or(logger.time.columns)})")
+    if not counts:
+        missing.append(f"of the counts ({_or(logger.counts.columns)})")
+    if logger.position and logger.position.required and position is None:
+        missing.append(f"of the position ({_or([*logger.position.latitude, *logger.position.longitude])})")
+    if missing:
+        raise MissingColumnsError(missing)
+    return Layout(
+        names=columns.names,
+        time=time,
+        record_number=columns.find(logger.record_number),
+        tubes=tuple(counts),
+        counts=tuple(counts.values()),
+        live=_find_live(columns, logger, tuple(counts)),
+        pressure=_sensors(columns, logger.pressure, units.to_hpa),
+        temperature=_sensors(columns, logger.temperature, units.to_degc),
+        humidity=_sensors(columns, logger.humidity, units.to_fraction),
+        position=position,
+    )
+
+
+def _or(names: Sequence[str]) -> str:
+    return " or ".join(repr(name) for name in names)
+
+
+def _find_time(columns: _Columns, alternatives: Sequence[str]) -> tuple[Source, ...]:
+    for name in alternatives:
+        parts = [columns.find([part]) for part in name.split("+")]
+        found = [part for part in parts if part is not None]
+        if len(found) == len(parts):
+            return tuple(found)
+    return ()
+
+
+def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) -> tuple[Source | None, ...]:
+    live = logger.live_time
+    convert = units.to_seconds(live.unit)
+    per_record = columns.find([name for name in live.columns if TUBE not in name], convert)
+    per_tube = columns.find_tubes([name for name in live.columns if TUBE in name])
+    found: list[Source | None] = []
+    for tube in tubes:
+        shared = [number for number in per_tube if number <= tube < number + live.covers]
+        source = per_tube[max(shared)] if shared else None
+        found.append(Source(source.index, source.name, convert) if source else per_record)
+    return tuple(found)
+
+
+def _sensors(
+    columns: _Columns, quantity: object, converter: Callable[[str], units.Converter]
+) -> tuple[Source, ...]:
+    sensors = getattr(quantity, "sensors", [])
+    found = [columns.find([sensor.column], converter(sensor.unit)) for sensor in sensors]
+    return tuple(source for source in found if source is not None)
+
+
+def _find_position(columns: _Columns, logger: LoggerFormat) -> PositionLayout | None:
+    position = logger.position
+    if position is None:
+        return None
+    latitude, longitude = columns.find(position.latitude), columns.find(position.longitude)
+    if latitude is None or longitude is None:
+        return None
+    return PositionLayout(
+        latitude,
+        longitude,
+        columns.find(position.altitude),
+        columns.find(position.quality),
+        columns.find(position.hdop),
+        columns.find(position.time_of_day),
+    )

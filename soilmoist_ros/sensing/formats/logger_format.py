@@ -1,0 +1,270 @@
+"""A logger format is data: which column of which logger means what, in which unit.
+
+One YAML file in ``config/loggers`` describes one logger. A new logger needs a new file, no code: copy the
+nearest one, and rename the columns. Column names are compared without regard to case, blanks and
+punctuation, so that ``N1ET_sec``, ``N1ETsec`` and `` N1ETsec `` are one name.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from soilmoist_ros.foundation.configuration import Section, load_model, resource, resource_names
+
+PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa"]
+TemperatureUnit = Literal["degC", "degF", "K"]
+HumidityUnit = Literal["percent", "fraction"]
+DurationUnit = Literal["s", "ms", "min", "h"]
+CountUnit = Literal["counts", "counts_per_second"]
+Checksum = Literal["none", "nmea"]
+
+
+def _increasing(limits: tuple[float, float]) -> tuple[float, float]:
+    if not limits[0] < limits[1]:
+        raise ValueError("the lower limit must come first and be below the upper one")
+    return limits
+
+
+def _readable_formats(formats: tuple[str, ...]) -> tuple[str, ...]:
+    moment = datetime(2024, 5, 17, 13, 14, 15, tzinfo=UTC)
+    for name in formats:
+        if name in ("iso8601", "unix_s", "unix_ms"):
+            continue
+        try:
+            datetime.strptime(moment.strftime(name), name)
+        except ValueError:
+            raise ValueError(
+                f"{name!r} is not iso8601, unix_s, unix_ms or a format of Python's strptime"
+            ) from None
+        if "%" not in name:
+            raise ValueError(f"{name!r} is not iso8601, unix_s, unix_ms or a format of Python's strptime")
+    return formats
+
+
+TimeFormats = Annotated[tuple[str, ...], AfterValidator(_readable_formats)]
+Limits = Annotated[tuple[float, float], AfterValidator(_increasing)]
+
+
+class Header(Section):
+    """How the names of the columns stand in the file or stream.
+
+    A header line is one that holds the name of a time column. It may come again at any time.
+    """
+
+    comment: str = ""
+    """What every line that is not a record starts with, such as // or #. Empty if there is none."""
+    continued_by: tuple[str, ...] = ()
+    """First names of header lines that carry on the list of columns, such as GpsUTC."""
+    columns: tuple[str, ...] = ()
+    """Names of all columns in order, in force until a header line comes. For loggers that write none."""
+
+
+class Time(Section):
+    """The time stamp of a record."""
+
+    columns: tuple[str, ...] = Field(min_length=1)
+    """Alternative names, the first one found counts. Date and time in two columns: ``Date + Time``."""
+    formats: TimeFormats = Field(min_length=1)
+    """Alternatives, each ``iso8601``, ``unix_s``, ``unix_ms`` or a format of Python's strptime."""
+    marks: Literal["start", "end"] = "end"
+    """Whether the stamp is the start or the end of the counting interval."""
+    utc_offset_hours: float = Field(default=0.0, ge=-12, le=14)
+    """What the logger's clock is ahead of UTC [h]. A zone written in an ISO 8601 stamp goes before it."""
+
+
+class Counts(Section):
+    """The counts of the detector tubes."""
+
+    columns: tuple[str, ...] = Field(min_length=1)
+    """Alternative names; ``{tube}`` stands for the number of a tube, as in ``N{tube}Cts``."""
+    unit: CountUnit = "counts"
+    """counts, or counts_per_second, which are multiplied by the live time."""
+    range: Limits = (0, 1_000_000)
+    """Counts of one tube in one record outside of these limits are taken for a damaged line."""
+    sentinels: tuple[float, ...] = ()
+    """Numbers that mean that the tube gave nothing."""
+    left_out: tuple[int, ...] = ()
+    """Tubes that are not to be used: dead ones, or a bare (thermal) detector next to a moderated one."""
+    rounding_tolerance: float = Field(default=0.1, gt=0, le=0.5)
+    """With counts_per_second: the product with the live time may miss a whole number by this much [counts].
+    It is rounded in any case, because counting statistics need whole counts; what misses by more is reported."""
+
+
+class LiveTime(Section):
+    """How long the tubes counted in a record. What is not found falls back on the record period."""
+
+    columns: tuple[str, ...] = ()
+    """Alternative names, with ``{tube}`` for one per tube or without for one per record."""
+    unit: DurationUnit = "s"
+    """Unit of these columns."""
+    covers: int = Field(default=1, ge=1)
+    """Number of neighbouring tubes that share one column: with 2, N1ETsec is also that of tube 2."""
+    from_stamps: bool = False
+    """Whether the live time is the time since the previous record's stamp."""
+    range: Limits = (0, 90_000)
+    """Live times [s] outside of these limits mean that the tube gave nothing."""
+
+
+class RecordPeriod(Section):
+    """The nominal duration of a record."""
+
+    header_key: str = ""
+    """Key of the header line that says it, as in ``//Recordperiod = 1 minutes.``; empty if none does."""
+    unit: DurationUnit = "min"
+    """Unit of the value in that line."""
+    default_s: float | None = Field(default=None, gt=0)
+    """Period where no header line says it [s]."""
+    minimal_live_fraction: float = Field(default=0.9, ge=0, le=1)
+    """Records that counted for less than this part of the period are reported, and kept."""
+
+
+class PressureSensor(Section):
+    """One barometer."""
+
+    column: str
+    """Name of its column."""
+    unit: PressureUnit
+    """Unit of its column."""
+
+
+class TemperatureSensor(Section):
+    """One thermometer."""
+
+    column: str
+    """Name of its column."""
+    unit: TemperatureUnit = "degC"
+    """Unit of its column."""
+
+
+class HumiditySensor(Section):
+    """One hygrometer."""
+
+    column: str
+    """Name of its column."""
+    unit: HumidityUnit = "percent"
+    """Unit of its column."""
+
+
+class Pressure(Section):
+    """Air pressure."""
+
+    sensors: tuple[PressureSensor, ...] = Field(min_length=1)
+    """In order of preference: in each record the first one within the range counts."""
+    range: Limits = (300, 1085)
+    """Credible values [hPa]."""
+    sentinels: tuple[float, ...] = ()
+    """Numbers in the column that mean that there is no value."""
+
+
+class Temperature(Section):
+    """Air temperature, outside of the housing where there is a choice."""
+
+    sensors: tuple[TemperatureSensor, ...] = Field(min_length=1)
+    """In order of preference: in each record the first one within the range counts."""
+    range: Limits = (-60, 65)
+    """Credible values [degC]."""
+    sentinels: tuple[float, ...] = ()
+    """Numbers in the column that mean that there is no value."""
+
+
+class Humidity(Section):
+    """Relative humidity of the air, outside of the housing where there is a choice."""
+
+    sensors: tuple[HumiditySensor, ...] = Field(min_length=1)
+    """In order of preference: in each record the first one within the range counts."""
+    range: Limits = (0, 1.05)
+    """Credible values [0..1]; hygrometers read a little above 1 in fog, which is then taken for 1."""
+    sentinels: tuple[float, ...] = ()
+    """Numbers in the column that mean that there is no value."""
+
+
+class LoggedPosition(Section):
+    """The position that the logger writes with each record [decimal degrees, WGS-84]."""
+
+    latitude: tuple[str, ...] = Field(min_length=1)
+    """Alternative names of the latitude column, north positive."""
+    longitude: tuple[str, ...] = Field(min_length=1)
+    """Alternative names of the longitude column."""
+    longitude_signed: bool
+    """Whether western longitudes are negative. If false, the site's configuration must say on which side it is."""
+    altitude: tuple[str, ...] = ()
+    """Alternative names of the column of the altitude above mean sea level [m]."""
+    quality: tuple[str, ...] = ()
+    """Alternative names of the column of the fix quality (numbers as in NMEA GGA)."""
+    hdop: tuple[str, ...] = ()
+    """Alternative names of the column of the horizontal dilution of precision."""
+    no_fix_quality: tuple[str, ...] = ("0",)
+    """Texts in the quality column that mean that there is no fix."""
+    zero_is_no_fix: bool = True
+    """Whether latitude and longitude 0 mean that there is no fix."""
+    required: bool = True
+    """Whether a log without these columns cannot be of this format."""
+    time_of_day: tuple[str, ...] = ()
+    """Alternative names of the column of the receiver's UTC time of day, to compare the logger's clock with."""
+    time_of_day_format: str = "%H%M%S"
+    """Its format, as of Python's strptime."""
+
+
+class LoggerFormat(Section):
+    """The whole description of what one kind of logger writes."""
+
+    title: str
+    """What it is, for people."""
+    source: str
+    """Where this description is from, and how well it is known."""
+    delimiter: Literal["comma", "semicolon", "tab", "whitespace"] = "comma"
+    """What stands between the columns."""
+    checksum: Checksum = "none"
+    """nmea: each line ends with ``*hh``, the exclusive or of all bytes before the star, hexadecimal."""
+    missing: tuple[str, ...] = ("nan", "na", "n/a", "null", "none", "-")
+    """Texts that mean that there is no value, besides an empty field."""
+    serial_key: str = ""
+    """Key of the header line with the serial number, as in ``//Logger SerialNum=16100724``."""
+    header: Header
+    """How the names of the columns are written."""
+    time: Time
+    """The time stamp."""
+    record_number: tuple[str, ...] = ()
+    """Alternative names of the column of the running number."""
+    counts: Counts
+    """The counts."""
+    live_time: LiveTime = LiveTime()
+    """How long was counted."""
+    record_period: RecordPeriod = RecordPeriod()
+    """The nominal duration of a record."""
+    pressure: Pressure | None = None
+    """Air pressure."""
+    temperature: Temperature | None = None
+    """Air temperature."""
+    humidity: Humidity | None = None
+    """Relative humidity of the air."""
+    position: LoggedPosition | None = None
+    """Position of the logger."""
+
+    @model_validator(mode="after")
+    def _duration_is_known(self) -> LoggerFormat:
+        period = self.record_period
+        if not (self.live_time.columns or period.header_key or period.default_s):
+            raise ValueError(
+                "nothing says how long a record counts: give live_time.columns, record_period.header_key or "
+                "record_period.default_s"
+            )
+        return self
+
+
+def available_formats() -> list[str]:
+    """Names of the shipped logger formats, sorted."""
+    return resource_names("loggers")
+
+
+def load_logger_format(name_or_path: str | Path) -> LoggerFormat:
+    """Read a logger format.
+
+    :param name_or_path: name of a shipped format, such as ``hydroinnova_rover``, or path of a YAML file
+    :raises InputError: if there is none, or with every mistake in the file
+    """
+    return load_model(resource("loggers", str(name_or_path)), LoggerFormat)

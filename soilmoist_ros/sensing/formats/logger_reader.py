@@ -1,0 +1,404 @@
+"""Logger bytes to records: one parser for live streams and files, which no byte can bring down."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TypeVar
+
+import numpy as np
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.sensing.formats import units
+from soilmoist_ros.sensing.formats.log_file import (
+    HEADER_LINES,
+    matching_formats,
+    nothing_usable,
+    other_format,
+    read_lines,
+    unreadable_header,
+)
+from soilmoist_ros.sensing.formats.log_layout import (
+    Layout,
+    MissingColumnsError,
+    build_layout,
+    is_header,
+    plain_name,
+)
+from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
+from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, strip_checksum
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, available_formats, load_logger_format
+from soilmoist_ros.sensing.problems import Kind, Problem, Severity
+from soilmoist_ros.sensing.records import NAN, LoggerRecord
+
+Key = TypeVar("Key")
+
+__all__ = [
+    "Kind",
+    "LogFile",
+    "Longitude",
+    "Problem",
+    "RecordParser",
+    "Severity",
+    "detect_format",
+    "parse_log",
+    "read_log",
+]
+
+LONGEST_LINE = 65_536
+MOST_METADATA = 500
+LONGEST_PERIOD_S = 90_000.0
+REMEMBERED_RECORDS = 100_000
+CLOCK_TOLERANCE_S = 5.0
+_SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
+_KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
+_LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """What a log holds.
+
+    :param path: the file
+    :param format_title: what kind of logger wrote it
+    :param records: the good records, in the order of the file
+    :param problems: what was wrong, in the order of the file
+    :param serial: serial number of the logger, empty if the header does not tell
+    :param metadata: all ``key = value`` lines of the header
+    :param period_s: nominal duration of a record [s], NaN if unknown
+    :param clock_offset_s: logger's clock less GNSS time [s], median over the records, NaN if unknown. Take it
+        off the records' stamps before joining them with positions from another receiver
+    :param n_lines: number of lines in the file
+    """
+
+    path: Path
+    format_title: str
+    records: tuple[LoggerRecord, ...]
+    problems: tuple[Problem, ...]
+    serial: str
+    metadata: Mapping[str, str]
+    period_s: float
+    clock_offset_s: float
+    n_lines: int
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the log says of itself that its counts are simulated."""
+        return self.metadata.get("simulated") == "yes"
+
+    @property
+    def records_lost(self) -> int:
+        """Number of records that were dropped because of a fault (duplicates not counted)."""
+        return sum(problem.severity is Severity.ERROR for problem in self.problems)
+
+
+class RecordParser:
+    """Turns lines into records, one at a time, and never raises on what a line holds.
+
+    :param logger: the format, or the name of a shipped one
+    :param longitude: ``east`` or ``west`` of Greenwich, for formats that write longitudes without a sign; the
+        others do not look at it
+    :param on_problem: called with each problem; if not given, they collect in :attr:`problems`
+    :param path: file the lines are from, for messages
+    :raises InputError: if the format is unknown, or leaves the sign of longitudes to ``longitude``
+    """
+
+    def __init__(
+        self,
+        logger: LoggerFormat | str,
+        longitude: Longitude = "signed",
+        on_problem: Callable[[Problem], None] | None = None,
+        path: Path | None = None,
+    ) -> None:
+        self.format = load_logger_format(logger) if isinstance(logger, str) else logger
+        self.problems: list[Problem] = []
+        self.metadata: dict[str, str] = {}
+        self.line_number = 0
+        self.gnss_offsets_s: list[float] = []
+        self._side = _checked_side(self.format, longitude, path)
+        self._on_problem = on_problem or self.problems.append
+        self._path = path
+        self._values: dict[str, str] = {}
+        self._names: list[str] = list(self.format.header.columns)
+        self._continued: set[str] = set()
+        self._reader: FieldReader | None = None
+        self._bad_header: MissingColumnsError | None = None
+        self._header_is_new = bool(self._names)
+        self._seen: dict[tuple[int, float, tuple[float, ...]], None] = {}
+        self._stamps: dict[float, None] = {}
+        self._previous: LoggerRecord | None = None
+
+    @property
+    def period_s(self) -> float | None:
+        """Nominal duration of a record [s]: the header's, else the format's, ``None`` if neither has it."""
+        period = self.format.record_period
+        match = _LEADING_NUMBER.match(self._value_of(period.header_key))
+        number = read_number(match[0]) if match else None
+        period_s = units.to_seconds(period.unit)(number) if number else 0.0
+        return period_s if 0 < period_s <= LONGEST_PERIOD_S else period.default_s
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the logger, empty until the header has told it."""
+        return self._value_of(self.format.serial_key)
+
+    @property
+    def layout(self) -> Layout | None:
+        """Where the columns are; ``None`` before a header, or if that lacks columns."""
+        self._use_new_header()
+        return self._reader.layout if self._reader else None
+
+    @property
+    def missing_columns(self) -> tuple[str, ...]:
+        """What the header lacks."""
+        return self._bad_header.columns if self._bad_header else ()
+
+    def feed(self, line: bytes, complete: bool = True) -> LoggerRecord | None:
+        """Take one line.
+
+        :param line: the line, with or without its end
+        :param complete: whether the line had an end; the last one of a file may have been cut off
+        :return: the record it holds, or ``None`` if it is of the header, empty or faulty
+        """
+        self.line_number += 1
+        if len(line) > LONGEST_LINE:
+            self._lose(Note(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
+            return None
+        line = line.strip(b"\r\n")
+        if not line.strip(b" \t\x03\x04\x1a"):  # also ends of text, of transmission, of a DOS file
+            return None
+        if self.format.checksum == "nmea":
+            body = strip_checksum(line)
+            if body is None and self._is_free_comment(line):
+                return None
+            if body is None:
+                kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
+                self._lose(Note(kind, "the checksum is absent or wrong", "", "check the connection to the logger"))
+                return None
+            line = body
+        text = decode_line(line)
+        comment = self.format.header.comment
+        if comment and text.lstrip().startswith(comment):
+            self._take_header(text.lstrip()[len(comment) :])
+            return None
+        return self._take_record(text, complete)
+
+    def _is_free_comment(self, line: bytes) -> bool:
+        """Whether a line without a checksum is a remark that somebody put into the file."""
+        comment = self.format.header.comment.encode()
+        return bool(comment) and line.lstrip().startswith(comment) and b"*" not in line
+
+    def _value_of(self, key: str) -> str:
+        return self._values.get(plain_name(key), "") if key else ""
+
+    def _split(self, text: str) -> list[str]:
+        return [field.strip() for field in text.split(_SEPARATORS[self.format.delimiter])]
+
+    def _take_header(self, text: str) -> None:
+        names = self._split(text)
+        while names and not names[-1]:
+            names.pop()
+        if not names:
+            return
+        first = plain_name(names[0])
+        if is_header(self.format, names):
+            known = self._names[: len(names)] if self.format.header.continued_by else self._names
+            if names != known:
+                self._names = names
+                self._header_is_new = True
+                self._continued.clear()
+        elif self._names and first in map(plain_name, self.format.header.continued_by):
+            if first not in self._continued and first not in map(plain_name, self._names):
+                self._names = self._names + names
+                self._header_is_new = True
+            self._continued.add(first)
+        elif (match := _KEY_AND_VALUE.fullmatch(text)) and len(self.metadata) < MOST_METADATA:
+            self.metadata[match[1]] = match[2]
+            self._values[plain_name(match[1])] = match[2]
+
+    def _use_new_header(self) -> None:
+        if not self._header_is_new:
+            return
+        self._header_is_new = False
+        try:
+            layout = build_layout(self.format, self._names)
+        except MissingColumnsError as error:
+            self._reader = None
+            self._bad_header = error
+            note = Note(Kind.BAD_HEADER, f"the header has {error}", "", "is this the right logger format?")
+            self._report(note, lost=False)
+            return
+        self._reader = FieldReader(self.format, layout, self._side)
+        self._bad_header = None
+        for quantity in ("pressure", "temperature", "humidity"):
+            if getattr(self.format, quantity) and not getattr(layout, quantity):
+                self._report(Note(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
+
+    def _take_record(self, text: str, complete: bool) -> LoggerRecord | None:
+        if not text.replace("\t", " ").strip("\ufeff").isprintable():
+            self._lose(Note(Kind.UNREADABLE, "the line holds bytes that are not text"))
+            return None
+        fields = self._split(text)
+        if not fields[0][:1].isdigit() and is_header(self.format, fields):
+            self._take_header(text)
+            return None
+        self._use_new_header()
+        if self._reader is None:
+            remedy = "is this the right logger format?"
+            self._report(Note(Kind.NO_HEADER, "no usable header before this line", "", remedy), lost=True)
+            return None
+        names = self._reader.layout.names
+        if len(fields) == len(names) + 1 and not fields[-1]:
+            fields.pop()
+        if len(fields) != len(names):
+            kind = Kind.WRONG_FIELDS if complete else Kind.TRUNCATED
+            self._lose(Note(kind, f"the line has {len(fields)} fields, the header {len(names)}"))
+            return None
+        if not complete and self.format.checksum == "none" and self._reader.layout.last_needed == len(names) - 1:
+            self._lose(Note(Kind.TRUNCATED, "the last line has no end: its last number may have been cut"))
+            return None
+        try:
+            reading = self._reader.read(fields, self.period_s, self.line_number)
+        except LostRecordError as error:
+            self._lose(error.note if complete else Note(Kind.TRUNCATED, error.note.message))
+            return None
+        return self._accept(reading)
+
+    def _accept(self, reading: Reading) -> LoggerRecord | None:
+        """Compare with the records before; drop it if it was there already."""
+        record, notes = reading.record, reading.notes
+        key = (
+            record.record_number,
+            record.stamp_s,
+            tuple(-1.0 if math.isnan(n) else n for n in record.tube_counts),
+        )
+        if key in self._seen:
+            self._lose(Note(Kind.DUPLICATE, f"record {record.record_number} was there before, and is dropped"))
+            return None
+        if record.stamp_s in self._stamps:
+            notes.append(Note(Kind.SAME_TIME, "another record has the same time and other counts"))
+        elif self._previous and record.stamp_s < self._previous.stamp_s:
+            back_s = self._previous.stamp_s - record.stamp_s
+            notes.append(Note(Kind.CLOCK_BACKWARDS, f"the clock went back by {back_s:g} s"))
+        if self._previous and 0 <= self._previous.record_number < record.record_number - 1:
+            gap = record.record_number - self._previous.record_number - 1
+            notes.append(Note(Kind.GAP, f"{gap} record(s) missing before this one"))
+        _remember(self._seen, key)
+        _remember(self._stamps, record.stamp_s)
+        self._previous = record
+        self._take_clock_offset(reading)
+        for note in notes:
+            self._report(note, lost=False)
+        return record
+
+    def _take_clock_offset(self, reading: Reading) -> None:
+        offset_s = reading.gnss_offset_s
+        if math.isnan(offset_s):
+            return
+        if not self.gnss_offsets_s and abs(offset_s) > CLOCK_TOLERANCE_S:
+            message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
+            remedy = "set it, or mind this when joining the records with positions from elsewhere"
+            reading.notes.append(Note(Kind.CLOCK_OFFSET, message, "", remedy))
+        if len(self.gnss_offsets_s) < REMEMBERED_RECORDS:
+            self.gnss_offsets_s.append(offset_s)
+
+    def _lose(self, note: Note) -> None:
+        self._report(note, lost=True)
+
+    def _report(self, note: Note, lost: bool) -> None:
+        mistake = Mistake(note.message, note.remedy, self._path, self.line_number, note.column)
+        self._on_problem(Problem(note.kind, mistake, lost))
+
+
+def read_log(path: Path | str, logger: LoggerFormat | str, longitude: Longitude = "signed") -> LogFile:
+    """Read a logger's file.
+
+    :param path: the file
+    :param logger: its format: a model, the name of a shipped one, or the path of a YAML file
+    :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
+    :raises InputError: if the file cannot be read at all, or is not of this format: then it names the shipped
+        formats that fit
+    """
+    path = Path(path)
+    lines, last_is_complete = read_lines(path)
+    return parse_log(lines, logger, longitude, path, last_is_complete)
+
+
+def parse_log(
+    lines: Sequence[bytes],
+    logger: LoggerFormat | str,
+    longitude: Longitude,
+    path: Path,
+    last_is_complete: bool = True,
+) -> LogFile:
+    """Read the lines of a logger.
+
+    :param lines: the lines, without their ends
+    :param path: where they are from, for messages
+    :param last_is_complete: whether the last line had an end
+
+    The others, and what is raised, are those of :func:`read_log`.
+    """
+    parser = RecordParser(logger, longitude, path=path)
+    last = len(lines) - 1
+    fed = [parser.feed(line, complete=number < last or last_is_complete) for number, line in enumerate(lines)]
+    records = tuple(record for record in fed if record is not None)
+    if parser.layout is None:
+        raise InputError([unreadable_header(path, lines, parser.format, parser.missing_columns)])
+    lost = [problem for problem in parser.problems if problem.lost]
+    if lost and not records:
+        raise InputError([nothing_usable(path, lines, parser.format, [problem.mistake for problem in lost])])
+    offsets = parser.gnss_offsets_s
+    return LogFile(
+        path=path,
+        format_title=parser.format.title,
+        records=records,
+        problems=tuple(parser.problems),
+        serial=parser.serial,
+        metadata=MappingProxyType(dict(parser.metadata)),
+        period_s=parser.period_s or NAN,
+        clock_offset_s=float(np.median(offsets)) if offsets else NAN,
+        n_lines=len(lines),
+    )
+
+
+def detect_format(path: Path | str) -> LoggerFormat:
+    """The shipped logger format that a file is of.
+
+    Told by the names of its columns; a file without names is of the format by which its first lines can be read.
+
+    :raises InputError: if the file cannot be read, or no shipped format fits it
+    """
+    path = Path(path)
+    lines, _ = read_lines(path)
+    for name in matching_formats(lines):
+        return load_logger_format(name)
+    for name in available_formats():
+        logger = load_logger_format(name)
+        if logger.header.columns:
+            parser = RecordParser(logger, "east")
+            if any(parser.feed(line) is not None for line in lines[:HEADER_LINES]):
+                return logger
+    raise InputError("is not of any shipped logger format", other_format(lines), path)
+
+
+def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None) -> Longitude:
+    if longitude not in ("signed", "east", "west"):
+        raise InputError(f"longitude {longitude!r} is unknown", "use signed, east or west", path)
+    if longitude == "signed" and logger.position is not None and not logger.position.longitude_signed:
+        raise InputError(
+            f"{logger.title}: longitudes are written without a sign",
+            "say on which side of Greenwich the log is: 'longitude: west' or 'longitude: east' in the site file",
+            path,
+        )
+    return longitude
+
+
+def _remember(memory: dict[Key, None], key: Key) -> None:
+    memory[key] = None
+    if len(memory) > REMEMBERED_RECORDS:
+        del memory[next(iter(memory))]

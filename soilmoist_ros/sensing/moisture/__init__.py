@@ -1,0 +1,1 @@
+"""From corrected rate to soil moisture: curve, site file, calibration."""

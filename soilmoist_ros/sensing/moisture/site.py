@@ -1,0 +1,162 @@
+"""The site file: corrections, soil and calibration of one sensor at one place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from soilmoist_ros.foundation.configuration import Section, load_model
+from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+WaterFraction = Annotated[float, Field(ge=0, lt=1)]
+
+
+class PressureCorrection(Section):
+    """Factor ``exp(beta (P - P0))``."""
+
+    beta_per_hpa: Annotated[float, Field(gt=0, lt=0.1)] = 0.0077
+    """Barometric coefficient [1/hPa]; site dependent."""
+    reference_hpa: Annotated[float, Field(gt=300, lt=1200)] = 1013.25
+    """Pressure at which the factor is 1 [hPa]."""
+
+
+class HumidityCorrection(Section):
+    """Factor ``1 + c (Q - Q0)``."""
+
+    coefficient_m3g: Annotated[float, Field(ge=0, lt=0.1)] = 0.0054
+    """Coefficient c [m^3/g] (Rosolem et al. 2013)."""
+    reference_gm3: Annotated[float, Field(ge=0, lt=60)] = 0.0
+    """Absolute humidity at which the factor is 1 [g/m^3]."""
+
+
+class IntensityCorrection(Section):
+    """Factor ``C0 / C`` from a neutron monitor."""
+
+    reference: Positive
+    """Neutron-monitor rate C0 at which the factor is 1 (the monitor's unit)."""
+    constant: Positive | None = None
+    """One rate C for the whole survey, in the unit of the reference."""
+    file: Path | None = None
+    """CSV of time (UTC) and rate C; a relative path starts at the site file."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> IntensityCorrection:
+        if (self.constant is None) == (self.file is None):
+            raise ValueError("give the incoming intensity either as 'constant' or as 'file'")
+        return self
+
+
+class CorrectionSettings(Section):
+    """Which corrections are applied; ``null`` switches one off."""
+
+    pressure: PressureCorrection | None = PressureCorrection()
+    humidity: HumidityCorrection | None = HumidityCorrection()
+    intensity: IntensityCorrection | None = None
+
+
+class Soil(Section):
+    """Soil properties that the calibration curve needs."""
+
+    bulk_density_gcm3: Annotated[float, Field(gt=0.1, lt=2.8)]
+    """Dry bulk density [g/cm^3]."""
+    lattice_water: WaterFraction = 0.0
+    """Gravimetric lattice water [g/g]."""
+    organic_water: WaterFraction = 0.0
+    """Gravimetric water equivalent of soil organic matter [g/g]."""
+
+
+class Calibration(Section):
+    """Result of a calibration, as ``soilmoist calibrate`` writes it."""
+
+    n0_cps: Positive
+    """Count rate over dry soil N0: all tubes, corrected [counts/s]."""
+    n0_sd_cps: NotNegative | None = None
+    """Its standard deviation [counts/s]."""
+    date: str | None = None
+    """Day of the calibration."""
+    note: str | None = None
+    """How it was obtained."""
+
+
+class Location(Section):
+    """Where a stationary probe stands."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    """Latitude, WGS-84 [deg]."""
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
+    """Longitude, WGS-84, east positive [deg]."""
+    altitude_m: float | None = None
+    """Altitude above mean sea level [m]."""
+
+
+class Site(Section):
+    """One sensor at one site."""
+
+    name: str = "unnamed site"
+    """Name shown in reports."""
+    longitude: Literal["signed", "east", "west"] = "signed"
+    """Which hemisphere a logger means that writes longitudes without a sign."""
+    location: Location | None = None
+    """Position of a probe that logs none of its own (a stationary probe)."""
+    footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
+    """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield."""
+    deconvolve_footprint: bool = False
+    """Whether the map is of the rate at each place, rather than of its mean over the footprint around it."""
+    corrections: CorrectionSettings = CorrectionSettings()
+    """Correction of the counts."""
+    tube_shares: list[NotNegative] | None = None
+    """Share of each tube in the rate of the whole sensor; estimated from the log if left out."""
+    soil: Soil | None = None
+    """Soil properties; without them there is a rate map only."""
+    calibration: Calibration | None = None
+    """Calibration; without it there is a rate map only."""
+
+    @property
+    def corrections_parameters(self) -> Corrections:
+        """Parameters for :mod:`factors`; a correction switched off is neutral."""
+        settings = self.corrections
+        pressure = settings.pressure or PressureCorrection()
+        humidity = settings.humidity or HumidityCorrection(coefficient_m3g=0.0)
+        return Corrections(
+            beta_per_hpa=pressure.beta_per_hpa,
+            reference_pressure_hpa=pressure.reference_hpa,
+            humidity_coefficient_m3g=humidity.coefficient_m3g,
+            reference_humidity_gm3=humidity.reference_gm3,
+            reference_intensity=settings.intensity.reference if settings.intensity else None,
+        )
+
+    @property
+    def support_radius_m(self) -> float:
+        """Radius of the footprint to be de-convolved from the counts [m], 0 to map them as they are."""
+        return self.footprint_radius_m if self.deconvolve_footprint else 0.0
+
+    @property
+    def curve(self) -> CalibrationCurve | None:
+        """Calibration curve, ``None`` until the site has both soil properties and N0."""
+        if self.soil is None or self.calibration is None:
+            return None
+        return CalibrationCurve(
+            self.calibration.n0_cps,
+            self.soil.bulk_density_gcm3,
+            self.soil.lattice_water,
+            self.soil.organic_water,
+        )
+
+
+def load_site(path: Path) -> Site:
+    """Read a site file; a relative path of the intensity file is taken from the site file's folder.
+
+    :raises InputError: with every mistake in the file
+    """
+    site = load_model(path, Site)
+    intensity = site.corrections.intensity
+    if intensity is None or intensity.file is None or intensity.file.is_absolute():
+        return site
+    resolved = intensity.model_copy(update={"file": path.parent / intensity.file})
+    corrections = site.corrections.model_copy(update={"intensity": resolved})
+    return site.model_copy(update={"corrections": corrections})

@@ -1,0 +1,1 @@
+"""NMEA sentences, positions and the track."""

@@ -1,0 +1,1 @@
+"""Records corrected and placed, from files or from links."""

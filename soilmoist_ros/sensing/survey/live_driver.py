@@ -1,0 +1,163 @@
+"""A sensor under way: its links, and what comes of their lines."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
+from soilmoist_ros.sensing.gnss import Fix
+from soilmoist_ros.sensing.links.line_reader import LineReader
+from soilmoist_ros.sensing.links.line_source import LineSource
+from soilmoist_ros.sensing.links.open_source import open_source
+from soilmoist_ros.sensing.links.reconnecting import Retry
+from soilmoist_ros.sensing.links.recording import PlaybackClock
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.nmea import NmeaParser
+from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
+from soilmoist_ros.sensing.survey.live_health import fix_health, link_health, records_health
+from soilmoist_ros.sensing.survey.live_survey import LiveSurvey
+
+LINES_PER_STEP = 500
+"""Lines taken at once, so that other work gets its turn after a jam."""
+LOGGER, GNSS = "logger", "GNSS"
+
+
+@dataclass(frozen=True)
+class DriverSettings:
+    """What to read.
+
+    :param logger_uri: where the logger is
+    :param logger_format: its format: name of a shipped one, or a file
+    :param gnss_uri: where the GNSS receiver is; empty if fixes come from outside
+    :param silence_limit_s: a link is made anew after so long without a byte [s]
+    :param fix_wait_s: longest time that a record waits for a fix [s]
+    """
+
+    logger_uri: str
+    logger_format: str
+    gnss_uri: str = ""
+    silence_limit_s: float = 35.0
+    fix_wait_s: float = 2.0
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What has come since the last time, each in its order.
+
+    :param logger_lines: lines of the logger
+    :param gnss_lines: lines of the receiver
+    :param fixes: fixes of the receiver, also those that say that there is none
+    :param readings: raw records, for their weather
+    :param records: corrected, geo-tagged records
+    :param more: whether more is waiting
+    """
+
+    logger_lines: Sequence[bytes]
+    gnss_lines: Sequence[bytes]
+    fixes: Sequence[Fix]
+    readings: Sequence[LoggerRecord]
+    records: Sequence[CountRecord]
+    more: bool
+
+
+class LiveDriver:
+    """Reads the devices in threads of its own; everything else is done by whoever calls, in one thread at a time.
+
+    :param settings: what to read
+    :param site: the sensor
+    :param frame: plane to place the records in
+    :param now_s: time, if it is known [s since 1970 UTC]; dates the fixes of receivers that send none
+    :raises InputError: if anything of it cannot be used
+    """
+
+    def __init__(self, settings: DriverSettings, site: Site, frame: LocalFrame, now_s: float = NAN) -> None:
+        self._settings = settings
+        self._site = site
+        self._reference_stamp_s = now_s if now_s > 0 else NAN
+        self.survey = LiveSurvey(site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s)
+        self._open_all()  # only to see that the addresses can be used: nothing is connected yet
+        self._readers: dict[str, LineReader] = {}
+        self._awake = threading.Event()
+
+    def start(self, wake: Callable[[], None]) -> None:
+        """Begin to read.
+
+        :param wake: called from threads when there is something for :meth:`step`
+        :raises InputError: if a recording cannot be read any more
+        """
+
+        def on_line() -> None:
+            if not self._awake.is_set():  # waking up costs more than a line
+                self._awake.set()
+                wake()
+
+        self._readers = {name: LineReader(source, on_line) for name, source in self._open_all().items()}
+
+    def stop(self) -> None:
+        """Stop reading; :meth:`start` begins again."""
+        for reader in self._readers.values():
+            reader.stop()
+        self._readers = {}
+
+    def step(self, now_s: float) -> Batch:
+        """Take what has come.
+
+        :param now_s: time, zero if it is not known yet [s since 1970 UTC]
+        """
+        self._awake.clear()
+        # Records wait by steady time: simulated time jumps on while lines are still on their way.
+        steady_s = time.monotonic()
+        # Fixes first, all of them: a record that came with them need not wait for them.
+        gnss_lines = self._lines(GNSS)
+        fixes = [fix for line in gnss_lines if (fix := self.survey.take_nmea_line(line)) is not None]
+        jammed = len(gnss_lines) == LINES_PER_STEP
+        logger_lines = [] if jammed else self._lines(LOGGER)
+        readings = []
+        for line in logger_lines:
+            reading = self.survey.take_logger_line(line, steady_s)
+            if reading is not None:
+                readings.append(reading)
+                if now_s > 0:
+                    self.survey.compare_clocks(reading.stamp_s, now_s)
+        more = jammed or len(logger_lines) == LINES_PER_STEP
+        return Batch(logger_lines, gnss_lines, fixes, readings, self.survey.take_ready(steady_s), more)
+
+    def health(self, now_s: float) -> list[Health]:
+        """How all parts are doing.
+
+        :param now_s: time [s since 1970 UTC]
+        """
+        if not self._readers:
+            return [Health("driver", Level.STALE, "not active: nothing is read")]
+        parts = [link_health(f"{name} link", reader.status) for name, reader in self._readers.items()]
+        return [*parts, records_health(self.survey, now_s), fix_health(self.survey, now_s)]
+
+    def _lines(self, name: str) -> list[bytes]:
+        reader = self._readers.get(name)
+        return [] if reader is None else reader.take(LINES_PER_STEP)
+
+    def _open_all(self) -> dict[str, LineSource]:
+        settings, playback = self._settings, PlaybackClock()
+        retry = Retry(silence_s=settings.silence_limit_s)
+        parser = RecordParser(self.survey.parser.format, self._site.longitude, on_problem=lambda problem: None)
+
+        def logger_stamp(line: bytes) -> float | None:
+            record = parser.feed(line)
+            return None if record is None else record.stamp_s
+
+        sources = {LOGGER: open_source(settings.logger_uri, retry, logger_stamp, playback)}
+        if settings.gnss_uri:
+            nmea = NmeaParser(reference_stamp_s=self._reference_stamp_s, on_problem=lambda problem: None)
+
+            def fix_stamp(line: bytes) -> float | None:
+                fix = nmea.feed(line)
+                return None if fix is None or math.isnan(fix.stamp_s) else fix.stamp_s
+
+            sources[GNSS] = open_source(settings.gnss_uri, retry, fix_stamp, playback)
+        return sources

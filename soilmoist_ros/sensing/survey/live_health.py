@@ -1,0 +1,126 @@
+"""How the links, the logger and the GNSS receiver of a live survey are doing, in words and numbers."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.sensing.gnss import FixStatus
+from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.survey.live_survey import LAST_RECORDS, LiveSurvey
+
+CLOCK_TOLERANCE_S = 5.0
+"""Clocks that differ by more are told of [s]."""
+MISSING_RECORDS = 3.5
+"""No record for the duration of so many is an error."""
+STALE_FIX_S = 5.0
+MANY_LOSSES = 2
+
+_LINK_LEVELS = {
+    LinkState.CONNECTED: Level.OK,
+    LinkState.ENDED: Level.OK,
+    LinkState.CONNECTING: Level.ERROR,
+    LinkState.SILENT: Level.ERROR,
+    LinkState.CLOSED: Level.STALE,
+}
+
+
+def link_health(name: str, status: LinkStatus) -> Health:
+    """State of a link.
+
+    :param name: name of the part, such as ``logger link``
+    :param status: what the link tells of itself
+    """
+    level = _LINK_LEVELS[status.state]
+    message = status.state.value
+    if level is Level.ERROR and status.last_error:
+        message += f": {status.last_error}; check the cable, the power and the address {status.uri}"
+    values = {
+        "address": status.uri,
+        "connections": str(status.connections),
+        "attempts in vain": str(status.attempts),
+        "last error": status.last_error or "none",
+        "lines": str(status.n_lines),
+        "bytes": str(status.n_bytes),
+        "lines too long": str(status.n_oversized),
+        "silent [s]": f"{status.silent_s:.1f}",
+    }
+    return Health(name, level, message, values)
+
+
+def records_health(survey: LiveSurvey, now_s: float) -> Health:
+    """How the records come.
+
+    :param survey: the survey
+    :param now_s: time [s since 1970 UTC]
+    """
+    problems, last = survey.logger_problems, survey.last_record
+    difference_s = survey.clock_difference_s
+    values = {
+        "logger": survey.parser.format.title,
+        "serial number": survey.parser.serial or "unknown",
+        "records": str(survey.records_out),
+        "records waiting for a fix": str(survey.waiting),
+        "records without a position": str(survey.records_without_position),
+        "records per minute": _number(60 * survey.record_rate_hz, 2),
+        "records and lines lost": str(problems.losses),
+        "logger clock minus ours [s]": _number(difference_s, 1),
+        **_by_kind("dropped", problems.lost),
+        **_by_kind("noted", problems.noted),
+    }
+    if problems.last_loss is not None:
+        values["last loss"] = str(problems.last_loss)
+    level, message = Level.OK, "counting"
+    if last is None:
+        level, message = Level.STALE, "no record yet"
+    else:
+        offset_s = 0.0 if math.isnan(difference_s) else difference_s
+        silent_s = now_s + offset_s - last.stamp_s
+        values["age of the last record [s]"] = f"{silent_s:.1f}"
+        if silent_s > MISSING_RECORDS * (survey.parser.period_s or math.inf):
+            level, message = Level.ERROR, f"no record for {silent_s:.0f} s: check the logger"
+        elif survey.losses_of_late >= MANY_LOSSES:
+            example = problems.last_loss.mistake.message if problems.last_loss else ""
+            message = f"{survey.losses_of_late} of the last {LAST_RECORDS} records are lost ({example})"
+            level = Level.WARN
+        elif abs(offset_s) > CLOCK_TOLERANCE_S:
+            level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
+    return Health("records", level, message, values)
+
+
+def fix_health(survey: LiveSurvey, now_s: float) -> Health:
+    """How well the place is known.
+
+    :param survey: the survey
+    :param now_s: time [s since 1970 UTC]
+    """
+    fix = survey.last_fix
+    values = _by_kind("dropped", survey.gnss_problems.lost)
+    if fix is None:
+        return Health("GNSS", Level.STALE, "no fix yet", values)
+    age_s = now_s - fix.stamp_s
+    values |= {
+        "status": fix.status.name.lower(),
+        "satellites": str(fix.satellites) if fix.satellites >= 0 else "unknown",
+        "hdop": _number(fix.hdop, 1),
+        "standard deviation [m]": _number(fix.position.horizontal_sd_m, 3),
+        "age [s]": _number(age_s, 1),
+    }
+    if fix.status is FixStatus.NO_FIX:
+        return Health("GNSS", Level.ERROR, "the receiver has no fix: records are not placed", values)
+    if not abs(age_s) <= STALE_FIX_S:
+        message = "the last fix has no time" if math.isnan(age_s) else f"the last fix is {age_s:.0f} s old"
+        return Health("GNSS", Level.WARN, message, values)
+    return Health("GNSS", Level.OK, f"fix ({fix.status.name})", values)
+
+
+def _by_kind(what: str, counted: Counter[Kind]) -> dict[str, str]:
+    return {
+        f"{what}: {kind.value}": str(number) for kind, number in sorted(counted.items(), key=lambda i: i[0].value)
+    }
+
+
+def _number(value: float, digits: int) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.{digits}f}"

@@ -1,0 +1,131 @@
+"""From a raw record to a corrected one at its place: the steps that files and live streams have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure
+from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
+from soilmoist_ros.sensing.corrections.tubes import combine_tubes
+from soilmoist_ros.sensing.moisture.site import CorrectionSettings, Site
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+
+_POSITION_GAP_RECORDS = 3.0
+_SHORTEST_POSITION_GAP_S = 5.0
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Air pressure [hPa], temperature [degC] and relative humidity [0..1] at one record; NaN if unknown."""
+
+    pressure_hpa: float
+    temperature_degc: float
+    relative_humidity: float
+
+
+class UnusableRecordError(Exception):
+    """A record cannot be used, or not be placed; says which kind of problem that is, and what to do."""
+
+    def __init__(self, kind: Kind, message: str, remedy: str) -> None:
+        super().__init__(message)
+        self.kind, self.message, self.remedy = kind, message, remedy
+
+
+def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | None:
+    """Where the incoming intensity comes from, ``None`` if it is not corrected for.
+
+    :raises InputError: if the file of a monitor cannot be used
+    """
+    if settings.intensity is None:
+        return None
+    if settings.intensity.file is not None:
+        return read_neutron_monitor(settings.intensity.file)
+    return settings.intensity.constant
+
+
+def correction_factors(
+    air: Weather, intensity: float | None, settings: CorrectionSettings, parameters: Corrections
+) -> Mapping[str, float]:
+    """Factors ``f_pressure``, ``f_humidity`` and ``f_intensity`` of one record [-].
+
+    A correction that is switched off is 1.
+
+    :raises ValueError: if a value that an active correction needs is missing or impossible; names it
+    """
+    factors = {"f_pressure": 1.0, "f_humidity": 1.0, "f_intensity": 1.0}
+    if settings.pressure is not None:
+        factors["f_pressure"] = parameters.f_pressure(air.pressure_hpa)
+    if settings.humidity is not None:
+        factors["f_humidity"] = parameters.f_humidity(air.temperature_degc, air.relative_humidity)
+    if settings.intensity is not None:
+        factors["f_intensity"] = parameters.f_intensity(math.nan if intensity is None else intensity)
+    return factors
+
+
+def correct_record(
+    record: LoggerRecord,
+    air: Weather,
+    site: Site,
+    intensity: NeutronMonitor | float | None,
+    shares: NDArray[np.float64],
+) -> CountRecord:
+    """The record with its corrections, not yet at a place.
+
+    :param record: the raw record
+    :param air: weather at its time
+    :param site: which corrections are applied
+    :param intensity: incoming intensity: of a monitor or constant, ``None`` if unknown
+    :param shares: share of each tube in the whole rate [-]
+    :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
+    """
+    try:
+        raw_counts, exposure_s = combine_tubes(record, shares)
+    except ValueError as error:
+        raise UnusableRecordError(Kind.NO_COUNTS, str(error), "check the detector") from None
+    if isinstance(intensity, NeutronMonitor):
+        intensity = intensity.at(record.stamp_s)
+    try:
+        factors = correction_factors(air, intensity, site.corrections, site.corrections_parameters)
+        factor = factors["f_pressure"] * factors["f_humidity"] * factors["f_intensity"]
+        effective_s = effective_exposure(exposure_s, factor)
+    except ValueError as error:
+        remedy = "complete the data, or switch the correction off in the site file (write null)"
+        raise UnusableRecordError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None
+    nowhere = math.nan
+    return CountRecord(record.stamp_s, nowhere, nowhere, nowhere, raw_counts, exposure_s, effective_s, **factors)
+
+
+def place_record(record: CountRecord, position: Position | None, frame: LocalFrame | None) -> CountRecord:
+    """The record at its place.
+
+    :raises UnusableRecordError: if there is no position, or it is beyond the datum's hemisphere
+    """
+    if position is None or frame is None:
+        remedy = "give the GNSS log with --nmea, or the location of a stationary probe in the site file"
+        raise UnusableRecordError(Kind.NO_POSITION, "there is no position for this record", remedy)
+    x, y = frame.to_local(position.latitude_deg, position.longitude_deg)[0]
+    if not math.isfinite(x + y):
+        raise UnusableRecordError(
+            Kind.NO_POSITION, "the position is on the far side of the earth", "check the datum"
+        )
+    return replace(record, x_m=float(x), y_m=float(y), z_m=position.altitude_m)
+
+
+def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> float:
+    """Duration of the counting interval [s]: since the previous record, or the live time after a gap."""
+    live = [live for live in record.tube_live_s if math.isfinite(live)]
+    live_s = max(live, default=0.0)
+    since_s = record.stamp_s - previous.stamp_s if previous is not None else math.inf
+    return since_s if live_s <= since_s <= 1.5 * live_s else live_s
+
+
+def position_gap_s(interval_s: float) -> float:
+    """Longest time between two fixes over which the place of a record may be interpolated [s]."""
+    return max(_POSITION_GAP_RECORDS * interval_s, _SHORTEST_POSITION_GAP_S)

@@ -1,0 +1,1 @@
+"""Many simulated missions: file, workers, store, tables."""

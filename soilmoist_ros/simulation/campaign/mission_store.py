@@ -1,0 +1,247 @@
+"""Finished missions of a campaign on disk: one small file each, complete or not there at all."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros import __version__
+from soilmoist_ros.foundation.errors import InputError, SoilmoistError
+from soilmoist_ros.simulation.campaign.campaign_file import Mission
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
+
+Array = NDArray[np.float64]
+SCHEMA = 2
+SUFFIX = ".npz"
+COMPUTING = ("sensing", "mapping", "exploration", "simulation")
+"""Sub-packages whose code determines a mission."""
+
+
+class DamagedMissionError(SoilmoistError):
+    """A stored mission that cannot be read, or that is not what its name says."""
+
+
+class StaleMissionError(DamagedMissionError):
+    """A stored mission that another state of the code computed."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredMission:
+    """What is kept of a mission; the maps in single precision, NaN outside the field.
+
+    :param settings: what it was run with
+    :param key: digest of the settings
+    :param version: version of the code it was run with
+    :param field_title: name of the field for reports
+    :param ended: why it ended
+    :param series: state over time
+    :param visits: measurements in order
+    :param tracks: corner points of each robot's path, shape (p, 2) [m]
+    :param x_m: centres of the map's columns, shape (nx,) [m]; empty without a map, as all that follows
+    :param y_m: centres of the map's rows, shape (ny,) [m]
+    :param rate: final map of the rate, shape (ny, nx) [counts/s]
+    :param rate_sd: its standard deviation [counts/s]
+    :param truth_rate: true rate [counts/s]
+    :param outlines: boundaries of the field, each of shape (k, 2) [m]
+    """
+
+    settings: MissionSettings
+    key: str
+    version: str
+    field_title: str
+    ended: str
+    series: tuple[SeriesRow, ...]
+    visits: tuple[Visit, ...]
+    tracks: tuple[Array, ...]
+    x_m: Array
+    y_m: Array
+    rate: Array
+    rate_sd: Array
+    truth_rate: Array
+    outlines: tuple[Array, ...]
+
+
+@cache
+def code_version() -> str:
+    """Version of the package and a digest of the code that computes, so that no two states of it mix."""
+    package = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256()
+    for path in sorted(path for name in COMPUTING for path in (package / name).glob("**/*.py")):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return f"{__version__}+{digest.hexdigest()[:12]}"
+
+
+def pack(result: MissionResult, key: str) -> bytes:
+    """A finished mission as the bytes of its file."""
+    soil_map = result.soil_map
+    about = {
+        "schema": SCHEMA,
+        "key": key,
+        "version": code_version(),
+        "settings": asdict(result.settings),
+        "field_title": result.field_title,
+        "ended": result.ended,
+        "visit_names": [[visit.name, visit.reason] for visit in result.visits],
+    }
+    visits = [(v.x_m, v.y_m, v.arrived_s, v.dwell_s, v.raw_counts, v.robot) for v in result.visits]
+    empty: Array = np.empty(0)
+    shown: Sequence[Array] = (
+        (empty, empty, empty, empty, empty)
+        if soil_map is None
+        else (soil_map.grid.x_m, soil_map.grid.y_m, soil_map.rate, soil_map.rate_sd, result.truth_rate)
+    )
+    x_m, y_m, rate, rate_sd, truth = shown
+    rings = [] if soil_map is None else [*soil_map.grid.polygons, *soil_map.grid.holes]
+    stream = io.BytesIO()
+    np.savez_compressed(
+        stream,
+        about=np.array(json.dumps(about)),
+        series=np.array(result.series, float).reshape(-1, len(SeriesRow._fields)),
+        visits=np.array(visits, float).reshape(-1, 6),
+        tracks=np.concatenate([np.empty((0, 2)), *result.tracks]),
+        track_lengths=np.array([len(track) for track in result.tracks], int),
+        x_m=x_m,
+        y_m=y_m,
+        rate=np.asarray(rate, np.float32),
+        rate_sd=np.asarray(rate_sd, np.float32),
+        truth_rate=np.asarray(truth, np.float32),
+        rings=np.concatenate([np.empty((0, 2)), *rings]),
+        ring_lengths=np.array([len(ring) for ring in rings], int),
+    )
+    return stream.getvalue()
+
+
+def unpack(content: bytes) -> StoredMission:
+    """The mission in the bytes of a file.
+
+    :raises DamagedMissionError: if it is not a whole file of a mission
+    """
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        about = json.loads(str(arrays["about"]))
+        if about["schema"] != SCHEMA:
+            raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
+        visits = tuple(
+            Visit(name, x, y, arrived, dwell, int(counts), reason, int(robot))
+            for (name, reason), (x, y, arrived, dwell, counts, robot) in zip(
+                about["visit_names"], arrays["visits"].astype(float).tolist(), strict=True
+            )
+        )
+        series = tuple(
+            SeriesRow._make([*row[:2], int(row[2]), *row[3:]]) for row in arrays["series"].astype(float).tolist()
+        )
+        return StoredMission(
+            settings=MissionSettings(**about["settings"]),
+            key=about["key"],
+            version=about["version"],
+            field_title=about["field_title"],
+            ended=about["ended"],
+            series=series,
+            visits=visits,
+            tracks=_pieces(arrays["tracks"], arrays["track_lengths"]),
+            outlines=_pieces(arrays["rings"], arrays["ring_lengths"]),
+            **{name: np.asarray(arrays[name], float) for name in ("x_m", "y_m", "rate", "rate_sd", "truth_rate")},
+        )
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        IndexError,
+        EOFError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
+        raise DamagedMissionError(f"cannot be read ({type(error).__name__}: {error})") from None
+
+
+def _pieces(joined: Array, lengths: NDArray[np.int_]) -> tuple[Array, ...]:
+    """Arrays that were joined one after the other, by their lengths."""
+    return tuple(np.split(joined, np.cumsum(lengths)[:-1])) if len(lengths) else ()
+
+
+class MissionStore:
+    """The folder of finished missions.
+
+    :param folder: made if missing
+    :raises InputError: if it cannot be made
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"cannot be written: {error.strerror}", "choose another output folder", folder
+            ) from None
+
+    def path(self, key: str) -> Path:
+        """File of a mission."""
+        return self.folder / f"{key}{SUFFIX}"
+
+    def read(self, mission: Mission) -> StoredMission | None:
+        """A finished mission, ``None`` if there is none.
+
+        :raises DamagedMissionError: if its file is damaged or another mission's
+        :raises StaleMissionError: if other code made it
+        """
+        path = self.path(mission.key)
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise DamagedMissionError(f"{path.name} cannot be read ({error.strerror})") from None
+        try:
+            return check(unpack(content), mission)
+        except DamagedMissionError as error:
+            raise type(error)(f"{path.name} {error}") from None
+
+    def write(self, mission: Mission, content: bytes) -> StoredMission:
+        """Store a mission: afterwards its file is there and whole, whatever happens meanwhile.
+
+        :param content: of :func:`pack`
+        :raises DamagedMissionError: if the content is not that of the mission, computed by this code
+        :raises InputError: if it cannot be written
+        """
+        stored = check(unpack(content), mission)
+        workshop = self.folder / f".{mission.key}.writing"
+        try:
+            with workshop.open("wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(workshop, self.path(mission.key))
+        except OSError as error:
+            workshop.unlink(missing_ok=True)
+            raise InputError(
+                f"a mission cannot be stored: {error.strerror}",
+                "make room or choose another output folder; the missions stored so far are used again",
+                self.folder,
+            ) from None
+        return stored
+
+
+def check(stored: StoredMission, mission: Mission) -> StoredMission:
+    """The stored mission, if it is the one meant and was computed by this code.
+
+    :raises DamagedMissionError: if not
+    """
+    if stored.key != mission.key:
+        raise DamagedMissionError("holds another mission than its name says")
+    if stored.version != code_version():
+        raise StaleMissionError(f"was computed by version {stored.version}, this is {code_version()}")
+    return stored

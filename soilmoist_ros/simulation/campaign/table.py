@@ -1,0 +1,165 @@
+"""The tables of a campaign: all missions on one time grid, and one row per mission with its final values."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission
+from soilmoist_ros.simulation.campaign.mission_store import StoredMission
+from soilmoist_ros.simulation.mission.mission_run import SeriesRow
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+Finished = Sequence[tuple[Mission, StoredMission]]
+
+SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "target",
+            "travel", "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m",
+            "footprint_m", "position_sd_m", "weather", "robots", "random_field", "also",
+            "also_weight")  # fmt: skip
+"""Columns that say which mission a row belongs to."""
+METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share", "also_mse",
+           "also_coverage95")  # fmt: skip
+
+
+def require_pandas() -> Any:
+    """The pandas module.
+
+    :raises InputError: if it, or what it needs to write Parquet, is not installed
+    """
+    try:
+        import pandas
+        import pyarrow  # noqa: F401 - pandas looks for it only when it writes
+    except ImportError as error:
+        raise InputError(
+            f"campaigns need {error.name}, which is not installed", "pip install 'pandas>=2.2' 'pyarrow>=14'"
+        ) from None
+    return pandas
+
+
+def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
+    """One row per mission and time: settings, ``time_s`` and the metrics (see :class:`SeriesRow`).
+
+    The time grid of a mission reaches from 0 to its planned end. A row holds the state as last entered; after
+    an early end that of the end. ``counting_share`` is the share of the time so far spent counting at stops.
+
+    :param finished: missions
+    :param every_s: time between two rows of a mission [s]
+    """
+    pandas = require_pandas()
+    grids = [time_grid(stored.settings.hours, every_s) for _, stored in finished]
+    values = [metrics_at(stored, grid) for (_, stored), grid in zip(finished, grids, strict=True)]
+    heads = [{"key": mission.key, **_settings(mission)} for mission, _ in finished]
+    head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype({"cell_m": "float64"})
+    table = head.loc[head.index.repeat([len(grid) for grid in grids])].reset_index(drop=True)
+    table["time_s"] = np.concatenate([np.empty(0), *grids])
+    for name in METRICS:
+        kind = int if name == "samples" else float
+        table[name] = np.concatenate([np.empty(0, kind), *(metrics[name] for metrics in values)])
+    return table
+
+
+def missions_table(finished: Finished) -> pd.DataFrame:
+    """One row per mission: settings, final metrics, and how it went.
+
+    ``border_share`` is the share of stops in the strip along the boundary that holds half of the field's area
+    (a half for stops anywhere); ``end_s`` the time at which the mission ended.
+    """
+    pandas = require_pandas()
+    rows = []
+    for mission, stored in finished:
+        end_s = stored.series[-1].time_s if stored.series else float("nan")
+        final = {name: values[0] for name, values in metrics_at(stored, np.array([np.inf])).items()}
+        rows.append(
+            {
+                "key": mission.key,
+                "experiments": " ".join(mission.experiments),
+                **_settings(mission),
+                "field_title": stored.field_title or stored.settings.field,
+                "end_s": end_s,
+                **final,
+                "border_share": border_share(stored),
+                "ended": stored.ended,
+            }
+        )
+    columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *METRICS, "border_share", "ended"]
+    return pandas.DataFrame(rows, columns=columns).astype({"cell_m": "float64"})
+
+
+def write_tables(out: Path, campaign: Campaign, finished: Finished) -> list[Path]:
+    """Write ``results`` and ``missions`` as Parquet and CSV; returns the paths.
+
+    :raises InputError: if they cannot be written
+    """
+    tables = {"results": results_table(finished, campaign.table_every_s), "missions": missions_table(finished)}
+    written = []
+    for name, table in tables.items():
+        for suffix in ("parquet", "csv"):
+            path = out / f"{name}.{suffix}"
+            workshop = out / f".{path.name}.writing"
+            try:
+                if suffix == "csv":
+                    table.to_csv(workshop, index=False, float_format="%.8g", lineterminator="\n")
+                else:
+                    table.to_parquet(workshop, index=False)
+                os.replace(workshop, path)
+            except OSError as error:
+                raise InputError(
+                    f"cannot be written: {error.strerror}", "choose another output folder", path
+                ) from None
+            written.append(path)
+    return written
+
+
+def time_grid(hours: float, every_s: float) -> Array:
+    """Times from 0 to the planned end, which is always the last [s]."""
+    end_s = 3600 * hours
+    grid = every_s * np.arange(np.floor(end_s / every_s * (1 + 1e-12)) + 1)
+    return grid if end_s - grid[-1] < 1e-6 * every_s else np.append(grid, end_s)
+
+
+def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, Array]:
+    """The metrics of a mission at any times: the state as last entered."""
+    start = np.array([SeriesRow(0, 0, 0, np.nan, np.nan, np.nan, np.nan, 0)], float)
+    entered = np.array(stored.series, float).reshape(-1, start.shape[1])
+    rows = np.vstack([start, entered])
+    last = (
+        np.searchsorted(entered[:, 0], times_s + 1e-6, side="right")
+        if len(entered)
+        else np.zeros(len(times_s), int)
+    )
+    state = SeriesRow(*rows[last].T)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.where(state.time_s > 0, state.counting_s / (state.time_s * stored.settings.robots), np.nan)
+    same = {name: getattr(state, name) for name in METRICS if name != "counting_share"}
+    return {**same, "samples": rows[last, 2].astype(int), "counting_share": share}
+
+
+def border_share(stored: StoredMission) -> float:
+    """Share of the stops in the strip along the boundary that holds half of the area; NaN without map or stops."""
+    import shapely
+
+    if not stored.outlines or not stored.visits:
+        return float("nan")
+    boundary = shapely.MultiLineString([np.vstack([ring, ring[:1]]) for ring in stored.outlines])
+    row, column = np.nonzero(np.isfinite(stored.truth_rate))
+    cells = np.column_stack([stored.x_m[column], stored.y_m[row]])
+    stops = np.array([(visit.x_m, visit.y_m) for visit in stored.visits])
+    width = np.median(shapely.distance(shapely.points(cells), boundary))
+    return float(np.mean(shapely.distance(shapely.points(stops), boundary) < width))
+
+
+def _settings(mission: Mission) -> dict[str, Any]:
+    values = asdict(mission.settings)
+    values["graph"] = values["graph"] or "default"
+    values["also"] = values["also"] or "none"
+    return {name: values[name] for name in SETTINGS}

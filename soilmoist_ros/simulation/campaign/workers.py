@@ -1,0 +1,246 @@
+"""Where the missions of a campaign are computed: in this process, in local processes, or on a Dask cluster.
+
+Each way takes the missions that are left to do and yields each with the bytes of its file, or with what went
+wrong, in the order in which they finish.
+"""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import os
+import re
+import signal
+import threading
+import traceback
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.campaign.campaign_file import Mission, settings_as_text
+from soilmoist_ros.simulation.campaign.mission_store import pack
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings
+
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
+
+Simulate = Callable[[MissionSettings, Callable[[float], None] | None], MissionResult]
+
+THREADS = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+CONNECT_S = 10.0
+"""Time that a Dask scheduler, and then its first worker, may take to answer [s]."""
+
+_KEYS = "set ca-file, client.key and client.cert below distributed.comm.tls in ~/.config/dask/distributed.yaml"
+_stop: Event | None = None
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A mission that did not finish.
+
+    :param mission: the mission
+    :param error: what went wrong, one line
+    :param details: where, as a traceback; may be empty
+    """
+
+    mission: Mission
+    error: str
+    details: str = ""
+
+    def __str__(self) -> str:
+        return f"{settings_as_text(self.mission.settings)}: {self.error}"
+
+
+Finished = tuple[Mission, bytes | Failure]
+Flow = Generator[Finished, None, None]
+
+
+class _Stopped(Exception):  # noqa: N818 - nothing went wrong
+    """The campaign was stopped while the mission ran."""
+
+
+def compute(mission: Mission, simulate: Simulate) -> bytes | Failure:
+    """Simulate one mission; whatever goes wrong in it is returned, not raised."""
+    try:
+        return pack(simulate(mission.settings, _stop_if_asked), mission.key)
+    except Exception as error:
+        text = " ".join(str(error).split()) or "no message"
+        return Failure(mission, f"{type(error).__name__}: {text}", traceback.format_exc())
+
+
+def in_this_process(todo: Iterable[Mission], simulate: Simulate) -> Flow:
+    """One mission after the other, here."""
+    for mission in todo:
+        yield mission, compute(mission, simulate)
+
+
+def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> Flow:
+    """In so many fresh local processes, each with one thread of linear algebra.
+
+    When a process dies, the missions that were under way are tried again one by one, so that only the one
+    that kills its process fails.
+    """
+    waiting, suspects = deque(todo), list[Mission]()
+    with one_thread_each():
+        while waiting:
+            suspects += yield from _in_one_pool(waiting, simulate, workers)
+        for mission in suspects:
+            if (yield from _in_one_pool(deque([mission]), simulate, 1)):
+                yield mission, Failure(mission, "the process that computed it died (was the memory used up?)")
+
+
+def _in_one_pool(
+    waiting: deque[Mission], simulate: Simulate, workers: int
+) -> Generator[Finished, None, list[Mission]]:
+    """Compute until nothing waits or a process dies; returns the missions that were under way then."""
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    pool = ProcessPoolExecutor(min(workers, len(waiting)), context, initializer=_begin, initargs=(stop,))
+    running: dict[Future[bytes | Failure], Mission] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < workers + 1:
+                with _deaf():
+                    running[pool.submit(compute, waiting[0], simulate)] = waiting[0]
+                waiting.popleft()
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                content = future.result()
+                yield running.pop(future), content
+    except BrokenProcessPool:
+        return list(running.values())
+    finally:
+        stop.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+    return []
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes started meanwhile do not hear Ctrl-C, not even while they are still loading modules."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _begin(stop: Event) -> None:
+    """Start of a process: Ctrl-C is the parent's business, which then sets ``stop``."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _stop_if_asked(_share: float) -> None:
+    """Progress of a mission: a good moment to stop it."""
+    if _stop is not None and _stop.is_set():
+        raise _Stopped("the campaign was stopped")
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile use one thread each: it must be set before they load numpy."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def on_cluster(todo: Iterable[Mission], simulate: Simulate, scheduler: str) -> Flow:
+    """On the workers of a Dask cluster, which must have the same version of this package.
+
+    :param scheduler: address of the scheduler, such as ``tcp://head:8786``
+    :raises InputError: if Dask is not installed, or the scheduler or a worker does not answer in time
+    """
+    client = connect(scheduler)
+    as_completed: Any = importlib.import_module("distributed").as_completed
+
+    with client:
+        futures: dict[Any, Mission] = {}
+        try:
+            for mission in todo:
+                futures[client.submit(compute, mission, simulate, key=f"mission-{mission.key}", pure=False)] = (
+                    mission
+                )
+            for future in as_completed(list(futures), loop=client.loop):
+                mission = futures.pop(future)
+                error = future.exception()
+                yield mission, future.result() if error is None else Failure(mission, _lost(error))
+                future.release()
+        finally:
+            if futures:
+                client.cancel(list(futures), force=True)
+
+
+def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
+    """A client of a Dask cluster that has a worker.
+
+    :raises InputError: as :func:`on_cluster`
+    """
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise InputError(
+            "a cluster needs Dask, which is not installed", "pip install 'distributed>=2024.1'"
+        ) from None
+    _check_address(scheduler, distributed)
+    try:
+        client = distributed.Client(scheduler, timeout=timeout_s, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(
+            f"no Dask scheduler answers at {scheduler!r} within {timeout_s:g} s ({type(error).__name__})",
+            "start one with 'dask scheduler', workers with 'dask worker ADDRESS', and give tcp://HOST:8786",
+        ) from None
+    try:
+        client.wait_for_workers(1, timeout=timeout_s)
+    except TimeoutError:
+        client.close()
+        raise InputError(
+            f"the Dask scheduler at {scheduler!r} has no worker", f"start some with 'dask worker {scheduler}'"
+        ) from None
+    return client
+
+
+def _check_address(scheduler: str, distributed: Any) -> None:
+    """Refuse an address that Dask would not understand: it would hang in the attempt to take the client down.
+
+    :raises InputError: if it is not that of a scheduler, or an encrypted one without keys
+    """
+    form = re.fullmatch(r"((?P<scheme>tcp|tls)://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):(?P<port>\d{1,5})", scheduler)
+    if form is None or not 0 < int(form["port"]) < 65536:
+        raise InputError(
+            f"{scheduler!r} is not the address of a Dask scheduler",
+            "give tcp://HOST:PORT, such as tcp://127.0.0.1:8786, or tls://HOST:PORT",
+        )
+    if form["scheme"] == "tls":
+        try:
+            keys = distributed.Security().get_connection_args("client")["ssl_context"]
+        except (OSError, ValueError) as error:
+            raise InputError(f"Dask's keys cannot be used: {error}", _KEYS) from None
+        if keys is None:
+            raise InputError(f"{scheduler!r} needs keys, and Dask has none", _KEYS)
+
+
+def _lost(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"lost on the cluster ({type(error).__name__}: {text})"

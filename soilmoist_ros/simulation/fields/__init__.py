@@ -1,0 +1,1 @@
+"""Surrogate fields: soil whose truth is known."""

@@ -1,0 +1,237 @@
+"""Fields whose count rate, and so their soil moisture, is known everywhere.
+
+Built-in fields follow the published experiments: the rate is extrapolated by ordinary kriging from point rates
+(Pulido Fentanes et al., *Kriging-Based Robotic Exploration for Soil Moisture Mapping Using a Cosmic-Ray
+Sensor*). What the paper leaves open is decided here, and said in the docstring of each field.
+
+The rate of the border between two soils is that of a sensor whose footprint is Gaussian with 86 % of the
+counts from within 10 m, that is, a standard deviation of 5 m: ``rate(d) = wet + (dry - wet) Phi(d / 5 m)`` at
+the signed distance d. All extrapolate with the exponential model, which hardly overshoots a border, and with a
+range that is long against the distance of points, so that beyond the outermost points the rate stays.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from functools import cache, lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.configuration import config_folder, resource_names
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.simulation.fields.rate_extrapolation import KrigedRate
+from soilmoist_ros.simulation.fields.rate_grid import Extent
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.truth_file import load_surrogate, truth_stamps
+
+Array = NDArray[np.float64]
+
+DATUM = LocalFrame(53.2680, -0.5245)
+FOOTPRINT_SD_M = 5.0
+"""Standard deviation of the footprint that smooths a border [m]."""
+BORDER_OFFSETS_M = (-30.0, -15.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0)
+"""Distances from the border at which the published airfield was measured [m]; negative on the grass."""
+AIRFIELD_RATE_S = 600.0
+"""Time for which each point of the published airfield was counted [s]."""
+AIRFIELD_SEED = 20
+"""Seed of the point rates of ``airfield-simulated``."""
+AIRFIELD_SOIL = CalibrationCurve(n0_cps=4.4, bulk_density_gcm3=1.4)
+"""Its rates at 5 % and 20 % moisture are 4.0 and 3.0 counts/s, those of the low-contrast airfield."""
+TURF = CalibrationCurve(n0_cps=4.75, bulk_density_gcm3=1.1)
+"""The 2 : 1 contrast of 5.0 to 2.5 counts/s is the most that the curve can express: no soil as dense as
+1.4 g/cm^3 holds enough water for it. A loose turf of 1.1 g/cm^3 (porosity 58 %) at 45 % moisture does, against
+concrete at 0.4 %."""
+
+
+def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -> SurrogateField:
+    """A surrogate field by name or from a file; made once per process.
+
+    :param name_or_path: a built-in field (see :func:`surrogate_field_names`), a shipped field file with a
+        truth, or the path of one
+    :param rng: source of the field's own randomness (the point rates of ``airfield-simulated``, random
+        formulas). Without it a fixed seed is used, so that the field is always the same; with it the field is
+        made anew.
+    :raises InputError: if there is no such field, or for any mistake in its files
+    """
+    if name_or_path in BUILT_IN:
+        return _built_in(name_or_path) if rng is None else BUILT_IN[name_or_path](rng)
+    path = _field_file(name_or_path)
+    if rng is not None:
+        return load_surrogate(path, rng)
+    return _loaded(path.resolve(), truth_stamps(path))
+
+
+def known_field(name_or_path: str) -> Field:
+    """The outline of a built-in field, of a shipped field file, or of one with this path; needs no truth.
+
+    :raises InputError: if there is no such field, or for any mistake in its file
+    """
+    if name_or_path in BUILT_IN:
+        return surrogate_field(name_or_path).field
+    return load_field(_field_file(name_or_path, "the path of a field file"))
+
+
+def surrogate_field_names() -> list[str]:
+    """Names of the built-in fields."""
+    return list(BUILT_IN)
+
+
+@cache
+def _built_in(name: str) -> SurrogateField:
+    return BUILT_IN[name](None)
+
+
+@lru_cache(maxsize=16)
+def _loaded(path: Path, stamps: tuple[int, ...]) -> SurrogateField:
+    """A field file; the stamps tell its versions apart."""
+    return load_surrogate(path)
+
+
+def _field_file(name: str, or_path: str = "the path of a field file with a truth") -> Path:
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = resource_names("fields")
+    if name in shipped:
+        return config_folder() / "fields" / f"{name}.yaml"
+    known = [*BUILT_IN, *shipped]
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    raise InputError(
+        f"there is no surrogate field and no field file of the name {name!r}",
+        f"give one of: {', '.join(known)}; or {or_path}" + (f" (did you mean {close[0]!r}?)" if close else ""),
+    )
+
+
+def half_wet_field(
+    width_m: float = 60.0,
+    height_m: float = 50.0,
+    dry_vwc: float = 0.08,
+    wet_vwc: float = 0.28,
+    transition_m: float = 6.0,
+) -> SurrogateField:
+    """A rectangle that is dry in the west and wet in the east, with a slanting, smooth border.
+
+    :param width_m: extent to the east [m]
+    :param height_m: extent to the north [m]
+    :param dry_vwc: moisture of the dry half [m^3/m^3]
+    :param wet_vwc: moisture of the wet half [m^3/m^3]
+    :param transition_m: distance over which most of the change happens [m]
+    """
+    curve = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4)
+
+    def truth(xy: Array) -> Array:
+        slant = 0.25 * (xy[:, 1] - height_m / 2)
+        wetness = 0.5 * (1 + np.tanh((xy[:, 0] - width_m / 2 - slant) / (transition_m / 2)))
+        return curve.rate_cps(dry_vwc + (wet_vwc - dry_vwc) * wetness)
+
+    field = _rectangle("half wet, half dry", width_m, height_m, cell_m=0.5)
+    return SurrogateField("half-wet", field.name, field, truth, curve)
+
+
+def _synthetic_high(rng: np.random.Generator | None) -> SurrogateField:
+    """Airfield of 60 x 50 m, 2.5 counts/s on grass and 5.0 on concrete.
+
+    See :func:`_synthetic_airfield`; the soil is :data:`TURF`.
+    """
+    return _synthetic_airfield("synthetic-high", "Synthetic airfield, high gradient", 2.5, 5.0, TURF)
+
+
+def _synthetic_low(rng: np.random.Generator | None) -> SurrogateField:
+    """Airfield of 60 x 50 m, 3.0 counts/s on grass (20 % VWC) and 4.0 on concrete (5 %).
+
+    See :func:`_synthetic_airfield`; the soil is :data:`AIRFIELD_SOIL`.
+    """
+    return _synthetic_airfield("synthetic-low", "Synthetic airfield, low gradient", 3.0, 4.0, AIRFIELD_SOIL)
+
+
+def _synthetic_airfield(
+    name: str, title: str, grass_cps: float, concrete_cps: float, curve: CalibrationCurve
+) -> SurrogateField:
+    """Grass in the west, concrete in the east, without noise.
+
+    78 points: the 13 distances of the measured airfield along six lines 10 m apart. The border slants by 1 : 5,
+    so that it does not run along the rows of a grid; it passes the middle of the field.
+    Exponential model of range 60 m (practical range 180 m), no nugget; cells of 1 m.
+    """
+    places = [(30 + 0.2 * (y - 25) + offset, y) for y in _line_positions() for offset in BORDER_OFFSETS_M]
+    rate = np.tile(_across_border(grass_cps, concrete_cps), len(_line_positions()))
+    variogram = Variogram("exponential", nugget=0.0, range_m=60.0, sill=(concrete_cps - grass_cps) ** 2)
+    field = _rectangle(title, 60.0, 50.0, cell_m=1.0)
+    return _extrapolated(name, field, np.array(places), rate, variogram, curve, hours=2.0)
+
+
+def _airfield_simulated(rng: np.random.Generator | None) -> SurrogateField:
+    """The measured airfield: one line of 13 points across the border, repeated at 10 m distance five times.
+
+    The original rates are not public. They are drawn once for the line: Poisson counts of 600 s about the rate
+    at 5 % (concrete) and 20 % VWC (grass); the other lines repeat them. The border is straight, at x = 30 m.
+    Exponential model of range 60 m, sill 0.9, with the variance of the Poisson noise as a nugget that is
+    filtered: the truth passes the drawn rates to within about their noise, as no real soil varies so much over
+    1 m as counts do. Cells of 1 m.
+    """
+    rng = rng or np.random.default_rng(AIRFIELD_SEED)
+    concrete, grass = AIRFIELD_SOIL.rate_cps([0.05, 0.20])
+    line = rng.poisson(_across_border(grass, concrete) * AIRFIELD_RATE_S) / AIRFIELD_RATE_S
+    places = [(30 + offset, y) for y in _line_positions() for offset in BORDER_OFFSETS_M]
+    rate = np.tile(line, len(_line_positions()))
+    noise = float(line.mean()) / AIRFIELD_RATE_S
+    variogram = Variogram("exponential", nugget=noise, range_m=60.0, sill=0.9 + noise)
+    field = _rectangle("Simulated airfield", 60.0, 50.0, cell_m=1.0)
+    return _extrapolated("airfield-simulated", field, np.array(places), rate, variogram, AIRFIELD_SOIL, hours=2.0)
+
+
+def _validation(rng: np.random.Generator | None) -> SurrogateField:
+    """Field of 210 x 330 m (7 ha), 18 % VWC, with an irrigated part of 24 %.
+
+    72 points on a lattice of 30 m: x = 30..180 m, y = 0..330 m. The part east of 105 m and north of 165 m, a
+    quarter of the field, is irrigated. The same sensor and soil as on the airfield: 3.10 and 2.88 counts/s.
+    Exponential model of range 150 m, no nugget; the change happens between two rows of points, so over 30 m.
+    Cells of 3 m.
+    """
+    places = np.array([(x, y) for y in np.arange(0.0, 331.0, 30.0) for x in np.arange(30.0, 181.0, 30.0)])
+    irrigated = (places[:, 0] > 105) & (places[:, 1] > 165)
+    rate = AIRFIELD_SOIL.rate_cps(np.where(irrigated, 0.24, 0.18))
+    variogram = Variogram("exponential", nugget=0.0, range_m=150.0, sill=0.05)
+    field = _rectangle("Validation field", 210.0, 330.0, cell_m=3.0)
+    return _extrapolated("validation", field, places, rate, variogram, AIRFIELD_SOIL, hours=4.0)
+
+
+BUILT_IN: dict[str, Callable[[np.random.Generator | None], SurrogateField]] = {
+    "synthetic-high": _synthetic_high,
+    "synthetic-low": _synthetic_low,
+    "airfield-simulated": _airfield_simulated,
+    "validation": _validation,
+    "half-wet": lambda rng: half_wet_field(),
+}
+
+
+def _line_positions() -> Array:
+    """Distances of the six lines of an airfield along its border [m]."""
+    return np.arange(0.0, 51.0, 10.0)
+
+
+def _across_border(wet_cps: float, dry_cps: float) -> Array:
+    """Expected rates at the distances of an airfield line [counts/s], seen through the sensor's footprint."""
+    from scipy.special import ndtr
+
+    return np.asarray(wet_cps + (dry_cps - wet_cps) * ndtr(np.array(BORDER_OFFSETS_M) / FOOTPRINT_SD_M))
+
+
+def _rectangle(name: str, width_m: float, height_m: float, cell_m: float) -> Field:
+    corners = [(0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m)]
+    return Field(name, DATUM, np.array(corners), cell_m=cell_m)
+
+
+def _extrapolated(
+    name: str, field: Field, xy: Array, rate: Array, variogram: Variogram, curve: CalibrationCurve, hours: float
+) -> SurrogateField:
+    assert field.cell_m is not None
+    truth = KrigedRate(xy, rate, variogram, Extent.of(field.polygon, field.cell_m))
+    return SurrogateField(name, field.name, field, truth, curve, hours, xy, rate)

@@ -1,0 +1,101 @@
+"""Files about a surrogate field: what a mission may know of it, and the truth for the reports afterwards."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+
+Array = NDArray[np.float64]
+
+
+def write_field_file(field: SurrogateField, path: Path) -> None:
+    """Write the field file of a surrogate field, without its truth.
+
+    :param field: the field
+    :param path: file to write
+    :raises InputError: if it cannot be written
+    """
+    _write(path, _yaml(_outline(field)))
+
+
+def write_site_file(field: SurrogateField, path: Path) -> None:
+    """Write a site file with the soil and the calibration that a surrogate field is made with, if it has any.
+
+    :param field: the field
+    :param path: file to write
+    :raises InputError: if it cannot be written
+    """
+    about: dict[str, Any] = {"name": "simulated sensor", "footprint_radius_m": 10.0}
+    _write(path, _yaml({**about, **_calibration(field, note="the calibration that the simulation uses")}))
+
+
+def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
+    """Write a field file with the truth, to be read as a surrogate field again, and its grid as CSV beside it.
+
+    :param field: the field
+    :param grid: the truth is written at the centres of its cells, those outside the field included
+    :param path: field file to write; the grid goes to the same name with ``.csv``
+    :raises InputError: if they cannot be written
+    """
+    table = path.with_suffix(".csv")
+    x, y = (axis.ravel() for axis in np.meshgrid(grid.x_m, grid.y_m))
+    rate = field.rate_at(np.column_stack([x, y]))
+    rows = (f"{east!r},{north!r},{cps!r}\n" for east, north, cps in np.column_stack([x, y, rate]).tolist())
+    _write(table, "x_m,y_m,rate_cps\n" + "".join(rows))
+    truth = {"grid": table.name, "hours": field.hours, **_calibration(field)}
+    _write(path, _yaml({**_outline(field), "truth": truth}))
+
+
+def _outline(field: SurrogateField) -> dict[str, Any]:
+    frame = field.frame
+    content: dict[str, Any] = {
+        "name": _title(field),
+        "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
+        "polygon": field.polygon.tolist(),
+    }
+    if field.field.no_go:
+        content["no_go"] = [ring.tolist() for ring in field.field.no_go]
+    if field.field.cell_m is not None:
+        content["cell_m"] = field.field.cell_m
+    return content
+
+
+def _calibration(field: SurrogateField, note: str | None = None) -> dict[str, Any]:
+    if field.curve is None:
+        return {}
+    soil = {
+        "bulk_density_gcm3": field.curve.bulk_density_gcm3,
+        "lattice_water": field.curve.lattice_water,
+        "organic_water": field.curve.organic_water,
+    }
+    calibration: dict[str, Any] = {"n0_cps": field.curve.n0_cps}
+    if note:
+        calibration["note"] = note
+    return {"soil": soil, "calibration": calibration}
+
+
+def _title(field: SurrogateField) -> str:
+    return f"{field.title} (simulated)"
+
+
+def _yaml(content: dict[str, Any]) -> str:
+    """One key per line; JSON values are YAML as well."""
+    return "".join(f"{key}: {json.dumps(value, ensure_ascii=False)}\n" for key, value in content.items())
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"cannot be written: {error.strerror}", "choose a file in a folder that you may write to", path
+        ) from None

@@ -1,0 +1,1 @@
+"""One simulated mission: settings, simulator, errors of its map."""

@@ -1,0 +1,141 @@
+"""One property of a simulated mission: its truth, and the map of what is counted of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from soilmoist_ros.exploration.mission.types import Sample
+from soilmoist_ros.exploration.planning.property_names import property_name
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.field_map import OnlineMap, OnlineSettings
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.mission.map_errors import map_errors, possible_moisture
+from soilmoist_ros.simulation.mission.mission_run import Mapped, MissionSettings
+
+_FIELD_STREAM = 1
+_ALSO_STREAM = 2
+
+
+class Channel:
+    """Maps one property; all robots of a mission share it.
+
+    :param field: its truth
+    :param grid: cells of the map
+    :param settings: of the mission
+    :param curve: calibration, if the rate tells the moisture
+
+    Attributes
+    ----------
+    live_map : LiveMap
+        the map
+    errors : tuple[float, float, float]
+        of the map as it was last, see :func:`map_errors`
+    records : list[CountRecord]
+        all records so far, in order of time
+    """
+
+    def __init__(
+        self, field: SurrogateField, grid: FieldGrid, settings: MissionSettings, curve: CalibrationCurve | None
+    ) -> None:
+        self.field = field
+        self.curve = curve
+        self.live_map = LiveMap(grid, settings.variogram, settings.fit)
+        self._of_stops = settings.map_from == "stops"
+        # The truth is the rate at each place, and REML can tell it from what the sensor sees.
+        radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
+        self._online = OnlineMap(
+            grid, OnlineSettings(settings.variogram, settings.fit, curve=curve, footprint_radius_m=radius_m)
+        )
+        self.truth = field.rate_at(grid.cells)
+        self._true_vwc = None if curve is None else possible_moisture(curve, self.truth)
+        self.errors = (math.nan, math.nan, math.nan)
+        self.records: list[CountRecord] = []
+
+    def take(self, record: CountRecord) -> None:
+        """A record has come."""
+        self.records.append(record)
+        if not self._of_stops:
+            self._online.take(record)
+
+    def take_stop(self, sample: Sample, counted: Sequence[CountRecord], warmed_up: bool) -> None:
+        """A stop is complete; for maps of stops only.
+
+        :param sample: the stop
+        :param counted: the records counted there
+        :param warmed_up: whether there are stops enough for a map
+        """
+        raw_counts = sum(record.raw_counts for record in counted)
+        exposure_s = sum(record.effective_exposure_s for record in counted)
+        self.live_map.add((sample.x_m, sample.y_m), raw_counts, exposure_s)
+        if self.live_map.ready and warmed_up:
+            self.live_map.update()
+            self._compare()
+
+    def update(self) -> None:
+        """Bring a map of all records up to date."""
+        state = self._online.state
+        if len(state.samples):
+            fit = self._online.fit(state)
+            if fit is not None:
+                self.live_map.take(state.samples, fit)
+                self._compare()
+
+    def _compare(self) -> None:
+        live_map = self.live_map
+        rate_sd = np.sqrt(live_map.variance)
+        self.errors = map_errors(live_map.rate, rate_sd, self.truth, self.curve, self._true_vwc)
+
+    @property
+    def soil_map(self) -> SoilMap | None:
+        """The last map with all its bands, ``None`` before the first."""
+        return self.live_map.soil_map(self.curve)
+
+    @property
+    def mapped(self) -> Mapped:
+        """What it leaves."""
+        truth = self.live_map.grid.to_raster(self.truth)
+        name = property_name(self.field.name)
+        return Mapped(name, self.field.title, tuple(self.records), self.soil_map, truth)
+
+
+def mission_fields(settings: MissionSettings) -> list[SurrogateField]:
+    """The field of a mission, and that of its second property, if it has one.
+
+    :raises InputError: if one is unknown, or the second does not lie on the ground of the first
+    """
+    names = {_FIELD_STREAM: settings.field}
+    if settings.also:
+        names[_ALSO_STREAM] = settings.also
+    fields = [
+        surrogate_field(name, np.random.default_rng((settings.seed, stream)) if settings.random_field else None)
+        for stream, name in names.items()
+    ]
+    if settings.also and not _covers(fields[1].field, fields[0].field):
+        raise InputError(
+            f"the field {settings.also!r} of the second property does not cover the field {settings.field!r}",
+            "choose one with the same datum, and a boundary that is the same or lies around it",
+        )
+    return fields
+
+
+def _covers(ground: Field, field: Field) -> bool:
+    import shapely
+
+    same = np.allclose(
+        [ground.frame.latitude_deg, ground.frame.longitude_deg],
+        [field.frame.latitude_deg, field.frame.longitude_deg],
+        rtol=0,
+        atol=1e-9,
+    )
+    around = shapely.Polygon(ground.polygon).buffer(1e-6)
+    return bool(same and around.covers(shapely.Polygon(field.polygon)))

@@ -1,0 +1,54 @@
+"""How far a map is from the truth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+Array = NDArray[np.float64]
+
+MINERAL_DENSITY_GCM3 = 2.65
+"""Density of soil minerals (quartz) [g/cm^3]."""
+_COVERAGE_SD = 1.959964
+
+
+def map_errors(
+    rate_cps: Array,
+    rate_sd_cps: Array,
+    true_rate_cps: Array,
+    curve: CalibrationCurve | None,
+    true_vwc: Array | None = None,
+) -> tuple[float, float, float]:
+    """Errors over the cells of a field.
+
+    :param rate_cps: estimated rate, shape (g,) [counts/s]
+    :param rate_sd_cps: its standard deviation, shape (g,) [counts/s]
+    :param true_rate_cps: true rate, shape (g,) [counts/s]
+    :param curve: calibration curve, if there is one
+    :param true_vwc: :func:`possible_moisture` of the true rate, where it is known already, shape (g,) [m^3/m^3]
+    :returns: mean squared error of the rate [(counts/s)^2]; root mean squared error of the moisture [m^3/m^3],
+        NaN without a curve; share of the cells whose true rate lies in the 95 % interval
+    """
+    error = rate_cps - true_rate_cps
+    covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
+    vwc_rmse = math.nan
+    if curve is not None:
+        if true_vwc is None:
+            true_vwc = possible_moisture(curve, true_rate_cps)
+        difference = possible_moisture(curve, rate_cps) - true_vwc
+        vwc_rmse = float(np.sqrt(np.mean(difference**2)))
+    return float(np.mean(error**2)), vwc_rmse, covered
+
+
+def possible_moisture(curve: CalibrationCurve, rate_cps: Array) -> Array:
+    """Moisture of estimated rates, kept between 0 and the pore volume of the soil [m^3/m^3].
+
+    The curve has a pole: one cell whose rate is estimated a little too low would otherwise decide the RMSE of a
+    whole map. A rate too low for any moisture counts as saturated soil.
+    """
+    pores = max(0.0, 1 - curve.bulk_density_gcm3 / MINERAL_DENSITY_GCM3)
+    return np.where(curve.valid(rate_cps), np.clip(curve.vwc(rate_cps), 0.0, pores), pores)

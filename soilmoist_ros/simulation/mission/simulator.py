@@ -1,0 +1,446 @@
+"""Run one mission on a surrogate field: the real mission logic, virtual robots and sensors, a simulated clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.control.team import Errand, errand
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import (
+    Action,
+    CancelGoal,
+    Command,
+    Event,
+    Finish,
+    GoalFailed,
+    GoalReached,
+    GoTo,
+    MissionRules,
+    Moved,
+    Phase,
+    Planned,
+    Publish,
+    RecordArrived,
+    RequestPlan,
+    SampleDone,
+    Tick,
+    Verb,
+)
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.planning.properties import Property
+from soilmoist_ros.exploration.planning.prospect import Counting
+from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
+from soilmoist_ros.exploration.travel.graph_builders import open_lattice
+from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
+from soilmoist_ros.exploration.travel.topological_map import (
+    TopologicalMap,
+    make_topological_map,
+    read_topological_map,
+)
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.mission.channel import Channel, mission_fields
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
+from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
+from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+
+Array = NDArray[np.float64]
+
+LATTICE_NODES = 300
+"""About so many nodes has the lattice that is laid when travel follows a graph and none is given."""
+PLACES_PER_RECORD = 10
+"""Places at which the rate of one record is taken, evenly over its time."""
+_LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def simulate_mission(settings: MissionSettings, progress: Callable[[float], None] | None = None) -> MissionResult:
+    """Simulate one mission. The settings determine the result, bit for bit.
+
+    :param settings: everything that determines the mission
+    :param progress: called now and then with the share of the mission time that has passed [0..1]
+    :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
+    """
+    return _Simulation(settings).run(progress or (lambda share: None))
+
+
+class _Robot:
+    """One robot of a mission: its state machine, its explorer, where it is, and what it has counted.
+
+    :param number: from 1
+    :param mission: its state machine
+    :param explorer: chooses its stops
+    :param body: where it is
+    :param sensors: what it counts with, one for each property
+    :param noise_m: errors of its positions, one after the other: east and north [m]
+    """
+
+    def __init__(
+        self,
+        number: int,
+        mission: Mission,
+        explorer: Explorer,
+        body: VirtualRobot,
+        sensors: Sequence[VirtualSensor],
+        noise_m: Iterator[tuple[float, float]],
+    ) -> None:
+        self.number = number
+        self.mission = mission
+        self.explorer = explorer
+        self.body = body
+        self.sensors = sensors
+        self.noise_m = noise_m
+        self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
+        self.records: list[list[CountRecord]] = []  # one of each sensor, in order of time
+        self.ended = ""
+        self.deadline_s = math.inf  # as of the last next_s()
+        self.told: tuple[float, float] | None = None  # where it was when the mission was last told that it moves
+
+    @property
+    def record_s(self) -> float:
+        """When the next record ends [s]."""
+        return (len(self.records) + 1) * self.sensors[0].cadence_s
+
+    def next_s(self, now_s: float) -> float:
+        """When something happens to it next [s]; never, once it has ended."""
+        if self.ended:
+            return math.inf
+        arrival_s = self.goal[0] if self.goal else math.inf
+        deadline_s = self.mission.next_deadline_s
+        self.deadline_s = math.inf if deadline_s is None else max(deadline_s, now_s)
+        return min(self.record_s, arrival_s, self.deadline_s)
+
+
+class _Simulation:
+    """One mission under way."""
+
+    def __init__(self, settings: MissionSettings) -> None:
+        _check(settings)
+        self.settings = settings
+        field, *also = mission_fields(settings)
+        if settings.target == "vwc" and field.curve is None:
+            raise InputError(
+                f"the field {field.name!r} has no calibration, so there is no moisture to map",
+                "choose the target rate, or give the field a calibration",
+            )
+        self.field = field
+        self.grid = mission_grid(field, settings.cell_m)
+        self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
+        self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
+        self.channels = [Channel(field, self.grid, settings, field.curve)]
+        self.channels += [Channel(other, self.grid, settings, None) for other in also]
+        # The first robot draws from the same streams however many there are, and so does the first sensor.
+        streams = [*map(np.random.default_rng, np.random.SeedSequence(settings.seed).spawn(4 * settings.robots))]
+        beside = streams[3 * settings.robots :]
+        self.robots = [
+            self.robot(number + 1, [*streams[3 * number : 3 * number + 3], beside[number]])
+            for number in range(settings.robots)
+        ]
+        # From the places of a record to its end.
+        self.before_s = settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
+        self.now_s = 0.0
+        self.visits: list[Visit] = []
+        self.series: list[SeriesRow] = []
+        self.log: list[str] = []
+
+    def robot(self, number: int, streams: Sequence[np.random.Generator]) -> _Robot:
+        """A robot at the start; all share the maps."""
+        sensor_rng, strategy_rng, gnss_rng, beside_rng = streams
+        settings, field = self.settings, self.field
+        dwell = parse_dwell(settings.dwell)
+        warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
+        mission = Mission(
+            MissionRules(
+                budget_s=settings.hours * 3600,
+                dwell=dwell,
+                warm_up_stops=warm_up_stops,
+                speed_mps=settings.speed_mps,
+                detour=1.0,
+                stop_overhead_s=settings.stop_overhead_s,
+                arrival_radius_m=max(3.0, 5 * settings.position_sd_m),
+                silence_limit_s=max(60.0, 3 * settings.cadence_s),
+            )
+        )
+        explorer = Explorer(
+            self.channels[0].live_map,
+            self.stops,
+            self.travel,
+            make_strategy(settings.strategy, settings.preset),
+            first_strategy,
+            dwell,
+            strategy_rng,
+            mission.rules.min_dwell_s,
+            nominal_rate_cps=_nominal_rate(field),
+            counting=Counting(settings.cadence_s, settings.map_from == "records"),
+            curve=field.curve if settings.target == "vwc" else None,
+            properties=[Property(other.live_map, settings.also_weight) for other in self.channels[1:]],
+        )
+        start = start_stop(field.field, self.stops)
+        body = VirtualRobot(self.motion, (start.x_m, start.y_m))
+        sensors = [
+            VirtualSensor(channel.field, rng, settings.cadence_s, settings.footprint_m, settings.weather)
+            for channel, rng in zip(self.channels, (sensor_rng, beside_rng), strict=False)
+        ]
+        return _Robot(number, mission, explorer, body, sensors, _noise(gnss_rng, settings.position_sd_m))
+
+    def run(self, progress: Callable[[float], None]) -> MissionResult:
+        """Let events happen one after the other until the mission of each robot has ended."""
+        for robot in self.robots:
+            self.give(robot, Moved(self.now_s, *robot.body.at(self.now_s)))
+            self.give(robot, Command(self.now_s, Verb.START))
+        self.enter_series()
+        next_entry_s = self.settings.series_every_s
+        while not all(robot.ended for robot in self.robots):
+            due = [robot.next_s(self.now_s) for robot in self.robots]
+            self.now_s = min(next_entry_s, *due)
+            for robot, due_s in zip(self.robots, due, strict=True):
+                if due_s == self.now_s:
+                    self.advance(robot)
+            if self.now_s == next_entry_s:
+                self.enter_series()
+                next_entry_s += self.settings.series_every_s
+                progress(min(self.now_s / (3600 * self.settings.hours), 1.0))
+        for robot in self.robots:
+            robot.body.stop(self.now_s)
+        self.update_map()
+        self.enter_series()
+        progress(1.0)
+        return self.result()
+
+    def advance(self, robot: _Robot) -> None:
+        """Let what is due happen to a robot."""
+        if self.now_s == robot.record_s:
+            here = robot.body.at(self.now_s)
+            reported = self.reported(robot, here)
+            if here != robot.told or self.now_s >= robot.deadline_s:  # what is due comes before the record
+                robot.told = here
+                self.give(robot, Moved(self.now_s, *reported))
+            self.give(robot, RecordArrived(self.now_s, self.record(robot)))
+        if robot.goal and self.now_s >= robot.goal[0]:
+            goal = robot.goal[1]
+            robot.goal = None
+            place = self.reported(robot, robot.body.at(self.now_s))
+            self.give(robot, GoalReached(self.now_s, goal.goal_id, *place))
+        if self.now_s >= robot.deadline_s:
+            self.give(robot, Tick(self.now_s))
+
+    def give(self, robot: _Robot, event: Event) -> None:
+        """Give a robot's mission an event and carry out what it asks for."""
+        for action in robot.mission.step(event):
+            self.carry_out(robot, action)
+
+    def carry_out(self, robot: _Robot, action: Action) -> None:
+        """Do what a mission asks for; its statuses, displays and saves need nothing here."""
+        match action:
+            case Publish():  # the most frequent one
+                pass
+            case RequestPlan():
+                self.update_map()
+                plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.errands_beside(robot))
+                self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
+                self.give(robot, Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
+            case GoTo():
+                way = self.travel.route(robot.body.at(self.now_s), action.stop)
+                robot.goal = (robot.body.go(self.now_s, way), action)
+                self.note(robot, f"go to {action.stop.name}: {action.reason}")
+            case CancelGoal():
+                robot.body.stop(self.now_s)
+                robot.goal = None
+                self.give(robot, GoalFailed(self.now_s, action.goal_id, "cancelled"))
+            case SampleDone():
+                self.take(robot, action)
+            case Finish(reason=reason):
+                robot.ended = reason
+                self.note(robot, f"end: {reason}")
+            case _:
+                pass
+
+    def errands_beside(self, robot: _Robot) -> list[Errand]:
+        """What all robots but one are about."""
+        at_once = self.settings.map_from == "records"
+        statuses = [other.mission.status for other in self.robots if other is not robot]
+        return [found for status in statuses if (found := errand(status, at_once)) is not None]
+
+    def take(self, robot: _Robot, done: SampleDone) -> None:
+        """A stop is complete: the map follows."""
+        sample = done.sample
+        self.note(robot, f"sample at {sample.stop.name}: {sample.ended}")
+        if sample.records == 0:
+            return
+        self.visits.append(
+            Visit(
+                sample.stop.name,
+                sample.x_m,
+                sample.y_m,
+                sample.arrived_s,
+                sample.dwell_s,
+                sample.raw_counts,
+                sample.reason,
+                robot.number,
+            )
+        )
+        if self.settings.map_from == "records":
+            return
+        warmed_up = len(self.visits) >= min(3, max(robot.mission.rules.warm_up_stops, 2))
+        for channel, counted in zip(
+            self.channels, zip(*robot.records[-sample.records :], strict=True), strict=True
+        ):
+            channel.take_stop(sample, counted, warmed_up)
+        self.enter_series()
+
+    def update_map(self) -> None:
+        """Bring maps of all records up to date."""
+        for channel in self.channels:
+            channel.update()
+
+    def record(self, robot: _Robot) -> CountRecord:
+        """What a robot has counted in the interval that ends now; returns the record of the first property."""
+        places = robot.body.places(self.now_s - self.before_s)
+        x_m, y_m = places[len(places) // 2].tolist()
+        reported = self.reported(robot, (x_m, y_m))
+        records = [sensor.record(self.now_s, places, reported) for sensor in robot.sensors]
+        robot.records.append(records)
+        for channel, record in zip(self.channels, records, strict=True):
+            channel.take(record)
+        return records[0]
+
+    def reported(self, robot: _Robot, xy: tuple[float, float]) -> tuple[float, float]:
+        """A place as the GNSS of a robot reports it."""
+        east_m, north_m = next(robot.noise_m)
+        return xy[0] + east_m, xy[1] + north_m
+
+    def enter_series(self) -> None:
+        """Write down how the mission stands."""
+        (mse, vwc_rmse, coverage), *also = (channel.errors for channel in self.channels)
+        row = SeriesRow(
+            time_s=self.now_s,
+            distance_m=sum(robot.body.distance_m(self.now_s) for robot in self.robots),
+            samples=len(self.visits),
+            mse=mse,
+            mse_10s=100 * mse,
+            vwc_rmse=vwc_rmse,
+            coverage95=coverage,
+            counting_s=sum(robot.mission.state.all_counting_s for robot in self.robots),
+            also_mse=also[0][0] if also else math.nan,
+            also_coverage95=also[0][2] if also else math.nan,
+        )
+        if self.series and self.series[-1].time_s == self.now_s:
+            self.series[-1] = row
+        else:
+            self.series.append(row)
+
+    def note(self, robot: _Robot, text: str) -> None:
+        """Write into the mission's log."""
+        self.log.append(f"{self.now_s:8.0f} s  {self.named(robot)}{text}")
+
+    def named(self, robot: _Robot) -> str:
+        """Which robot is meant, if there are several."""
+        return f"robot {robot.number}: " if len(self.robots) > 1 else ""
+
+    def result(self) -> MissionResult:
+        """What the mission leaves."""
+        assert all(robot.mission.state.phase in (Phase.FINISHED, Phase.IDLE) for robot in self.robots)
+        first, *others = (channel.mapped for channel in self.channels)
+        return MissionResult(
+            settings=self.settings,
+            series=tuple(self.series),
+            visits=tuple(self.visits),
+            tracks=tuple(np.array(robot.body.track) for robot in self.robots),
+            records=first.records,
+            soil_map=first.soil_map,
+            truth_rate=first.truth_rate,
+            frame=self.field.frame,
+            field_title=first.field_title,
+            ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),
+            log=tuple(self.log),
+            also=others[0] if others else None,
+        )
+
+
+def mission_grid(field: SurrogateField, cell_m: float | None = None) -> FieldGrid:
+    """Grid of a surrogate field: with the given cell size, else the field's, else one chosen from its extent.
+
+    :raises InputError: if the field cannot be gridded with this cell size
+    """
+    width, height = np.ptp(field.polygon, axis=0).tolist()
+    chosen = cell_m or field.field.cell_m or default_cell_m((width, height))
+    try:
+        return _grid(field, chosen)
+    except ValueError as error:
+        raise InputError(f"the field {field.name!r} cannot be gridded: {error}", "change the cell size") from None
+
+
+def travel_and_stops(
+    field: Field, grid: FieldGrid, motion: RobotMotion, settings: MissionSettings
+) -> tuple[TravelModel, tuple[Stop, ...]]:
+    """How the robot gets about, and the stops it may choose.
+
+    :raises InputError: if the graph cannot be used
+    """
+    if settings.travel == "free":
+        return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
+    graph = mission_map(field, grid, settings.graph).graph
+    return GraphTravel(graph, motion), graph.stops
+
+
+@lru_cache(maxsize=4)
+def _grid(field: SurrogateField, cell_m: float) -> FieldGrid:
+    """A campaign has the same field again and again."""
+    return FieldGrid.from_polygon(field.polygon, cell_m, field.field.no_go)
+
+
+_cell_stops = lru_cache(maxsize=4)(cell_stops)
+
+
+def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
+    """Topological map of a field: that of a file, or an open lattice of about :data:`LATTICE_NODES` nodes.
+
+    :param field: the field
+    :param grid: its grid
+    :param graph: file with the map, ``None`` for the lattice
+    :raises InputError: if the file cannot be used
+    """
+    if graph is not None:
+        return read_topological_map(Path(graph))
+    lattice = open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
+    return make_topological_map(lattice, "lattice", _LATTICE_TIME)
+
+
+def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
+    """Where a mission begins: the stop nearest to the first corner of the field."""
+    return stops[int(np.argmin(((stops_xy(stops) - field.polygon[0]) ** 2).sum(axis=1)))]
+
+
+def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float]]:
+    """Errors of positions; many are drawn at a time, which gives the same as one by one."""
+    while True:
+        yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
+
+
+def _nominal_rate(field: SurrogateField) -> float:
+    """Rate to expect before anything is known: that of 15 % moisture, as the robot's calibration has it."""
+    return 4.0 if field.curve is None else float(field.curve.rate_cps(0.15))
+
+
+def _check(settings: MissionSettings) -> None:
+    if not (math.isfinite(settings.hours) and settings.hours > 0):
+        raise InputError(f"a mission of {settings.hours} hours is not possible", "give hours > 0, such as 2")
+    if settings.travel == "free" and settings.graph is not None:
+        raise InputError("a travel graph is given, but the robot travels freely", "choose travel by graph")
+    if settings.robots < 1:
+        raise InputError(f"a mission of {settings.robots} robots is not possible", "give at least 1")
+    if not (math.isfinite(settings.also_weight) and settings.also_weight >= 0):
+        raise InputError(f"a second property cannot have the weight {settings.also_weight}", "give 0 or more")
+    if not settings.series_every_s > 0:
+        raise InputError("series_every_s must be positive", "60 is usual")

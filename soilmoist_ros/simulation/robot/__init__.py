@@ -1,0 +1,1 @@
+"""Virtual robot, logger, GNSS receiver, navigation, links and clock."""

@@ -1,0 +1,66 @@
+"""A simulated neutron logger: the lines that the robot's sensor would send."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.sensing.formats.robot_logger import RECORDS_PER_HEADER, TUBES, format_header, format_record
+from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+from soilmoist_ros.simulation.robot.weather import neutral_weather, warming_morning
+
+Array = NDArray[np.float64]
+
+_NOWHERE = (math.nan, math.nan)
+
+
+class VirtualLogger:
+    """Writes the counts of a virtual sensor as the robot's logger does.
+
+    The sensor counts for all tubes together, with its own randomness, so that it counts the same as in a
+    simulation without a logger; the counts are then dealt out to the tubes, which leaves them Poisson.
+
+    :param sensor: the sensor
+    :param start_s: time at which the simulation begins [s since 1970 UTC]
+    :param rng: source of randomness for the tubes
+    """
+
+    def __init__(self, sensor: VirtualSensor, start_s: float, rng: np.random.Generator) -> None:
+        self._sensor = sensor
+        self._start_s = start_s
+        self._rng = rng
+        self._shares = rng.dirichlet(np.full(TUBES, 400.0))
+        self._weather = warming_morning if sensor.weather else neutral_weather
+        self._records = 0
+
+    @property
+    def header(self) -> list[str]:
+        """Lines that each client gets first."""
+        return format_header("virtual", self._sensor.cadence_s, simulated=True).split("\n")
+
+    def record(self, elapsed_s: float, path_xy: Array) -> LoggerRecord:
+        """Count over the interval that ends now.
+
+        :param elapsed_s: time since the start [s]
+        :param path_xy: places at evenly spaced times within the interval, shape (m, 2) [m]
+        """
+        counts = self._sensor.record(elapsed_s, path_xy, _NOWHERE).raw_counts
+        weather = self._weather(elapsed_s)
+        self._records += 1
+        return LoggerRecord(
+            stamp_s=self._start_s + elapsed_s,
+            tube_counts=tuple(float(count) for count in self._rng.multinomial(counts, self._shares)),
+            tube_live_s=(self._sensor.cadence_s,) * TUBES,
+            pressure_hpa=weather.pressure_hpa,
+            temperature_degc=weather.temperature_degc,
+            relative_humidity=weather.relative_humidity,
+            record_number=self._records,
+        )
+
+    def lines(self, record: LoggerRecord) -> list[str]:
+        """What is sent for a record: now and then the header again, and its line."""
+        repeated = record.record_number > 1 and record.record_number % RECORDS_PER_HEADER == 1
+        return [*(self.header if repeated else []), format_record(record)]

@@ -1,0 +1,247 @@
+"""A simulated topological navigation: goals by the name of a node, localisation, and its surprises."""
+
+from __future__ import annotations
+
+import bisect
+import enum
+import math
+from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.topological_map import zone_radius_m
+from soilmoist_ros.exploration.travel.travel import GraphTravel, TravelModel
+from soilmoist_ros.simulation.robot.scenario import GoalFault, NavigationFaults
+from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
+
+Array = NDArray[np.float64]
+
+NOWHERE = "none"
+"""What ``current_node`` says between nodes."""
+REACTION_S = 1.0
+"""Time in which the navigation notices that there is nothing to do for a goal [s]."""
+
+
+class Outcome(enum.Enum):
+    """How a goal ends; the numbers are those of action_msgs/GoalStatus."""
+
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEnded:
+    """A goal has ended.
+
+    :param goal_id: number of the goal
+    :param outcome: status that the client is told
+    :param success: result that the client is told; the two may disagree
+    """
+
+    goal_id: int
+    outcome: Outcome
+    success: bool
+
+
+@dataclass(frozen=True, slots=True)
+class OnRoute:
+    """The robot passes a node on the way to its goal."""
+
+    goal_id: int
+    node: str
+
+
+@dataclass(frozen=True, slots=True)
+class Localised:
+    """Where the navigation believes the robot to be.
+
+    :param closest: nearest node
+    :param current: the node in whose zone it is, :data:`NOWHERE` if in none
+    """
+
+    closest: str
+    current: str
+
+
+@dataclass(frozen=True, slots=True)
+class ServerPresent:
+    """Whether there is a navigation server from now on."""
+
+    present: bool
+
+
+NavigationEvent = GoalEnded | OnRoute | Localised | ServerPresent
+
+
+class VirtualNavigation:
+    """Takes goals and drives the robot; time is that since the start of the simulation.
+
+    What happens, because of time or because of a request, is told by :meth:`happened`. Whether there is a server
+    to ask at the moment is told by ``present``.
+
+    :param travel: travel graph, and how the robot moves on it
+    :param robot: the robot
+    :param faults: how it misbehaves
+    :param rng: source of all randomness
+    """
+
+    def __init__(
+        self, travel: GraphTravel, robot: VirtualRobot, faults: NavigationFaults, rng: np.random.Generator
+    ) -> None:
+        self._travel = travel
+        self._graph = travel.graph
+        self._robot = robot
+        self._faults = faults
+        self._rng = rng
+        self._zone_m = zone_radius_m(travel.graph)
+        self._goals = 0
+        self._goal_id: int | None = None
+        self._ahead: list[tuple[float, NavigationEvent]] = []
+        self._sightings: deque[tuple[float, Localised]] = deque()
+        self._last_seen: Localised | None = None
+        self._turns = deque(sorted({end for span in faults.absent for end in span.ends}))
+        self.present = self._present_at(0.0)
+
+    @property
+    def next_s(self) -> float:
+        """When something happens next [s]; inf if nothing will."""
+        queues = (self._ahead[:1], list(self._sightings)[:1])
+        return min([*(queue[0][0] for queue in queues if queue), self._turns[0] if self._turns else math.inf])
+
+    def accept(self, now_s: float, target: str) -> int | None:
+        """Take a goal; one under way is given up.
+
+        :param now_s: time [s]
+        :param target: name of the node to go to
+        :returns: number of the goal, ``None`` if it is rejected
+        """
+        known = target in self._graph.names
+        if not self.present or (not known and self._faults.unknown_target == "rejected"):
+            return None
+        self._supersede(now_s)
+        self._goals += 1
+        self._goal_id = self._goals
+        fault = next((fault for fault in self._faults.goals if fault.hits(self._goals)), None)
+        if not known:
+            self._end_at(now_s + REACTION_S, Outcome.ABORTED)
+        elif fault is not None and fault.kind == "no_motion":
+            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED)
+        elif fault is None or fault.kind == "fails":
+            self._set_out(now_s, target, fault)
+        return self._goal_id
+
+    def cancel(self, now_s: float, goal_id: int) -> bool:
+        """Give up a goal at the client's request.
+
+        :returns: whether the answer says so; the goal may have been given up all the same
+        """
+        if goal_id != self._goal_id:
+            return False
+        self._robot.stop(now_s)
+        accepted = self._faults.cancel == "accepted"
+        self._end_now(now_s, Outcome.CANCELED if accepted else Outcome.ABORTED, success=False)
+        return accepted
+
+    def drive(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> float | None:
+        """Drive to a place that is no node, without a goal to report to; a goal under way is given up.
+
+        :param now_s: time [s]
+        :param xy: place to go to [m]
+        :param travel: how to get there
+        :returns: time of arrival [s], ``None`` if it cannot be reached
+        """
+        try:
+            way = travel.route(self._robot.at(now_s), Stop("goal pose", *xy))
+        except ValueError:
+            return None
+        self._supersede(now_s)
+        return self._robot.go(now_s, way)
+
+    def look(self, now_s: float) -> None:
+        """Look where the robot is; it becomes known with some delay."""
+        here = np.array(self._robot.at(now_s))
+        closest = self._graph.nearest(here)
+        distance = float(np.hypot(*(self._graph.xy[self._graph.index(closest)] - here)))
+        sighting = Localised(closest, closest if distance <= self._zone_m else NOWHERE)
+        if sighting == self._last_seen:
+            return
+        self._last_seen = sighting
+        due_s = now_s + float(self._rng.uniform(*self._faults.localisation_delay_s))
+        if self._sightings:
+            due_s = max(due_s, self._sightings[-1][0])
+        self._sightings.append((due_s, sighting))
+
+    def happened(self, now_s: float) -> list[NavigationEvent]:
+        """What has happened by now, in order."""
+        events: list[NavigationEvent] = []
+        while self._turns and self._turns[0] <= now_s:
+            present = self._present_at(self._turns.popleft())
+            if present != self.present:
+                self.present = present
+                events.append(ServerPresent(present))
+            if not present and self._goal_id is not None:
+                self._robot.stop(now_s)
+                self._goal_id = None
+                self._ahead.clear()
+        while self._ahead and self._ahead[0][0] <= now_s:
+            event = self._ahead.pop(0)[1]
+            if isinstance(event, GoalEnded) and event.goal_id == self._goal_id:
+                self._goal_id = None
+                if event.outcome is Outcome.ABORTED:
+                    self._robot.stop(now_s)
+            events.append(event)
+        while self._sightings and self._sightings[0][0] <= now_s:
+            events.append(self._sightings.popleft()[1])
+        return events
+
+    def _present_at(self, now_s: float) -> bool:
+        return not any(span.covers(now_s) for span in self._faults.absent)
+
+    def _set_out(self, now_s: float, target: str, fault: GoalFault | None) -> None:
+        """Drive to a node, as far as faults permit."""
+        assert self._goal_id is not None
+        here = self._robot.at(now_s)
+        nodes = self._graph.path(self._graph.nearest(here), target)
+        way = self._travel.route(here, Stop(target, *self._graph.xy[self._graph.index(target)].tolist()))
+        arrival_s = self._robot.go(now_s, way)
+        drive_s = arrival_s - self._travel.motion.stop_overhead_s - now_s
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+        shares = along / along[-1] if along[-1] > 0 else np.ones_like(along)
+        passing = dict(zip(nodes, (now_s + drive_s * shares[-len(nodes) :]).tolist(), strict=True))
+        blocked = [passing[edge[0]] for edge in pairwise(nodes) if edge in self._faults.failing_edges]
+        stuck = [now_s + fault.share_of_way * drive_s] if fault is not None else []
+        end_s = min([*blocked, *stuck], default=math.inf)
+        for node, passed_s in passing.items():
+            if passed_s <= end_s:
+                self._plan(passed_s, OnRoute(self._goal_id, node))
+        if end_s < math.inf:
+            self._end_at(end_s, Outcome.ABORTED)
+        else:
+            self._end_at(arrival_s, Outcome.SUCCEEDED)
+
+    def _supersede(self, now_s: float) -> None:
+        """Stop the robot, and end the goal under way because something newer takes its place."""
+        self._robot.stop(now_s)
+        if self._goal_id is not None:
+            success = self._faults.superseded == "success"
+            self._end_now(now_s, Outcome.SUCCEEDED if success else Outcome.ABORTED, success)
+
+    def _end_now(self, now_s: float, outcome: Outcome, success: bool) -> None:
+        assert self._goal_id is not None
+        goal_id, self._goal_id = self._goal_id, None
+        # What has ended already stays to be told; what was still to come does not.
+        self._ahead = [(due_s, event) for due_s, event in self._ahead if getattr(event, "goal_id", 0) != goal_id]
+        self._plan(now_s, GoalEnded(goal_id, outcome, success))
+
+    def _end_at(self, end_s: float, outcome: Outcome) -> None:
+        assert self._goal_id is not None
+        self._plan(end_s, GoalEnded(self._goal_id, outcome, success=outcome is Outcome.SUCCEEDED))
+
+    def _plan(self, due_s: float, event: NavigationEvent) -> None:
+        bisect.insort_right(self._ahead, (due_s, event), key=itemgetter(0))

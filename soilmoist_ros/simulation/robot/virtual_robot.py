@@ -1,0 +1,89 @@
+"""A simulated robot: where it is at each time on its way."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.travel.travel import RobotMotion, polyline_length_m, polyline_turn_rad
+
+Array = NDArray[np.float64]
+
+
+class VirtualRobot:
+    """Drives one polyline at a time.
+
+    Turning is spread evenly over the way; the stop overhead is spent standing at its end.
+
+    :param motion: how it moves
+    :param xy: where it starts [m]
+    """
+
+    def __init__(self, motion: RobotMotion, xy: tuple[float, float]) -> None:
+        self.motion = motion
+        self.track: list[tuple[float, float]] = [xy]
+        self._way: Array = np.array([xy])
+        self._along_m: Array = np.zeros(1)
+        self._start_s = 0.0
+        self._drive_s = 0.0
+        self._before_m = 0.0
+
+    def go(self, now_s: float, way: Array) -> float:
+        """Set out on a way; a way under way is left where the robot is.
+
+        :param now_s: time [s]
+        :param way: corners, shape (p, 2), starting where the robot is [m]
+        :returns: time of arrival, stop overhead included [s]
+        """
+        self.stop(now_s)
+        self._way = way
+        legs = np.hypot(*np.diff(way, axis=0).T)
+        self._along_m = np.concatenate([[0.0], np.cumsum(legs)])
+        self._start_s = now_s
+        turn_s = polyline_turn_rad(way) * self.motion.turn_s_per_rad
+        self._drive_s = polyline_length_m(way) / self.motion.speed_mps + turn_s
+        return now_s + self._drive_s + self.motion.stop_overhead_s
+
+    def stop(self, now_s: float) -> None:
+        """Stay where it is."""
+        here = self.at(now_s)
+        length = self._length_at(now_s)
+        passed = [(float(x), float(y)) for x, y in self._way[1:][self._along_m[1:] < length]]
+        self.track += [place for place in [*passed, here] if place != self.track[-1]]
+        self._before_m += length
+        self._way, self._along_m, self._drive_s = np.array([here]), np.zeros(1), 0.0
+
+    def at(self, now_s: float) -> tuple[float, float]:
+        """Place at a time of the current way [m]."""
+        if self._stands(now_s):
+            x, y = self._way[-1]
+        else:
+            length = self._length_at(now_s)
+            x, y = (np.interp(length, self._along_m, axis) for axis in self._way.T)
+        return float(x), float(y)
+
+    def places(self, times_s: Array) -> Array:
+        """Places at times of the current way, in order of time or against it, shape (n, 2) [m].
+
+        Only one, of shape (1, 2), if it stands all the time.
+        """
+        if self._stands(float(min(times_s[0], times_s[-1]))):
+            return self._way[-1:]
+        # Limited before it is divided: a way may be almost without length, and its quotient then no number.
+        share = np.minimum(np.maximum(times_s - self._start_s, 0.0), self._drive_s) / self._drive_s
+        length = share * self._along_m[-1]
+        return np.array([np.interp(length, self._along_m, axis) for axis in self._way.T]).T
+
+    def distance_m(self, now_s: float) -> float:
+        """Distance driven since the beginning [m]."""
+        return self._before_m + self._length_at(now_s)
+
+    def _stands(self, now_s: float) -> bool:
+        """Whether it is at the end of its way."""
+        return self._drive_s <= 0 or now_s - self._start_s >= self._drive_s
+
+    def _length_at(self, now_s: float) -> float:
+        if self._drive_s <= 0:
+            return 0.0
+        share = min(max(now_s - self._start_s, 0.0), self._drive_s) / self._drive_s
+        return share * float(self._along_m[-1])

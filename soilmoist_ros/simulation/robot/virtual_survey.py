@@ -1,0 +1,168 @@
+"""A robot surveys a surrogate field; its logger and its GNSS write what the real ones would.
+
+``python -m soilmoist_ros.simulation.robot.virtual_survey --out DIR`` writes ``survey.log`` (records of the robot's
+logger), ``survey.nmea`` and the field and site files that ``soilmoist map`` needs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
+from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.simulation.fields.catalogue import half_wet_field
+from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences
+from soilmoist_ros.simulation.robot.weather import warming_morning
+
+START_S = datetime(2026, 6, 1, 8, 0, tzinfo=UTC).timestamp()
+RECORD_PERIOD_S = 10.0
+TUBES = 12
+HEADER_EVERY = 60
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Where the robot is at each time.
+
+    :param elapsed_s: times of the corner points [s], shape (n,), ascending from 0
+    :param xy_m: places at these times [m], shape (n, 2); straight and even between them
+    """
+
+    elapsed_s: NDArray[np.float64]
+    xy_m: NDArray[np.float64]
+
+    def at(self, elapsed_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Places at any times [m], shape (k, 2)."""
+        return np.column_stack([np.interp(elapsed_s, self.elapsed_s, axis) for axis in self.xy_m.T])
+
+
+@dataclass(frozen=True)
+class VirtualLog:
+    """What the robot's devices wrote.
+
+    :param logger_lines: lines of the neutron logger
+    :param nmea_lines: sentences of the GNSS receiver
+    :param records: the same records before they were written
+    """
+
+    logger_lines: list[str]
+    nmea_lines: list[str]
+    records: list[LoggerRecord]
+
+
+def stop_and_go(stops: NDArray[np.float64], dwell_s: float, speed_mps: float = 0.6) -> Trajectory:
+    """Drive from stop to stop in straight lines and stand at each.
+
+    :param stops: places to stand at [m], shape (n, 2), n >= 1
+    :param dwell_s: time at each stop [s], > 0
+    :param speed_mps: speed between stops [m/s], > 0
+    """
+    travel_s = np.hypot(*np.diff(stops, axis=0).T) / speed_mps
+    arrivals = np.concatenate([[0.0], np.cumsum(travel_s + dwell_s)])
+    times = np.column_stack([arrivals, arrivals + dwell_s]).ravel()
+    return Trajectory(times, np.repeat(stops, 2, axis=0))
+
+
+def serpentine(polygon: NDArray[np.float64], spacing_m: float) -> NDArray[np.float64]:
+    """Stops on a lattice over the bounding box of a field, in the order of back-and-forth lines, shape (n, 2)."""
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    x, y = (
+        low[axis] + (np.arange(max(1, round((high - low)[axis] / spacing_m))) + 0.5) * spacing_m for axis in (0, 1)
+    )
+    return np.array([(east, north) for row, north in enumerate(y) for east in (x if row % 2 == 0 else x[::-1])])
+
+
+def simulate_log(
+    field: SurrogateField, trajectory: Trajectory, rng: np.random.Generator, position_sd_m: float = 0.02
+) -> VirtualLog:
+    """Count along a trajectory, under a changing weather.
+
+    The true rate at the robot is divided by the correction factors of the weather, so that correcting the record
+    leads back to it; every tube counts its share of it as a Poisson variable.
+
+    :param field: field to measure
+    :param trajectory: where the robot is
+    :param rng: source of all randomness
+    :param position_sd_m: GNSS noise of each coordinate [m]
+    """
+    corrections = Corrections()
+    shares = rng.dirichlet(np.full(TUBES, 400.0))
+    ends = np.arange(RECORD_PERIOD_S, trajectory.elapsed_s[-1] + 1e-9, RECORD_PERIOD_S)
+    records = []
+    for number, end in enumerate(ends, start=1):
+        inside = end - RECORD_PERIOD_S * (np.arange(10) + 0.5) / 10
+        rate = float(field.rate_at(trajectory.at(inside)).mean())
+        weather = warming_morning(float(end))
+        factor = math.prod(weather.factors(corrections))
+        counts = rng.poisson(shares * rate / factor * RECORD_PERIOD_S)
+        records.append(
+            LoggerRecord(
+                stamp_s=START_S + float(end),
+                tube_counts=tuple(float(count) for count in counts),
+                tube_live_s=(RECORD_PERIOD_S,) * TUBES,
+                pressure_hpa=weather.pressure_hpa,
+                temperature_degc=weather.temperature_degc,
+                relative_humidity=weather.relative_humidity,
+                record_number=number,
+            )
+        )
+    lines = []
+    for index, record in enumerate(records):
+        if index % HEADER_EVERY == 0:
+            lines.append(format_header(serial="virtual", period_s=RECORD_PERIOD_S, simulated=True))
+        lines.append(format_record(record))
+    return VirtualLog(lines, _nmea(field, trajectory, rng, position_sd_m), records)
+
+
+def _nmea(field: SurrogateField, trajectory: Trajectory, rng: np.random.Generator, sd_m: float) -> list[str]:
+    elapsed = np.arange(0.0, trajectory.elapsed_s[-1] + 1.0)
+    places = trajectory.at(elapsed) + rng.normal(0.0, sd_m, (len(elapsed), 2))
+    geographic = field.frame.to_geographic(places)
+    lines = []
+    for second, (latitude, longitude) in zip(elapsed, geographic, strict=True):
+        lines += nmea_sentences(START_S + float(second), Position(latitude, longitude, 30.0, sd_m))
+    return lines
+
+
+def write_survey(folder: Path, seed: int, spacing_m: float = 10.0, dwell_s: float = 120.0) -> SurrogateField:
+    """Survey the half wet field and write the log, the NMEA and the files that ``soilmoist map`` needs.
+
+    :param folder: folder to write to; it is made if missing
+    :param seed: seed of all randomness
+    :param spacing_m: distance of stops and lines [m]
+    :param dwell_s: time at each stop [s]
+    """
+    field = half_wet_field()
+    trajectory = stop_and_go(serpentine(field.polygon, spacing_m), dwell_s)
+    log = simulate_log(field, trajectory, np.random.default_rng(seed))
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "survey.log").write_text("\n".join(log.logger_lines) + "\n", encoding="ascii")
+    (folder / "survey.nmea").write_text("\r\n".join(log.nmea_lines) + "\r\n", encoding="ascii", newline="")
+    write_field_file(field, folder / "field.yaml")
+    write_site_file(field, folder / "site.yaml")
+    return field
+
+
+def main() -> None:
+    """Write a simulated survey to the folder given on the command line."""
+    import argparse
+
+    parser = argparse.ArgumentParser(description="Simulate a survey of a half wet, half dry field.")
+    parser.add_argument("--out", type=Path, required=True, help="folder to write to")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all randomness (default 1)")
+    arguments = parser.parse_args()
+    write_survey(arguments.out, arguments.seed)
+    print(f"simulated survey written to {arguments.out}: survey.log, survey.nmea, field.yaml, site.yaml")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""All that a mission meets in the field, simulated: the robot and its navigation, the logger, the GNSS."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.mission.channel import mission_fields
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import PLACES_PER_RECORD, mission_grid, mission_map, start_stop
+from soilmoist_ros.simulation.robot.faulty_link import FaultyLink, Reachable, Sent
+from soilmoist_ros.simulation.robot.scenario import Scenario
+from soilmoist_ros.simulation.robot.virtual_gnss import VirtualGnss
+from soilmoist_ros.simulation.robot.virtual_logger import VirtualLogger
+from soilmoist_ros.simulation.robot.virtual_navigation import NavigationEvent, VirtualNavigation
+from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
+from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+
+LOGGER, GNSS = "logger", "gnss"
+_GGA = 1  # the sentence with the place is the one that damages strike
+_NOTHING_WRONG = Scenario()
+
+
+@dataclass(frozen=True)
+class CountedBeside:
+    """The sensor of the second property has counted.
+
+    :param record: what, corrected and at its place, as a driver of its own would publish it
+    """
+
+    record: CountRecord
+
+
+Output = Sent | Reachable | CountedBeside | NavigationEvent
+
+
+class VirtualSystem:
+    """Steps through simulated time. The settings, the scenario and the requests determine what happens.
+
+    Robot, sensors and randomness are those of
+    :func:`simulate_mission`: where the robot is at the same places at
+    the same times, the same counts come. Nothing goes wrong with the sensor of a second property.
+
+    :param settings: field, seed, robot, sensor and noise; what is about the mission itself does not matter here
+    :param start_s: time at which the simulation begins [s since 1970 UTC]
+    :param gnss_period_s: time between epochs of the GNSS receiver [s], > 0
+    :param scenario: what goes wrong
+    :raises InputError: if the field, the graph or the scenario cannot be used
+    """
+
+    def __init__(
+        self,
+        settings: MissionSettings,
+        start_s: float,
+        gnss_period_s: float = 1.0,
+        scenario: Scenario = _NOTHING_WRONG,
+    ) -> None:
+        self.settings = settings
+        self.scenario = scenario
+        self.start_s = start_s
+        self.now_s = 0.0
+        self.field, *beside = mission_fields(settings)
+        self.grid = mission_grid(self.field, settings.cell_m)
+        self.map = mission_map(self.field.field, self.grid, settings.graph)
+        _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
+        # The first four are those of a simulated mission.
+        sensor, _, gnss, also, navigation, logger_link, gnss_link, tubes, self._also_places = (
+            np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(9)
+        )
+        motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
+        start = start_stop(self.field.field, self.map.graph.stops)
+        self.robot = VirtualRobot(motion, (start.x_m, start.y_m))
+        self.navigation = VirtualNavigation(
+            GraphTravel(self.map.graph, motion), self.robot, scenario.navigation, navigation
+        )
+        self._free_travel = FreeTravel(motion, (self.field.polygon,), self.field.field.no_go)
+        first, *others = (
+            VirtualSensor(field, rng, settings.cadence_s, settings.footprint_m, settings.weather)
+            for field, rng in zip((self.field, *beside), (sensor, also), strict=False)
+        )
+        self.logger = VirtualLogger(first, start_s, tubes)
+        self._also = others[0] if others else None
+        self._counted: list[CountedBeside] = []
+        self._gnss = VirtualGnss(self.field.frame, start_s, settings.position_sd_m, gnss)
+        self._gnss_period_s = gnss_period_s
+        self._no_fix = scenario.gnss.no_fix
+        self._logger_link = FaultyLink(LOGGER, scenario.logger, logger_link)
+        self._gnss_link = FaultyLink(GNSS, scenario.gnss, gnss_link)
+        self._records = 0
+        self._epochs = 0
+        self._path: list[tuple[float, float]] = []
+
+    def advance(self, to_s: float) -> list[Output]:
+        """Go on to a time since the start [s], and give what has come about, in order.
+
+        It does not matter in how many steps a time is reached.
+        """
+        out: list[Output] = []
+        while (next_s := self._next_s) <= to_s:
+            # A request since the last step may have made something due at once.
+            self.now_s = max(next_s, self.now_s)
+            self._step()
+            out += self.navigation.happened(self.now_s)
+            out += self._logger_link.receive(self.now_s)
+            out += self._gnss_link.receive(self.now_s)
+            out += self._counted
+            self._counted.clear()
+        self.now_s = max(to_s, self.now_s)
+        return out
+
+    def go_to(self, target: str) -> int | None:
+        """Ask the navigation to go to a node; gives the number of the goal, ``None`` if it is rejected."""
+        return self.navigation.accept(self.now_s, target)
+
+    def cancel(self, goal_id: int) -> bool:
+        """Ask the navigation to give up a goal; gives what it answers."""
+        return self.navigation.cancel(self.now_s, goal_id)
+
+    def drive_to(self, xy: tuple[float, float]) -> float | None:
+        """Drive straight to a place [m]; gives the time of arrival [s], ``None`` if it cannot be reached."""
+        return self.navigation.drive(self.now_s, xy, self._free_travel)
+
+    @property
+    def stamp_s(self) -> float:
+        """The time it is [s since 1970 UTC]."""
+        return self.start_s + self.now_s
+
+    @property
+    def _next_s(self) -> float:
+        links = min(self._logger_link.next_s, self._gnss_link.next_s)
+        return min(self._next_place_s, self._record_end_s, self._next_epoch_s, self.navigation.next_s, links)
+
+    @property
+    def _record_end_s(self) -> float:
+        return (self._records + 1) * self.settings.cadence_s
+
+    @property
+    def _next_place_s(self) -> float:
+        to_come = PLACES_PER_RECORD - len(self._path)
+        if to_come == 0:
+            return math.inf
+        return self._record_end_s - self.settings.cadence_s * (to_come - 0.5) / PLACES_PER_RECORD
+
+    @property
+    def _next_epoch_s(self) -> float:
+        return self._epochs * self._gnss_period_s
+
+    def _step(self) -> None:
+        """What the sensor and the receiver do now."""
+        if self._next_place_s <= self.now_s:
+            self._path.append(self.robot.at(self.now_s))
+        if self._record_end_s <= self.now_s:
+            # The latest place first, as in a simulated mission: then even the rounding of the mean is the same.
+            path = np.array(self._path[::-1])
+            record = self.logger.record(self.now_s, path)
+            self._records += 1
+            self._path.clear()
+            self._logger_link.send(self.now_s, self.logger.lines(record))
+            if self._also is not None:
+                self._count_beside(self._also, path)
+        if self._next_epoch_s <= self.now_s:
+            has_fix = not any(span.covers(self.now_s) for span in self._no_fix)
+            sentences = self._gnss.sentences(self.now_s, self.robot.at(self.now_s), has_fix)
+            self._epochs += 1
+            self._gnss_link.send(self.now_s, sentences, spoilt=_GGA)
+            self.navigation.look(self.now_s)
+
+    def _count_beside(self, sensor: VirtualSensor, path: NDArray[np.float64]) -> None:
+        """What the sensor of the second property has counted on the path of a record."""
+        noise = self._also_places.normal(0.0, self.settings.position_sd_m, 2)
+        x_m, y_m = (path[PLACES_PER_RECORD // 2] + noise).tolist()
+        record = sensor.record(self.now_s, path, (x_m, y_m))
+        self._counted.append(CountedBeside(replace(record, stamp_s=self.stamp_s)))
+
+
+def _require_edges(edges: NDArray[np.intp], names: tuple[str, ...], scenario: Scenario) -> None:
+    known = {(names[start], names[end]) for start, end in edges.tolist()}
+    lost = [edge for edge in scenario.navigation.failing_edges if edge not in known]
+    if lost:
+        raise InputError(
+            f"the map has no edge {', '.join(f'{start} -> {end}' for start, end in lost)}",
+            "correct 'failing_edges' in the scenario, or give the map it was written for as 'graph'",
+        )

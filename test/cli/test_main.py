@@ -1,0 +1,335 @@
+"""The command as a user runs it: real files, exit codes, messages."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import rasterio
+import rasterio.warp
+from click.testing import CliRunner
+
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.foundation.configuration import config_folder, resource_names
+from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+
+OUTPUTS = ["map.tif", "report.html", "samples.geojson", "summary.json"]
+
+
+def run(*arguments):
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("survey")
+    write_survey(folder, seed=2, spacing_m=15.0, dwell_s=60.0)
+    return folder
+
+
+def survey_options(survey, out):
+    return ["--nmea", survey / "survey.nmea", "--site", survey / "site.yaml", "--out", out]
+
+
+def test_a_survey_becomes_a_map_that_is_close_to_the_truth(survey, tmp_path):
+    options = survey_options(survey, tmp_path / "out")
+    result = run("map", survey / "survey.log", "--field", survey / "field.yaml", *options)
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == OUTPUTS
+    with rasterio.open(tmp_path / "out" / "map.tif") as raster:
+        assert raster.descriptions == ("rate", "rate_sd", "vwc", "vwc_sd")
+        assert raster.crs.to_epsg() == 32630
+        vwc = raster.read(3, masked=True)
+    assert vwc[:, :20].mean() == pytest.approx(0.08, abs=0.03)
+    assert vwc[:, -20:].mean() == pytest.approx(0.28, abs=0.05)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["simulated"] is True
+    assert "SIMULATED" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
+    """Whoever computes the tiles, the map is the same, and it is the exact one to a small share of its sd."""
+    options = ["--field", survey / "field.yaml", "--nmea", survey / "survey.nmea", "--cell", 10]
+    maps = {}
+    choices = {"exact": [], "here": ["--exact", 5, "--workers", 1], "two": ["--exact", 5, "--workers", 2]}
+    for name, choice in choices.items():
+        result = run("map", survey / "survey.log", *options, *choice, "--out", tmp_path / name)
+        assert result.exit_code == 0, result.output
+        with rasterio.open(tmp_path / name / "map.tif") as raster:
+            maps[name] = raster.read([1, 2])
+    np.testing.assert_array_equal(maps["two"], maps["here"])
+    assert np.nanmax(abs(maps["here"][0] - maps["exact"][0]) / maps["exact"][1]) < 0.02
+    np.testing.assert_allclose(maps["here"][1], maps["exact"][1], rtol=0.01)
+
+
+def test_a_scheduler_that_does_not_answer_is_named_before_a_large_map(survey, tmp_path):
+    options = ["--nmea", survey / "survey.nmea", "--exact", 5, "--scheduler", "nowhere", "--out", tmp_path / "out"]
+    result = run("map", survey / "survey.log", *options)
+    assert result.exit_code == 2
+    assert "'nowhere' is not the address of a Dask scheduler" in result.output
+
+
+def test_the_field_may_be_left_out(survey, tmp_path):
+    result = run("map", survey / "survey.log", *survey_options(survey, tmp_path / "out"), "--crs", "EPSG:3857")
+    assert result.exit_code == 0, result.output
+    with rasterio.open(tmp_path / "out" / "map.tif") as raster:
+        assert raster.crs.to_epsg() == 3857
+
+
+def test_the_real_roving_record_is_mapped_by_the_documented_command(shared_data, tmp_path):
+    log = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+    result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["n_records"] == 200
+    assert summary["simulated"] is False
+    with rasterio.open(tmp_path / "out" / "map.tif") as raster:
+        assert raster.crs.to_epsg() == 32614
+        west, south, east, north = rasterio.warp.transform_bounds(raster.crs, "EPSG:4326", *raster.bounds)
+    assert -97.5 < west < east < -97.3
+    assert 38.6 < south < north < 38.8
+
+
+def test_without_a_calibration_there_is_a_rate_map_and_a_plain_word(survey, tmp_path):
+    out = tmp_path / "out"
+    result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "moisture   not mapped" in result.output
+
+
+def test_every_mistake_of_bad_files_is_named_with_exit_code_2(tmp_path):
+    (tmp_path / "site.yaml").write_text("soil: {bulk_densty_gcm3: 1.4}\nnmae: x\n")
+    (tmp_path / "field.yaml").write_text("polygon: [[0, 0], [1, 1]]\n")
+    result = run(
+        "check", "--site", tmp_path / "site.yaml", "--field", tmp_path / "field.yaml", "--logger", "finap"
+    )
+    assert result.exit_code == 2
+    for expected in ("bulk_densty_gcm3", "'nmae'", "did you mean 'name'?", "polygon", "'finapp'"):
+        assert expected in result.output
+
+
+def test_every_shipped_file_passes_the_check():
+    options = []
+    for kind, option in (("loggers", "--logger"), ("sites", "--site"), ("fields", "--field")):
+        for name in resource_names(kind):
+            options += [option, config_folder() / kind / f"{name}.yaml"]
+    result = run("check", *options)
+    assert result.exit_code == 0, result.output
+    assert result.output.count("ok: ") == len(options) / 2
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"PK\x03\x04" + bytes(100), "ZIP archive"),
+        (bytes(range(256)) * 20, "is not a text file"),
+        (b"hello,world\n1,2\n", "--logger"),
+    ],
+)
+def test_unreadable_logs_exit_with_2_and_a_remedy(tmp_path, content, message):
+    path = tmp_path / "log.txt"
+    path.write_bytes(content)
+    result = run("map", path, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "log.txt" in result.output
+    assert message in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_log_is_named(tmp_path):
+    result = run("map", tmp_path / "nothing.log", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "nothing.log: there is no such file -> check the path" in result.output
+
+
+def test_unsigned_longitudes_ask_for_the_hemisphere(shared_data, tmp_path):
+    log = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+    result = run("map", log, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "west" in result.output
+
+
+def test_calibration_is_written_into_the_site_file(survey, tmp_path):
+    (tmp_path / "cores.csv").write_text("vwc\n0.16\n0.18\n0.20\n")
+    site = tmp_path / "site.yaml"
+    site.write_text("# ours\nsoil: {bulk_density_gcm3: 1.4}\n")
+    result = run("calibrate", tmp_path / "cores.csv", "--site", site, "--log", survey / "survey.log", "--dry-run")
+    assert result.exit_code == 0, result.output
+    assert "calibration" not in site.read_text()
+    result = run("calibrate", tmp_path / "cores.csv", "--site", site, "--log", survey / "survey.log")
+    assert result.exit_code == 0, result.output
+    assert "# ours" in site.read_text()
+    assert "n0_cps" in site.read_text()
+    assert run("check", "--site", site).exit_code == 0
+
+
+def test_calibration_by_counts_takes_both_numbers_or_none(tmp_path):
+    (tmp_path / "cores.csv").write_text("vwc\n0.2\n")
+    (tmp_path / "site.yaml").write_text("soil: {bulk_density_gcm3: 1.4}\n")
+    common = ["calibrate", tmp_path / "cores.csv", "--site", tmp_path / "site.yaml"]
+    assert run(*common, "--counts", 1000, "--exposure", 250).exit_code == 0
+    result = run(*common, "--counts", 1000)
+    assert result.exit_code == 2
+    assert "--counts and --exposure" in result.output
+
+
+def test_help_answers_without_the_heavy_libraries():
+    code = (
+        "import sys; from soilmoist_ros.cli.main import main\n"
+        "try: main(['map', '--help'])\n"
+        "except SystemExit: pass\n"
+        "print('heavy:', *({'numpy', 'scipy', 'matplotlib', 'rasterio', 'pydantic', 'rich'} & set(sys.modules)))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "--field" in out
+    assert out.rstrip().endswith("heavy:")
+
+
+def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
+    out = tmp_path / "out"
+    result = run("simulate", "--field", "synthetic-high", "--strategy", "greedy", "--dwell", "fmi:120",
+                 "--hours", 0.5, "--cell", 2, "--seed", 3, "--out", out)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "series.csv", "visits.csv"])
+    header, *rows = (out / "series.csv").read_text().splitlines()
+    assert {"time_s", "distance_m", "samples", "mse", "coverage95"} <= set(header.split(","))
+    assert float(rows[-1].split(",")[0]) == pytest.approx(1800, abs=150)
+    assert json.loads((out / "summary.json").read_text())["simulated"] is True
+
+
+def test_several_robots_are_simulated(tmp_path):
+    options = (
+        "--robots",
+        2,
+        "--dwell",
+        "fmi:120",
+        "--hours",
+        0.3,
+        "--cell",
+        5,
+        "--variogram",
+        "matern32",
+        "--fit",
+        "reml",
+    )
+    result = run("simulate", *options, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    (driven,) = [line for line in result.output.splitlines() if line.startswith("robots")]
+    mission = json.loads((tmp_path / "summary.json").read_text())["mission"]
+    assert mission["settings"]["robots"] == 2
+    assert driven.split(maxsplit=1)[1] == ", ".join(f"{way_m:.0f} m" for way_m in mission["robot_distances_m"])
+    assert sum(mission["robot_distances_m"]) == pytest.approx(mission["final"]["distance_m"])
+
+
+def test_a_second_property_is_mapped_beside(tmp_path):
+    options = ["--also", "rough", "--also-weight", 0.5, "--hours", 0.2, "--cell", 5, "--fit", "reml",
+               "--strategy", "ivr", "--dwell", "optimal", "--map-from", "records"]  # fmt: skip
+    result = run("simulate", *options, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    about = json.loads((tmp_path / "summary.json").read_text())["mission"]
+    assert (about["settings"]["also"], about["settings"]["also_weight"]) == ("rough", 0.5)
+    (told,) = [line for line in result.output.splitlines() if line.startswith("also")]
+    assert f"MSE {about['final']['also_mse']:.4f} (counts/s)2" in told
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--also", "patches"], "does not cover the field 'synthetic-high'"),
+        (["--also-weight", "-1"], "-1.0 is not in the range x>=0"),
+        (["--robots", "0"], "0 is not in the range x>=1"),
+        (["--field", "sinthetic-high"], "did you mean 'synthetic-high'"),
+        (["--strategy", "gredy"], "did you mean 'greedy'"),
+        (["--dwell", "ami:3"], "did you mean 'ami:3%'"),
+        (["--graph", "missing.yaml"], "missing.yaml"),
+    ],
+)
+def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):
+    result = run("simulate", *options, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert message in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_campaign_runs_and_goes_on_where_it_stopped(tmp_path):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        "title: tiny\nruns: 2\ndefaults: {hours: 0.5, dwell: 'fmi:120', cell_m: 2}\n"
+        "experiments: [{name: a, title: A, field: synthetic-high, strategy: [greedy, random]}]\n"
+    )
+    result = run("campaign", plan, "--workers", 0, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "4 simulated, 0 taken over, 0 failed" in result.output
+    assert {"report.html", "results.csv", "results.parquet"} <= {
+        path.name for path in (tmp_path / "out").iterdir()
+    }
+    assert "0 simulated, 4 taken over" in run("campaign", plan, "--workers", 0, "--out", tmp_path / "out").output
+
+
+def test_failures_are_named_when_no_mission_finishes(tmp_path):
+    plan, out = tmp_path / "plan.yaml", tmp_path / "out"
+    plan.write_text(
+        "title: tiny\nruns: 1\nexperiments: [{name: a, field: synthetic-high, hours: 0.5, cell_m: 5000}]\n"
+    )
+    out.mkdir()
+    (out / "report.html").write_text("of another campaign")
+    result = run("campaign", plan, "--workers", 0, "--out", out)
+    assert result.exit_code == 1, result.output
+    assert "failed: field=synthetic-high" in result.output
+    assert "cannot be gridded" in result.output
+    assert "error:" not in result.output
+    assert not (out / "report.html").exists()
+
+
+def test_a_mission_without_a_map_says_so(tmp_path):
+    (tmp_path / "map.tif").write_text("of another mission")
+    result = run("simulate", "--hours", 0.05, "--strategy", "random", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "no map: the mission ended before the first" in result.output
+    assert "nan" not in result.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["series.csv", "summary.json", "visits.csv"]
+
+
+def test_a_graph_of_an_unknown_field_is_told_all_fields(tmp_path):
+    result = run("graph", "sinthetic-high", "--out", tmp_path / "graph.yaml")
+    assert result.exit_code == 2
+    assert "half-wet" in result.output
+    assert "patches" in result.output
+    assert "did you mean 'synthetic-high'" in result.output
+    assert run("graph", "example", "--out", tmp_path / "graph.yaml").exit_code == 0
+
+
+def test_mistakes_in_a_campaign_are_all_named(tmp_path):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("title: x\nrnus: 2\nexperiments: [{name: a, filed: synthetic-high}]\n")
+    result = run("campaign", plan, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "'rnus'" in result.output
+    assert "'filed'" in result.output
+
+
+def test_a_travel_graph_is_laid_and_travelled(tmp_path):
+    rows = run("graph", "patches", "--rows", 3, "--spacing", 5, "--heading", 20, "--out", tmp_path / "rows.json")
+    assert rows.exit_code == 0, rows.output
+    nodes = json.loads((tmp_path / "rows.json").read_text())["nodes"]
+    assert {edge["node"] for node in nodes for edge in node["node"]["edges"]} == {n["node"]["name"] for n in nodes}
+    assert run("graph", "synthetic-high", "--spacing", 10, "--out", tmp_path / "lattice.yaml").exit_code == 0
+    result = run("simulate", "--graph", tmp_path / "lattice.yaml", "--hours", 0.4, "--dwell", "fmi:60",
+                 "--out", tmp_path / "out")  # fmt: skip
+    assert result.exit_code == 0, result.output
+
+
+def test_the_truth_of_a_field_file_is_checked_too(tmp_path):
+    field = tmp_path / "field.yaml"
+    field.write_text(
+        "datum: {latitude_deg: 53, longitude_deg: 0}\npolygon: [[0, 0], [60, 0], [60, 50]]\n"
+        "truth: {points: missing.csv}\n"
+    )
+    result = run("check", "--field", field)
+    assert result.exit_code == 2
+    assert "missing.csv" in result.output

@@ -1,0 +1,261 @@
+"""A mission and all around it, without ROS: a robot that jumps, and a clock that the test moves."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.records import CountRecord
+
+
+class Around:
+    """Robot, navigation, sensor, mapper and displays in one."""
+
+    def __init__(self, home="", **rules):
+        self.time_s, self.goals, self.shown, self.saved, self.finished = 0.0, [], [], [], None
+        self.waiting_for, self.on_the_way, self.measured = "", "", []
+        square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
+        dwell, motion = parse_dwell("fmi:30"), RobotMotion()
+        settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=dwell, motion=motion)
+        given = MissionRules(**{"budget_s": 900.0, "dwell": dwell, "warm_up_stops": 1, **rules})
+        field = Field("square", LocalFrame(53.0, 0.0), square, (), 2.0)
+        self.control = MissionControl(field, settings, given, home, 20.0, self.navigator, self)
+
+    def navigator(self, report):
+        self.report = report
+        return self
+
+    # the navigator
+
+    def go(self, goal_id, stop):
+        self.goals.append((goal_id, stop))
+
+    def cancel(self, goal_id):
+        self.goals.append((goal_id, None))
+
+    def moved(self, place, now_s):
+        pass
+
+    def tick(self):
+        pass
+
+    # the outlets
+
+    def now_s(self):
+        return self.time_s
+
+    def show(self, status, ahead, more):
+        self.shown.append((status, ahead))
+
+    def save(self, reason):
+        self.saved.append(reason)
+
+    def finish(self, finish):
+        self.finished = finish
+
+    def wake(self):
+        pass
+
+    # the test
+
+    @property
+    def status(self):
+        self.control.show()
+        return self.shown[-1][0]
+
+    def planned(self):
+        """Wait for the thread that plans."""
+        deadline = time.monotonic() + 10
+        while self.status.phase is Phase.PLANNING and time.monotonic() < deadline:
+            time.sleep(0.005)
+            self.control.hand_on()
+
+    def arrive(self):
+        goal_id, stop = self.goals[-1]
+        self.time_s += 30.0
+        self.control.fix((stop.x_m, stop.y_m))
+        self.control.ended(Ended(goal_id, Outcome.SUCCEEDED, ""))
+
+    def count(self, records=3):
+        _, stop = self.goals[-1]
+        for _ in range(records):
+            self.time_s += 10.0
+            record = CountRecord(
+                stamp_s=self.time_s, x_m=stop.x_m, y_m=stop.y_m, z_m=0.0, raw_counts=40, exposure_s=10.0,
+                effective_exposure_s=10.0, f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
+            )  # fmt: skip
+            self.control.records([record])
+
+    def map(self):
+        self.measured.append((self.goals[-1][1].x_m, self.goals[-1][1].y_m))
+        n = len(self.measured)
+        samples = as_samples(self.measured, [120 + i for i in range(n)], [30.0] * n)
+        fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=20.0)
+        self.control.samples(samples, self.time_s)
+        self.control.fit(fit, self.time_s)
+
+    def begin(self):
+        self.time_s = 1000.0
+        self.control.use_ways(None)
+        self.control.fix((1.0, 1.0))
+        assert self.control.command(Verb.START).accepted
+        self.planned()
+
+
+def test_a_whole_mission():
+    around = Around(home="r0c0")
+    around.begin()
+    stops = 0
+    while around.finished is None:
+        around.arrive()
+        if around.finished is None:
+            around.count()
+            stops += 1
+            around.map()
+            around.planned()
+    assert "home" in around.finished.reason
+    assert around.status.samples == stops >= 3
+    assert around.saved
+    assert around.shown[-1][1] == (), "nothing is ahead any more"
+    assert around.time_s - 1000.0 <= 900.0
+
+
+def test_it_starts_only_when_all_is_there():
+    around = Around()
+    around.waiting_for = "the navigation"
+    for what, give in [
+        ("the time", lambda: setattr(around, "time_s", 1000.0)),
+        ("the map of the navigation", lambda: around.control.use_ways(None)),
+        ("a position", lambda: around.control.fix((1.0, 1.0))),
+        ("the navigation", lambda: setattr(around, "waiting_for", "")),
+    ]:
+        answer = around.control.command(Verb.START)
+        assert not answer.accepted
+        assert what in answer.message
+        assert what in around.status.reason
+        give()
+    assert around.control.missing() == ()
+    assert around.control.command(Verb.START).accepted
+
+
+def test_a_plan_waits_for_the_map():
+    around = Around()
+    around.begin()
+    around.arrive()
+    around.count()
+    assert around.status.phase is Phase.PLANNING
+    around.control.tick()
+    assert around.status.phase is Phase.PLANNING, "the map does not have the sample yet"
+    around.map()
+    around.planned()
+    assert around.status.phase is Phase.TRAVELLING
+    assert around.shown[-1][1][0] == around.status.target
+
+
+def test_a_map_that_does_not_fit_is_what_is_missing():
+    around = Around(home="nowhere")
+    with pytest.raises(InputError, match="no stop 'nowhere'"):
+        around.control.use_ways(None)
+    assert any("no stop 'nowhere'" in what for what in around.control.missing())
+
+
+def test_health_is_graver_in_mid_mission():
+    around = Around()
+    before = {part.name: part.level for part in around.control.health()}
+    assert before == {"navigation": Level.OK, "position": Level.WARN, "records": Level.WARN}
+    around.begin()
+    around.time_s += 100.0
+    after = {part.name: part.level for part in around.control.health()}
+    assert after == {"navigation": Level.OK, "position": Level.ERROR, "records": Level.ERROR}
+
+
+def test_closing_stops_the_robot_and_nothing_follows():
+    around = Around()
+    around.begin()
+    goal_id, _ = around.goals[-1]
+    around.control.close()
+    assert around.goals[-1] == (goal_id, None)
+    around.control.ended(Ended(goal_id, Outcome.CANCELED, ""))
+    assert around.status.phase is Phase.TRAVELLING
+
+
+def test_of_two_robots_with_one_target_the_later_in_order_gives_way():
+    around = Around(budget_s=3600.0)
+    around.control.other("/robot_1", None)
+    around.begin()
+    assert any(part.name == "others" and "/robot_1" in part.message for part in around.control.health())
+    target = around.goals[-1][1]
+    there = replace(around.status, target=target, phase=Phase.TRAVELLING)
+    around.control.other("/robot_1", there, goes_first=False)
+    assert around.status.target == target
+    around.control.other("/robot_1", there, goes_first=True)
+    assert around.status.phase is Phase.CANCELLING
+    assert "skipped because /robot_1 goes there" in around.status.reason
+    around.control.ended(Ended(around.goals[-2][0], Outcome.CANCELED, ""))
+    around.planned()
+    assert around.status.phase is Phase.TRAVELLING
+    assert around.status.target != target
+    assert not any(part.name == "others" for part in around.control.health())
+
+
+def test_a_further_property_guides_once_it_has_a_map_and_is_missed_until_then(caplog):
+    around = Around(budget_s=3600.0)
+    around.control.expect_property("/compaction", 20.0)
+    around.begin()
+    around.arrive()
+    around.count()
+    around.map()
+    around.planned()
+    said = "no map has come of /compaction: stops are chosen without it"
+    assert any(part.name == "properties" and said in part.message for part in around.control.health())
+    assert said in caplog.text
+    around.arrive()
+    around.count()
+    places = [(x, y) for x in (3.0, 10.0, 17.0) for y in (3.0, 10.0, 17.0) if (x, y) != (17.0, 17.0)]
+    samples = as_samples(places, [1000 + 10 * i for i in range(8)], [30.0] * 8)
+    around.control.samples_of("/compaction", samples, around.time_s)
+    variogram = Variogram("matern32", 0.0, 4.0, 20.0)
+    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=20.0)
+    around.control.fit_of("/compaction", replace(fit, variogram=variogram, mean_rate=35.0), around.time_s)
+    around.map()
+    around.planned()
+    (told,) = [part for part in around.control.health() if part.name == "properties"]
+    assert (told.level, told.message) == (Level.OK, "the last stop was chosen with the map of /compaction")
+    assert around.status.target.x_m > 12.0
+    assert around.status.target.y_m > 12.0
+
+
+def test_a_stop_that_is_being_counted_is_not_given_up():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    target = around.goals[-1][1]
+    around.arrive()
+    around.control.other("/robot_1", replace(around.status, phase=Phase.TRAVELLING), goes_first=True)
+    assert around.status.phase is Phase.COUNTING
+    assert around.status.target == target
+
+
+def test_no_stop_of_another_robot_is_chosen():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    there = replace(around.status, phase=Phase.TRAVELLING)
+    for number, stop in enumerate(stop for _, stop in list(around.goals)):
+        around.control.other(f"/robot_{number}", replace(there, target=stop))
+    beside = Around(budget_s=3600.0)
+    beside.control.other("/robot_1", there)
+    beside.begin()
+    assert beside.status.target != there.target, "the same seed draws the same stop, if it is free"

@@ -1,0 +1,111 @@
+"""The way into a mission: order of events, positions, and broken actions."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionFeed
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import (
+    GoTo,
+    MissionRules,
+    Moved,
+    Phase,
+    Planned,
+    Publish,
+    RecordArrived,
+    RequestPlan,
+    Verb,
+)
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.sensing.records import CountRecord
+
+EAST = Stop("east", 30.0, 0.0)
+RECORD = CountRecord(
+    stamp_s=10.0, x_m=1.0, y_m=2.0, z_m=0.0, raw_counts=40, exposure_s=10.0, effective_exposure_s=10.0,
+    f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
+)  # fmt: skip
+
+
+class Watched:
+    """A feed whose plans come at once, from within the action that asks for them."""
+
+    def __init__(self, broken=()):
+        self.actions, self.shown, self.events, self.broken = [], [], [], broken
+        rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:10"), warm_up_stops=0)
+        self.mission = Mission(rules)
+        self.feed = MissionFeed(self.mission, self.carry_out, self.events.append)
+
+    def carry_out(self, action):
+        self.actions.append(action)
+        if isinstance(action, Publish):
+            self.shown.append(self.mission.state.phase)
+        if isinstance(action, self.broken):
+            raise RuntimeError("a mistake")
+        if isinstance(action, RequestPlan):
+            self.feed.give(Planned(0.0, action.plan_id, Choice(EAST, "far away")))
+
+
+def test_an_event_from_within_an_action_waits_for_the_others():
+    watched = Watched()
+    watched.feed.fix(1.0, (0.0, 0.0))
+    answer = watched.feed.command(2.0, Verb.START)
+    assert answer.accepted
+    assert watched.shown[-1] is Phase.TRAVELLING, "the status shown last is the newest"
+
+
+def test_a_broken_action_does_not_stop_the_others(caplog):
+    watched = Watched(broken=(GoTo,))
+    watched.feed.fix(1.0, (0.0, 0.0))
+    watched.feed.command(2.0, Verb.START)
+    assert isinstance(watched.actions[-1], Publish)
+    assert "a mistake" in caplog.text
+
+
+def test_a_command_says_why_not():
+    answer = Watched().feed.command(1.0, Verb.START)
+    assert not answer.accepted
+    assert "wait for a fix" in answer.message
+
+
+def test_success_is_handed_on_with_the_robots_own_position():
+    watched = Watched()
+    watched.feed.fix(1.0, (0.0, 0.0))
+    watched.feed.command(2.0, Verb.START)
+    goal_id = watched.mission.state.goal.goal_id
+    watched.feed.ended(3.0, Ended(goal_id, Outcome.SUCCEEDED, ""))
+    assert "30.0 m away" in watched.mission.state.reason
+
+
+@pytest.mark.parametrize("outcome", [Outcome.FAILED, Outcome.CANCELED])
+def test_other_ends_are_failures(outcome):
+    watched = Watched()
+    watched.feed.fix(1.0, (30.0, 0.0))
+    watched.feed.command(2.0, Verb.START)
+    watched.feed.ended(3.0, Ended(watched.mission.state.goal.goal_id, outcome, "blocked"))
+    assert "blocked" in watched.mission.state.reason
+
+
+def test_positions_of_records_serve_only_without_fixes():
+    watched = Watched()
+    watched.feed.records(10.0, [RECORD])
+    assert watched.feed.place == (1.0, 2.0)
+    watched.feed.fix(11.0, (5.0, 5.0))
+    watched.feed.records(11.0 + FIX_SILENCE_S, [replace(RECORD, stamp_s=15.0)])
+    assert watched.feed.place == (5.0, 5.0)
+    watched.feed.records(12.0 + FIX_SILENCE_S, [replace(RECORD, stamp_s=16.0)])
+    assert watched.feed.place == (1.0, 2.0)
+
+
+def test_records_and_fixes_without_a_place_are_only_counted():
+    watched = Watched()
+    watched.feed.records(10.0, [replace(RECORD, x_m=math.nan)])
+    watched.feed.fix(10.0, (math.nan, 0.0))
+    assert watched.feed.records_without_place == 1
+    assert not watched.events
+    watched.feed.records(10.0, [RECORD])
+    assert [type(event) for event in watched.events] == [Moved, RecordArrived]

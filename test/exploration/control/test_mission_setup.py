@@ -1,0 +1,69 @@
+"""From field and graph to what a mission needs."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+
+SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
+
+
+def field(cell_m=2.0):
+    return Field("square", LocalFrame(53.0, 0.0), SQUARE, (), cell_m)
+
+
+def graph(*places):
+    stops = [Stop(name, x, y) for name, x, y in places]
+    names = [stop.name for stop in stops]
+    return TravelGraph.from_edges(stops, [*pairwise(names), *pairwise(names[::-1])])
+
+
+def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
+    ways = Ways(field(), RobotMotion(), graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)), 2.0)
+    assert [stop.name for stop in ways.stops] == ["edge", "in"]
+    assert ways.stop("shed") == Stop("shed", -9.0, 0.0)
+    assert np.isfinite(ways.travel.travel_s((-9.0, 0.0), ways.stops)).all()
+
+
+def test_a_map_of_another_place():
+    with pytest.raises(InputError, match=r"no node .* x 900 \.\. 905 m, .* check the datum"):
+        Ways(field(), RobotMotion(), graph(("a", 900.0, 5.0), ("b", 905.0, 5.0)))
+
+
+def test_free_ways_have_a_stop_for_each_cell():
+    ways = Ways(field(), RobotMotion(), None)
+    assert len(ways.stops) == 100
+    with pytest.raises(InputError, match="did you mean 'r0c"):
+        ways.stop("r0c")
+
+
+def test_a_field_too_fine():
+    with pytest.raises(InputError, match="change its cell_m"):
+        Ways(field(1e-4), RobotMotion(), None)
+
+
+@given(st.floats(60, 400), st.sampled_from(["random", "ivr"]))
+def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy):
+    ways = Ways(field(), RobotMotion(), None)
+    rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("ami:0.03"), home=ways.stop("r0c0"))
+    settings = ExplorerSettings(strategy=strategy, preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
+    request = RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s)
+    plan = make_explorer(ways, settings, rules).plan(request, (10.0, 10.0))
+    if plan.choice is not None:
+        stop = plan.choice.stop
+        needed_s = plan.travel_s + rules.min_dwell_s + rules.way_home_s((stop.x_m, stop.y_m))
+        assert needed_s <= left_s
+    else:
+        assert left_s < 60 + 12 + 60 + rules.way_home_s((10.0, 10.0))

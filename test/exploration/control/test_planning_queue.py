@@ -1,0 +1,174 @@
+"""Plan requests wait for the map, but not for ever, and whatever goes wrong is an answer."""
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.control.planning_queue import PlanDesk, PlanJob, answer
+from soilmoist_ros.exploration.control.team import Errand
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanFailed, PlanKind, Planned, RequestPlan
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+
+SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
+FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=20.0)
+PLACE = (1.0, 1.0)
+
+
+def request(plan_id=1, kind=PlanKind.EXPLORE, blacklisted=(), left_s=3600.0):
+    return RequestPlan(plan_id, kind, blacklisted, left_s, left_s)
+
+
+@pytest.fixture
+def explorer():
+    square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
+    dwell, motion = parse_dwell("fmi:60"), RobotMotion()
+    settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=dwell, motion=motion)
+    ways = Ways(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), motion, None)
+    return make_explorer(ways, settings, MissionRules(budget_s=3600.0, dwell=dwell))
+
+
+def test_before_the_first_measurement_nothing_is_waited_for():
+    desk = PlanDesk(20.0)
+    assert desk.due(0.0, PLACE) is None
+    desk.ask(request(), 0.0)
+    assert desk.due(0.0, None) is None, "without a position nothing can be planned"
+    assert desk.due(0.0, PLACE).samples is None
+    assert desk.due(1.0, PLACE) is None, "answered once"
+
+
+@pytest.mark.parametrize(("kind", "needs_fit"), [(PlanKind.EXPLORE, True), (PlanKind.WARM_UP, False)])
+def test_waits_until_the_map_has_what_was_measured(kind, needs_fit):
+    desk = PlanDesk(20.0)
+    desk.take_samples(SAMPLES, 90.0)
+    desk.take_fit(FIT, 90.0)
+    desk.measured(100.0)
+    desk.ask(request(kind=kind), 101.0)
+    assert desk.due(101.0, PLACE) is None
+    desk.take_samples(SAMPLES, 100.0 - 1e-6)
+    if needs_fit:
+        assert desk.due(102.0, PLACE) is None
+        desk.take_fit(FIT, 100.0)
+    job = desk.due(102.0, PLACE)
+    assert job.samples is SAMPLES
+    assert job.fit is FIT
+    assert not job.late
+
+
+def test_waits_no_longer_than_allowed():
+    desk = PlanDesk(20.0)
+    desk.measured(100.0)
+    desk.ask(request(), 101.0)
+    assert desk.due(120.9, PLACE) is None
+    assert desk.due(121.0, PLACE).late
+
+
+def test_a_newer_request_replaces_the_older():
+    desk = PlanDesk(20.0)
+    desk.ask(request(1), 0.0)
+    desk.ask(request(2), 1.0)
+    assert desk.due(1.0, PLACE).request.plan_id == 2
+    assert desk.due(1.0, PLACE) is None
+
+
+def test_the_answer_follows_the_map(explorer):
+    planned = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True)
+    assert isinstance(planned, Planned)
+    assert "highest kriging variance" in planned.choice.reason
+    nearest = np.hypot(*(SAMPLES.xy - (planned.choice.stop.x_m, planned.choice.stop.y_m)).T).min()
+    assert nearest > 5.0, "the least known place is far from all samples"
+
+
+def test_no_choice_says_why(explorer):
+    planned = answer(explorer, PlanJob(request(left_s=1.0), PLACE, SAMPLES, FIT, False), True)
+    assert planned.choice is None
+    assert "fits into the time" in planned.reason
+
+
+def test_exploring_without_a_map_fails_where_one_is_needed(explorer):
+    job = PlanJob(request(), PLACE, SAMPLES, None, True)
+    assert answer(explorer, job, True) == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
+    assert isinstance(answer(explorer, job, False), Planned)
+    assert explorer.live_map.samples is SAMPLES, "places measured are known without a map, too"
+
+
+@pytest.mark.parametrize("error", [ValueError("bad luck"), KeyError("bad luck")])
+def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
+    def broken(*_):
+        raise error
+
+    monkeypatch.setattr(explorer, "plan", broken)
+    failed = answer(explorer, PlanJob(request(7), PLACE, SAMPLES, FIT, False), True)
+    assert failed.plan_id == 7
+    assert "bad luck" in failed.reason
+
+
+def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(explorer):
+    desk = PlanDesk(20.0)
+    desk.take_other("/robot_1", Errand(3.0, 3.0, 60.0))
+    desk.take_other("/robot_2", Errand(9.0, 3.0, 60.0))
+    desk.take_other("/robot_2", Errand(5.0, 3.0, 60.0))
+    desk.take_other("/robot_3", Errand(7.0, 7.0, 60.0))
+    desk.take_other("/robot_3", None)
+    desk.ask(request(), 0.0)
+    job = desk.due(0.0, PLACE)
+    assert set(job.others) == {Errand(3.0, 3.0, 60.0), Errand(5.0, 3.0, 60.0)}
+
+
+def test_the_answer_keeps_away_from_other_robots(explorer):
+    alone = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    there = Errand(alone.x_m, alone.y_m, 600.0)
+    beside = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (there,)), True).choice.stop
+    assert np.hypot(beside.x_m - alone.x_m, beside.y_m - alone.y_m) > 2.0
+
+
+def held(desk, kind=PlanKind.EXPLORE, now_s=101.0):
+    desk.ask(request(kind=kind), now_s)
+    return desk.due(now_s, PLACE)
+
+
+def test_a_further_property_is_left_out_until_it_has_a_map():
+    desk = PlanDesk(20.0)
+    desk.expect_property("/compaction", 0.5)
+    assert held(desk).beside == ()
+    assert desk.faults_beside == ("no map has come of /compaction: stops are chosen without it",)
+    desk.take_samples_of("/compaction", SAMPLES, 90.0)
+    assert held(desk).beside == ()
+    desk.take_fit_of("/compaction", FIT, 90.0)
+    assert held(desk).beside == ((SAMPLES, FIT, 0.5),)
+    assert desk.faults_beside == ()
+    desk.take_fit_of("/compaction", None, 91.0)
+    assert held(desk).beside == (), "its mapper has forgotten all"
+
+
+def test_a_map_of_a_further_property_that_does_not_follow_is_waited_for_once():
+    desk = PlanDesk(20.0)
+    desk.expect_property("/compaction", 1.0)
+    for take, what in ((desk.take_samples, SAMPLES), (desk.take_fit, FIT)):
+        take(what, 100.0)
+    desk.take_samples_of("/compaction", SAMPLES, 80.0)
+    desk.take_fit_of("/compaction", FIT, 80.0)
+    desk.measured(100.0)
+    assert held(desk) is None
+    job = desk.due(121.0, PLACE)
+    assert not job.late
+    assert len(job.beside) == 1
+    assert "does not follow" in desk.faults_beside[0]
+    assert held(desk, now_s=122.0) is not None, "it is not waited for again"
+    for take, what in ((desk.take_samples_of, SAMPLES), (desk.take_fit_of, FIT)):
+        take("/compaction", what, 92.0)  # its records end at other times
+    assert held(desk, now_s=123.0) is not None
+    assert desk.faults_beside == ()
+
+
+def test_the_answer_goes_where_a_further_property_is_unknown(explorer):
+    alone = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    near = as_samples([(alone.x_m, alone.y_m), (10.0, 5.0), (2.0, 2.0)], [800, 900, 700], [100.0] * 3)
+    both = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (), ((near, FIT, 50.0),)), True).choice
+    assert np.hypot(both.stop.x_m - alone.x_m, both.stop.y_m - alone.y_m) > 3.0
+    again = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    assert again == alone, "a map that has gone does not matter any more"

@@ -1,0 +1,139 @@
+"""A mission written down and taken up again is the same mission."""
+
+import json
+from dataclasses import replace
+
+from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission, interrupted_records
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import (
+    Command,
+    MissionRules,
+    Moved,
+    Phase,
+    Planned,
+    RecordArrived,
+    Tick,
+    Verb,
+)
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.sensing.records import CountRecord
+
+
+class Pages:
+    """A journal in memory; a full one takes nothing."""
+
+    def __init__(self):
+        self.state, self.events, self.full = None, [], False
+
+    def append(self, kind, payload, *, durable=True):
+        if self.full:
+            raise OSError(28, "No space left on device")
+        self.events.append(json.loads(json.dumps(payload)))
+        return len(self.events)
+
+    def snapshot(self, state_json):
+        self.append("", {})
+        self.state, self.events = state_json, []
+
+
+def travelling():
+    """A mission on its way, and its events."""
+    mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
+    choice = Choice(Stop("east", 30.0, 0.0), "far")
+    events = [Moved(1.0, 0.0, 0.0), Command(2.0, Verb.START), Planned(3.0, 1, choice), Moved(9.0, 4.0, 0.0)]
+    for event in events:
+        mission.step(event)
+    return mission, events
+
+
+def test_the_same_mission_from_events_and_from_a_snapshot():
+    mission, events = travelling()
+    assert mission.state.phase is Phase.TRAVELLING
+    for kept in range(len(events) + 1):
+        pages, copy = Pages(), Mission(mission.rules)
+        journal = MissionJournal(pages)
+        for number, event in enumerate(events):
+            journal.note(copy, event)
+            copy.step(event)
+            if number + 1 == kept:
+                journal.keep(copy)
+        found = interrupted_mission(mission.rules, pages.state, pages.events)
+        assert found.state == mission.state
+
+
+def test_the_records_of_the_interrupted_mission_and_no_others():
+    mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
+    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
+    every, pages = [], Pages()
+    journal = MissionJournal(pages)
+    for event in [
+        RecordArrived(1.0, record),
+        Moved(1.5, 0.0, 0.0),
+        Command(2.0, Verb.START),
+        RecordArrived(3.0, record),
+        Command(4.0, Verb.ABORT),
+        RecordArrived(5.0, record),
+        Command(6.0, Verb.START),
+        RecordArrived(7.0, record),
+        RecordArrived(8.0, record),
+    ]:
+        journal.note(mission, event)
+        if isinstance(event, RecordArrived):
+            journal.note_beside("salt", event.now_s, replace(record, raw_counts=7))
+        every += pages.events
+        pages.events = []
+        mission.step(event)
+        journal.keep(mission)
+        pages.events = []
+        beside = interrupted_records(pages.state, every, "salt")
+        assert [one.raw_counts for one in beside] == [7] * len(interrupted_records(pages.state, every))
+        found = [r.stamp_s for r in interrupted_records(pages.state, every)]
+        assert found == [2.0] * {3.0: 1, 7.0: 1, 8.0: 2}.get(event.now_s, 0)
+        assert interrupted_records(None, every) == interrupted_records(pages.state, every), "a damaged snapshot"
+    assert interrupted_records(pages.state, every)[1] == record
+    assert interrupted_records(pages.state, every, "clay") == []
+    assert interrupted_records(None, []) == []
+
+
+def test_the_records_of_a_further_property_do_not_touch_the_mission():
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    journal.keep(mission)
+    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
+    journal.note_beside("salt", mission.state.now_s + 50.0, record)
+    found = interrupted_mission(mission.rules, pages.state, pages.events)
+    assert found.state == mission.state
+
+
+def test_nothing_was_under_way():
+    rules = travelling()[0].rules
+    assert interrupted_mission(rules, None, []) is None
+    assert interrupted_mission(rules, Mission(rules).snapshot(), []) is None
+
+
+def test_ticks_are_written_down_only_when_something_is_due():
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    journal.note(mission, Tick(mission.state.now_s))
+    assert not pages.events
+    journal.note(mission, Tick(mission.next_deadline_s))
+    assert len(pages.events) == 1
+
+
+def test_a_full_disk_does_not_stop_the_mission(caplog):
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    pages.full = True
+    for _ in range(3):
+        journal.note(mission, Moved(mission.state.now_s, 0.0, 0.0))
+        journal.keep(mission)
+    assert "No space left" in journal.problem
+    assert len(caplog.records) == 1, "told once"
+    pages.full = False
+    journal.note(mission, Moved(mission.state.now_s, 0.0, 0.0))
+    assert not journal.problem

@@ -1,0 +1,733 @@
+"""The mission, path by path: events in, actions out."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.mission.mission import Mission, step
+from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.types import (
+    Answer,
+    CancelGoal,
+    Command,
+    Finish,
+    GoalFailed,
+    GoalReached,
+    GoTo,
+    MissionRules,
+    Moved,
+    OnSilence,
+    Phase,
+    PlanFailed,
+    PlanKind,
+    Planned,
+    Publish,
+    RecordArrived,
+    RequestPlan,
+    SampleDone,
+    Save,
+    StartCounting,
+    StopCounting,
+    Tick,
+    Verb,
+)
+from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.records import CountRecord
+
+HOME = Stop("home", 0.0, 0.0)
+EAST, NORTH = Stop("east", 30.0, 0.0), Stop("north", 0.0, 30.0)
+
+
+def make_rules(**changes):
+    values = {"budget_s": 7200.0, "dwell": parse_dwell("fmi:60"), "speed_mps": 1.0, "stop_overhead_s": 10.0}
+    return MissionRules(**{**values, "detour": 1.0, "warm_up_stops": 1, **changes})
+
+
+class Driver:
+    """Feeds a mission, and keeps what it asked for."""
+
+    def __init__(self, **changes):
+        self.mission = Mission(make_rules(**changes))
+        self.now_s = 1000.0
+        self.actions = ()
+        self.all_actions = []
+
+    def send(self, kind, *values, after=0.0, **named):
+        self.now_s += after
+        self.actions = self.mission.step(kind(self.now_s, *values, **named))
+        self.all_actions += self.actions
+        return self
+
+    def command(self, verb):
+        return self.send(Command, Verb(verb))
+
+    def record(self, raw_counts=30, exposure_s=10.0, after=10.0, stamp_s=None, place=None):
+        self.now_s += after
+        x_m, y_m = place if place is not None else self.mission.state.position
+        stamp_s = self.now_s if stamp_s is None else stamp_s
+        record = CountRecord(stamp_s, x_m, y_m, math.nan, raw_counts, exposure_s, exposure_s / 1.25)
+        return self.send(RecordArrived, record)
+
+    def start(self):
+        return self.send(Moved, 0.0, 0.0).command("start")
+
+    def plan(self, stop=EAST, dwell="", **named):
+        choice = Choice(stop, "it is the least known place", dwell=dwell) if stop is not None else None
+        return self.send(Planned, self.last(RequestPlan).plan_id, choice, **named)
+
+    def travelling(self, stop=EAST):
+        return self.start().plan(stop)
+
+    def reach(self, stop=None, after=20.0):
+        goal = self.last(GoTo)
+        stop = stop or goal.stop
+        return self.send(GoalReached, goal.goal_id, stop.x_m, stop.y_m, after=after)
+
+    def counting(self, stop=EAST):
+        return self.travelling(stop).reach()
+
+    def fail_goal(self, reason="blocked"):
+        return self.send(GoalFailed, self.last(GoTo).goal_id, reason, after=5.0)
+
+    def last(self, kind):
+        return next(action for action in reversed(self.all_actions) if isinstance(action, kind))
+
+    def count_of(self, kind):
+        return sum(isinstance(action, kind) for action in self.all_actions)
+
+    @property
+    def phase(self):
+        return self.mission.state.phase
+
+    @property
+    def reason(self):
+        return self.mission.status.reason
+
+    def kinds(self):
+        return [type(action) for action in self.actions]
+
+    @property
+    def answer(self):
+        return next(action for action in self.actions if isinstance(action, Answer))
+
+
+# The usual course
+
+
+def test_a_mission_from_start_to_end():
+    driver = Driver(home=HOME)
+    driver.start()
+    assert driver.kinds() == [RequestPlan, Answer, Publish]
+    assert driver.last(RequestPlan) == RequestPlan(1, PlanKind.WARM_UP, (), 7200.0, 7200.0)
+    assert driver.plan().kinds() == [GoTo, Publish]
+    assert driver.last(GoTo).stop == EAST
+    assert driver.last(GoTo).expected_s == 40.0
+    assert driver.reach().kinds() == [StartCounting, Publish]
+    for _ in range(5):
+        assert driver.record().kinds() == [Publish]
+    assert driver.mission.status.progress == pytest.approx(5 / 6)
+    assert driver.record().kinds() == [StopCounting, SampleDone, RequestPlan, Publish]
+    sample = driver.last(SampleDone).sample
+    assert (sample.stop, sample.raw_counts, sample.exposure_s, sample.records) == (EAST, 180, 60.0, 6)
+    assert (sample.arrived_s, sample.dwell_s) == (1020.0, 60.0)
+    assert sample.effective_exposure_s == pytest.approx(48.0)
+    assert driver.last(RequestPlan).kind is PlanKind.EXPLORE
+    assert driver.plan(None, reason="all is known well").kinds() == [GoTo, Publish]
+    assert driver.phase is Phase.RETURNING
+    assert driver.mission.status.target == HOME
+    assert driver.reach(after=30.0).kinds() == [Save, Finish, Publish]
+    assert driver.last(Finish).reason == (
+        "nothing is left that is worth measuring or can be reached: all is known well; the robot is back home"
+    )
+    status = driver.mission.status
+    assert (status.phase, status.samples, status.counting_s, status.distance_m) == (Phase.FINISHED, 1, 60.0, 60.0)
+    assert status.estimated_end_s is None
+    used_s = status.time_used_s
+    assert driver.send(Tick, after=500.0).mission.status.time_used_s == used_s == 110.0
+
+
+def test_a_reason_says_why_and_where():
+    driver = Driver().travelling()
+    assert driver.reason == "going to east: it is the least known place"
+    assert driver.reach().reason == "counting at east (fmi:60)"
+
+
+def test_a_mission_can_be_started_again_and_ids_go_on():
+    driver = Driver().counting().record().command("skip").plan(None)
+    assert driver.phase is Phase.FINISHED
+    driver.command("start")
+    assert driver.phase is Phase.PLANNING
+    status = driver.mission.status
+    assert (status.time_used_s, status.samples, status.counting_s, status.blacklisted) == (0.0, 0, 0.0, ())
+    assert driver.last(RequestPlan).plan_id == 3
+    assert driver.plan().last(GoTo).goal_id == 2
+
+
+def test_planned_dwell_follows_the_rate_at_the_stop():
+    driver = Driver(dwell=parse_dwell("ami:10%")).counting()
+    assert driver.mission.status.planned_dwell_s == 3600.0, "nothing has been counted yet"
+    assert driver.record(raw_counts=20).mission.status.planned_dwell_s == 50.0
+
+
+def test_a_stop_has_its_own_dwell_rule_and_the_next_the_missions():
+    driver = Driver(dwell=parse_dwell("optimal"), warm_up_stops=0).start().plan(dwell="fmi:20").reach()
+    assert driver.mission.status.planned_dwell_s == 20.0
+    driver.record().record()
+    assert driver.mission.status.samples == 1
+    assert driver.last(SampleDone).sample.ended.endswith("in 20 of 20 s")
+    driver.plan(NORTH).reach(after=60.0)
+    assert driver.mission.status.planned_dwell_s == Optimal.UNKNOWN_S
+
+
+def test_the_dwell_of_a_stop_survives_a_restart():
+    driver = Driver(dwell=parse_dwell("optimal"), warm_up_stops=0)
+    driver.start().plan(dwell="value:0.01,0.1,1e-05,1.25").reach().record()
+    restored = Mission.restore(driver.mission.rules, driver.mission.snapshot())
+    assert restored.state.target.dwell == "value:0.01,0.1,1e-05,1.25"
+    for mission in (driver.mission, restored):
+        assert mission.status.planned_dwell_s == pytest.approx(
+            (math.sqrt(0.01 / 1e-5 * 1.25**2 * 3) - 1.25**2 * 3) / 0.1
+        )
+    event = Planned(1.0, 3, Choice(EAST, "why", (NORTH,), "value:0.01,0.1,1e-05,1.25"))
+    assert event_from_dict(json.loads(json.dumps(event_to_dict(event)))) == event
+
+
+# Records
+
+
+def test_a_record_that_was_partly_counted_while_driving_is_not_of_the_stop():
+    driver = Driver().counting()
+    driver.record(after=4.0)
+    assert driver.mission.state.counting.records == 0
+    driver.record(after=10.0)
+    assert driver.mission.state.counting.records == 1
+    assert driver.mission.state.raw_counts == 60, "the mapper has both, and so has the mean rate"
+
+
+def test_a_record_that_begins_on_arrival_is_of_the_stop():
+    driver = Driver().counting().record(after=10.0)
+    assert driver.mission.state.counting.records == 1
+
+
+def test_a_short_live_time_does_not_hide_that_the_interval_began_while_driving():
+    driver = Driver().travelling().record(after=12.0).reach(after=2.0)
+    driver.record(after=8.0, exposure_s=7.5)
+    assert driver.mission.state.counting.records == 0, "it lasted from 2 s before the arrival, with tubes missing"
+    driver.record(after=10.0, exposure_s=7.5)
+    assert driver.mission.state.counting.records == 1
+
+
+def test_a_stamp_ahead_of_the_clock_does_not_make_a_driving_record_a_record_of_the_stop():
+    driver = Driver().counting().record(after=2.0, stamp_s=5000.0)
+    assert driver.mission.state.counting.records == 0
+    driver.record(after=10.0)
+    assert driver.mission.state.counting.records == 1, "nor does it keep out those that follow"
+
+
+def test_repeated_late_misplaced_and_broken_records_do_not_count():
+    driver = Driver().counting().record().record()
+    stamp_s = driver.now_s
+    driver.record(after=0.0, stamp_s=stamp_s)
+    driver.record(after=10.0, stamp_s=stamp_s - 5.0)
+    driver.record(after=10.0, place=(60.0, 0.0))
+    driver.record(after=10.0, place=(math.nan, 0.0))
+    driver.record(after=10.0, exposure_s=0.0)
+    driver.record(after=10.0, exposure_s=math.inf)
+    driver.record(after=10.0, raw_counts=-1)
+    assert driver.mission.state.counting.records == 2
+
+
+def test_records_in_other_phases_do_not_count():
+    driver = Driver().travelling().record().record()
+    assert driver.mission.state.counting is None
+    driver.reach().record().command("pause").record().record()
+    assert driver.mission.state.counting.records == 1
+
+
+# Travel and its failures
+
+
+def test_reached_is_believed_only_at_the_stop():
+    driver = Driver().travelling().reach(NORTH)
+    assert driver.phase is Phase.TRAVELLING
+    assert driver.last(GoTo).goal_id == 2
+    assert "reported as reached, but the robot is 42.4 m away" in driver.reason
+
+
+def test_a_stop_that_fails_twice_is_ruled_out_for_a_while():
+    driver = Driver(retries=1, blacklist_s=100.0).travelling().fail_goal()
+    assert driver.kinds() == [GoTo, Publish]
+    driver.fail_goal("no route")
+    assert driver.last(RequestPlan).blacklisted == ("east",)
+    assert driver.reason == "east is ruled out for now: no route; choosing warm-up stop 1 of 1"
+    assert driver.plan(NORTH).mission.status.blacklisted == ("east",)
+    driver.send(Moved, 1.0, 1.0, after=100.0)
+    assert driver.mission.status.blacklisted == ()
+
+
+def test_a_planner_that_insists_on_a_stop_that_is_ruled_out_is_asked_again():
+    driver = Driver(retries=0).travelling().fail_goal().plan(EAST)
+    assert driver.phase is Phase.PLANNING
+    assert "which is ruled out" in driver.reason
+    assert driver.mission.state.failures == 2
+
+
+def test_many_failures_in_a_row_ask_the_operator():
+    driver = Driver(retries=9, failures_to_pause=3).travelling().fail_goal().fail_goal().fail_goal("wheel stuck")
+    assert driver.phase is Phase.PAUSED
+    assert driver.reason.startswith("3 failures since the last sample: east was not reached: wheel stuck; check")
+    driver.command("resume")
+    assert driver.phase is Phase.TRAVELLING
+    assert driver.mission.state.failures == 0
+
+
+def test_a_sample_ends_a_row_of_failures():
+    driver = Driver(retries=9).travelling().fail_goal().fail_goal().reach().record()
+    assert driver.mission.state.failures == 2
+    for _ in range(5):
+        driver.record()
+    assert driver.mission.state.failures == 0
+
+
+def test_a_goal_that_takes_too_long_is_cancelled_before_the_next():
+    driver = Driver().travelling()
+    assert driver.mission.next_deadline_s == driver.now_s + 3 * 40.0 + 60.0
+    driver.send(Tick, after=179.0)
+    assert driver.phase is Phase.TRAVELLING
+    assert driver.send(Tick, after=1.0).kinds() == [CancelGoal, Publish]
+    assert driver.phase is Phase.CANCELLING
+    assert driver.fail_goal("cancelled").kinds() == [GoTo, Publish]
+    assert driver.last(GoTo).goal_id == 2
+
+
+def test_a_cancel_that_is_never_confirmed_holds_only_for_a_time_limit():
+    driver = Driver().travelling().command("skip")
+    stale = driver.last(GoTo).goal_id
+    assert driver.send(Tick, after=29.0).kinds() == []
+    assert driver.send(Tick, after=1.0).kinds() == [RequestPlan, Publish]
+    assert "was not reported in 30 s" in driver.reason
+    before = driver.plan(NORTH).mission.state
+    assert driver.send(GoalReached, stale, EAST.x_m, EAST.y_m).kinds() == []
+    assert driver.mission.state.goal == before.goal
+
+
+# Planning
+
+
+def test_stale_plans_are_ignored():
+    driver = Driver().start()
+    assert driver.send(Planned, 99, Choice(EAST, "")).kinds() == []
+    assert driver.send(PlanFailed, 99, "").kinds() == []
+    driver.plan(NORTH)
+    assert driver.send(Planned, 1, Choice(EAST, "")).kinds() == [], "answered twice"
+    assert driver.mission.status.target == NORTH
+
+
+def test_planning_that_fails_or_hangs_is_repeated_then_handed_to_the_operator():
+    driver = Driver(failures_to_pause=3).start()
+    driver.send(PlanFailed, 1, "no variogram")
+    assert driver.last(RequestPlan).plan_id == 2
+    assert driver.send(Tick, after=120.0).last(RequestPlan).plan_id == 3
+    assert "no plan within 120 s" in driver.reason
+    driver.send(PlanFailed, 3, "out of memory")
+    assert driver.phase is Phase.PAUSED
+    assert "out of memory" in driver.reason
+    assert driver.command("resume").last(RequestPlan).plan_id == 4
+
+
+def test_no_plan_is_asked_for_when_the_time_is_too_short_for_a_stop():
+    driver = Driver(budget_s=130.0).counting()
+    for _ in range(6):
+        driver.record()
+    assert driver.count_of(RequestPlan) == 1
+    assert driver.reason == "east is done: 180 counts in 60 of 60 s; the time left is too short for another stop"
+
+
+def test_a_stop_that_does_not_fit_ends_the_mission():
+    driver = Driver(budget_s=200.0).start().plan(EAST, travel_s=150.0)
+    assert driver.phase is Phase.FINISHED
+    assert driver.reason == "no time for east: it needs 210 s and 200 s are left"
+    unreachable = Driver().start().plan(EAST, travel_s=math.inf)
+    assert unreachable.phase is Phase.FINISHED
+    json.loads(unreachable.mission.snapshot())
+
+
+def test_a_plan_that_comes_too_late_does_not_move_the_robot():
+    driver = Driver(home=HOME, budget_s=300.0, min_dwell_s=0.0).send(Moved, 150.0, 0.0).command("start")
+    driver.plan(Stop("near home", 2.0, 0.0), after=85.0)
+    assert driver.last(GoTo).stop == HOME
+    assert driver.count_of(CancelGoal) == 0
+
+
+def test_a_goal_sent_again_has_the_time_that_the_planner_gave_it():
+    driver = Driver().start().plan(EAST, travel_s=200.0)
+    assert driver.mission.next_deadline_s == driver.now_s + 3 * 200.0 + 60.0
+    assert driver.fail_goal().last(GoTo).expected_s == 200.0
+
+
+def test_the_planner_is_told_the_time_after_the_way_home():
+    driver = Driver(home=HOME).send(Moved, 100.0, 0.0).command("start")
+    request = driver.last(RequestPlan)
+    assert request.budget_left_s == 7200.0
+    assert request.time_left_s == 7200.0 - (10.0 + 100.0 + 60.0)
+
+
+# Time
+
+
+def test_the_end_of_the_time_closes_the_sample_and_sends_the_robot_home():
+    driver = Driver(home=HOME, budget_s=200.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")).counting()
+    driver.record().record()
+    assert driver.mission.next_deadline_s == 1000.0 + 200.0 - (10.0 + 30.0 + 60.0)
+    driver.send(Tick, after=60.0)
+    assert driver.kinds() == [StopCounting, SampleDone, GoTo, Publish]
+    assert driver.last(SampleDone).sample.raw_counts == 60
+    assert driver.reason == "going home: the time left is needed for the way home"
+    driver.reach(after=40.0)
+    assert driver.phase is Phase.FINISHED
+    assert driver.mission.status.time_used_s <= 200.0
+
+
+def test_a_record_that_arrives_as_the_time_ends_still_counts():
+    driver = Driver(budget_s=100.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")).counting()
+    driver.record(after=80.0)
+    assert driver.last(SampleDone).sample.raw_counts == 30
+    assert driver.phase is Phase.FINISHED
+    assert driver.reason == "the mission time is used up"
+
+
+def test_the_end_of_the_time_on_the_way_cancels():
+    driver = Driver(budget_s=110.0).travelling().send(Tick, after=110.0)
+    assert driver.kinds() == [CancelGoal, Publish]
+    assert driver.phase is Phase.CANCELLING
+    assert driver.fail_goal().kinds() == [Save, Finish, Publish]
+
+
+def test_a_robot_that_strays_from_home_leaves_earlier():
+    driver = Driver(home=HOME, budget_s=500.0).travelling()
+    assert driver.send(Moved, 300.0, 0.0, after=100.0).phase is Phase.TRAVELLING
+    assert driver.send(Moved, 331.0, 0.0).phase is Phase.CANCELLING
+
+
+def test_home_is_tried_again_and_then_given_up_where_the_robot_is():
+    driver = Driver(home=HOME).counting().record().command("skip").plan(None)
+    assert driver.phase is Phase.RETURNING
+    assert driver.fail_goal().kinds() == [GoTo, Publish]
+    assert driver.fail_goal("gate shut").kinds() == [Save, Finish, Publish]
+    assert driver.last(Finish).reason.endswith("the robot did not get home: gate shut")
+
+
+def test_there_is_no_way_home_for_a_robot_at_home():
+    driver = Driver(home=HOME).start().plan(None)
+    assert driver.count_of(GoTo) == 0
+    assert driver.last(Finish).reason.endswith("the robot is home")
+
+
+# Counting that does not go well
+
+
+def test_a_dead_sensor_ends_with_the_longest_dwell_and_rules_the_stop_out():
+    driver = Driver(dwell=parse_dwell("ami:3%", longest_s=50.0)).counting()
+    for _ in range(4):
+        driver.record(raw_counts=0)
+    assert driver.phase is Phase.COUNTING
+    driver.record(raw_counts=0)
+    assert driver.count_of(SampleDone) == 0
+    assert driver.last(RequestPlan).blacklisted == ("east",)
+    assert "nothing was counted at east" in driver.reason
+
+
+def test_silence_is_reported_and_waited_out_until_the_longest_dwell():
+    driver = Driver(dwell=parse_dwell("ami:3%", longest_s=300.0)).counting().record()
+    assert driver.send(Tick, after=59.0).kinds() == []
+    assert driver.send(Tick, after=1.0).kinds() == [Publish]
+    assert "no record from this stop for 60 s" in driver.reason
+    assert driver.send(Tick, after=1.0).kinds() == [], "it is said once"
+    assert driver.record().reason == "counting at east (ami:0.03)"
+    driver.send(Tick, after=60.0)
+    assert driver.mission.next_deadline_s == 1020.0 + 300.0
+    driver.now_s = 1320.0
+    driver.send(Tick)
+    assert driver.last(SampleDone).sample.ended == "the longest dwell of 300 s is over"
+
+
+def test_a_pause_does_not_shorten_or_lengthen_the_longest_dwell():
+    driver = Driver(dwell=parse_dwell("ami:3%", longest_s=50.0)).counting().record().record()
+    driver.command("pause").send(Tick, after=1000.0).command("resume")
+    assert driver.mission.next_deadline_s == driver.now_s + 30.0
+
+
+def test_several_things_that_are_due_after_a_gap_are_all_done():
+    driver = Driver(budget_s=400.0).counting().record().send(Tick, after=5000.0)
+    assert driver.phase is Phase.FINISHED
+    assert driver.last(SampleDone).sample.raw_counts == 30
+
+
+def test_silence_can_pause_or_abort():
+    driver = Driver(on_silence=OnSilence.PAUSE).counting().send(Tick, after=60.0)
+    assert driver.phase is Phase.PAUSED
+    assert driver.command("resume").phase is Phase.COUNTING
+    assert driver.mission.next_deadline_s == driver.now_s + 60.0
+    driver = Driver(on_silence=OnSilence.ABORT).counting().send(Tick, after=60.0)
+    assert driver.phase is Phase.IDLE
+    assert driver.last(Finish).aborted
+
+
+# Operator
+
+
+def test_a_mission_does_not_start_without_a_position():
+    driver = Driver().command("start")
+    assert driver.phase is Phase.IDLE
+    assert not driver.answer.accepted
+    assert "position is not known" in driver.answer.message
+
+
+@pytest.mark.parametrize("verb", ["pause", "resume", "skip"])
+def test_what_makes_no_sense_is_refused_with_a_reason(verb):
+    driver = Driver().command(verb)
+    assert not driver.answer.accepted
+    assert driver.answer.message
+    assert driver.phase is Phase.IDLE
+    assert not Driver().travelling().command("start").answer.accepted
+
+
+def test_pause_on_the_way_cancels_and_resume_sends_the_goal_again():
+    driver = Driver().travelling().command("pause")
+    assert driver.kinds() == [CancelGoal, Answer, Publish]
+    assert driver.phase is Phase.CANCELLING
+    assert driver.fail_goal("cancelled").phase is Phase.PAUSED
+    assert driver.command("resume").kinds() == [GoTo, Answer, Publish]
+    assert driver.reach().phase is Phase.COUNTING
+
+
+def test_resume_before_the_robot_has_stopped_still_waits_for_its_end():
+    driver = Driver().travelling().command("pause").command("resume")
+    assert driver.kinds() == [Answer, Publish]
+    assert driver.phase is Phase.CANCELLING
+    assert driver.fail_goal("cancelled").kinds() == [GoTo, Publish]
+
+
+def test_pause_while_counting_keeps_what_was_counted():
+    driver = Driver().counting().record().record().command("pause")
+    assert driver.kinds() == [StopCounting, Answer, Publish]
+    driver.record(after=300.0)
+    driver.command("resume")
+    assert driver.kinds() == [StartCounting, Answer, Publish]
+    assert driver.record(after=4.0).mission.state.counting.records == 2, "begun in the pause"
+    for _ in range(4):
+        driver.record()
+    sample = driver.last(SampleDone).sample
+    assert (sample.raw_counts, sample.dwell_s) == (180, 20.0 + 44.0)
+
+
+def test_a_robot_that_was_moved_in_the_pause_does_not_count_on():
+    driver = Driver().counting().record().command("pause").send(Moved, 35.0, 0.0).command("resume")
+    assert driver.last(SampleDone).sample.raw_counts == 30
+    assert driver.phase is Phase.PLANNING
+    assert "moved by 5.0 m in the pause" in driver.reason
+
+
+def test_pausing_twice_is_pausing_once():
+    driver = Driver().counting().command("pause").command("pause")
+    assert driver.answer.accepted
+    assert driver.command("resume").phase is Phase.COUNTING
+
+
+def test_pause_while_planning_asks_for_a_new_plan_afterwards():
+    driver = Driver().start().command("pause")
+    assert driver.send(Planned, 1, Choice(EAST, "")).kinds() == []
+    assert driver.command("resume").last(RequestPlan).plan_id == 2
+
+
+def test_a_pause_uses_the_budget_but_never_drives_home_by_itself():
+    driver = Driver(home=HOME, budget_s=400.0).counting().record().command("pause").send(Tick, after=400.0)
+    assert driver.phase is Phase.PAUSED
+    assert driver.kinds() == [SampleDone, Publish]
+    assert driver.reason == "the mission time was used up in a pause: resume to go home, or abort"
+    assert driver.mission.next_deadline_s is None
+    assert driver.command("resume").phase is Phase.RETURNING
+
+
+def test_without_a_way_home_the_mission_ends_in_the_pause():
+    driver = Driver(budget_s=400.0).counting().record().command("pause").send(Tick, after=400.0)
+    assert driver.phase is Phase.FINISHED
+    assert driver.last(SampleDone).sample.raw_counts == 30
+
+
+def test_skip_keeps_what_was_counted_and_rules_the_stop_out():
+    driver = Driver().counting().record().command("skip")
+    assert driver.kinds() == [StopCounting, SampleDone, RequestPlan, Answer, Publish]
+    assert driver.last(RequestPlan).blacklisted == ("east",)
+    assert driver.last(SampleDone).sample.ended == "east skipped by the operator"
+    nothing = Driver().counting().command("skip")
+    assert nothing.kinds() == [StopCounting, RequestPlan, Answer, Publish]
+
+
+def test_skip_on_the_way_and_in_a_pause():
+    driver = Driver().travelling().command("skip")
+    assert driver.kinds() == [CancelGoal, Answer, Publish]
+    assert not driver.command("skip").answer.accepted, "it is skipped already"
+    assert driver.fail_goal().phase is Phase.PLANNING
+    paused = Driver().travelling().command("pause").command("skip").fail_goal()
+    assert paused.phase is Phase.PAUSED
+    assert paused.command("resume").phase is Phase.PLANNING
+
+
+def test_abort_on_the_way_waits_for_the_robot_to_stop():
+    driver = Driver(home=HOME).travelling().command("abort")
+    assert driver.kinds() == [CancelGoal, Answer, Publish]
+    assert not driver.command("pause").answer.accepted
+    assert driver.fail_goal().kinds() == [Save, Finish, Publish]
+    assert driver.phase is Phase.IDLE
+    assert driver.last(Finish).aborted
+
+
+def test_abort_while_counting_keeps_the_sample():
+    driver = Driver().counting().record().command("abort")
+    assert driver.kinds() == [StopCounting, SampleDone, Save, Finish, Answer, Publish]
+    assert driver.command("abort").phase is Phase.IDLE
+
+
+def test_abort_on_the_way_home_and_after_the_end():
+    driver = Driver(home=HOME).counting().command("skip").plan(None).command("abort")
+    assert driver.phase is Phase.CANCELLING
+    assert driver.fail_goal().phase is Phase.IDLE
+    ended = Driver().start().plan(None).command("abort")
+    assert ended.phase is Phase.IDLE
+    assert ended.count_of(Finish) == 1
+
+
+def test_pause_on_the_way_home():
+    driver = Driver(home=HOME).counting().command("skip").plan(None).command("pause").fail_goal()
+    assert driver.phase is Phase.PAUSED
+    assert driver.command("resume").phase is Phase.RETURNING
+
+
+# Position, time, storage
+
+
+def test_noise_of_the_position_is_not_distance():
+    driver = Driver().start()
+    for k in range(100):
+        driver.send(Moved, 0.2 * (k % 2), 0.0, after=1.0)
+    driver.send(Moved, math.nan, 5.0)
+    assert driver.mission.status.distance_m == 0.0
+    assert driver.send(Moved, 3.0, 4.0).mission.status.distance_m == 5.0
+    assert driver.mission.state.position == (3.0, 4.0)
+
+
+def test_time_does_not_run_backwards():
+    driver = Driver().start()
+    driver.mission.step(Tick(500.0))
+    assert driver.mission.status.now_s == 1000.0
+    with pytest.raises(ValueError, match="must be finite"):
+        step(driver.mission.rules, MissionState(), Tick(math.nan))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("budget_s", 0.0), ("speed_mps", -1.0), ("detour", 0.9), ("min_dwell_s", math.inf), ("retries", -1)],
+)
+def test_rules_out_of_range_are_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        make_rules(**{name: value})
+
+
+def test_a_snapshot_goes_on_where_it_was_taken():
+    driver = Driver(home=HOME).counting().record().command("pause")
+    restored = Mission.restore(driver.mission.rules, driver.mission.snapshot())
+    assert restored.state == driver.mission.state
+    assert restored.step(Command(2000.0, Verb.RESUME)) == driver.mission.step(Command(2000.0, Verb.RESUME))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not valid JSON"),
+        ("[]", "this is not a mission state"),
+        ('{"phase": "flying"}', "phase: .*'idle'"),
+        ('{"altitude_m": 3}', "unknown altitude_m"),
+        ('{"goal": {"goal_id": 1}}', "goal.stop"),
+    ],
+)
+def test_what_is_not_a_snapshot_is_refused(text, message):
+    with pytest.raises(InputError, match=message):
+        Mission.restore(make_rules(), text)
+
+
+def test_events_are_written_as_strict_json_and_read_back():
+    record = CountRecord(10.0, 1.0, 2.0, math.nan, 30, 10.0, 8.0)
+    events = [
+        Command(1.0, Verb.SKIP),
+        Planned(2.0, 3, Choice(EAST, "why", (NORTH,)), math.inf),
+        Planned(2.0, 4, None, reason="nothing"),
+        PlanFailed(3.0, 4, "broken"),
+        GoalReached(4.0, 1, 0.1, 0.2),
+        GoalFailed(5.0, 1, "blocked"),
+        Moved(6.0, 0.1, 0.2),
+        Tick(7.0),
+    ]
+    for event in events:
+        assert event_from_dict(json.loads(json.dumps(event_to_dict(event), allow_nan=False))) == event
+    text = json.dumps(event_to_dict(RecordArrived(8.0, record)), allow_nan=False)
+    assert repr(event_from_dict(json.loads(text))) == repr(RecordArrived(8.0, record)), "NaN equals nothing"
+    with pytest.raises(InputError, match="'Teleported' is not a mission event"):
+        event_from_dict({"event": "Teleported", "now_s": 1.0})
+
+
+def test_a_simulator_drives_it_from_record_to_record():
+    rules = make_rules(budget_s=3600.0, home=HOME, dwell=parse_dwell("ami:5%"), warm_up_stops=2)
+    rng = np.random.default_rng(1)
+    stops = [Stop(f"s{k}", *rng.uniform(0, 60, 2)) for k in range(40)]
+    mission, place, trip, queue = Mission(rules), (0.0, 0.0), None, []  # trip: goal, start time and place
+    samples, finish, now_s = [], None, 0.0
+
+    def carry_out(actions):
+        nonlocal trip, finish
+        for action in actions:
+            match action:
+                case RequestPlan(plan_id=plan_id):
+                    queue.append(Planned(now_s, plan_id, Choice(stops[len(samples)], "next in the list")))
+                case GoTo(goal_id=goal_id, stop=stop):
+                    trip = (goal_id, stop, now_s, place)
+                case CancelGoal(goal_id=goal_id):
+                    trip = None
+                    queue.append(GoalFailed(now_s, goal_id, "cancelled"))
+                case SampleDone(sample=sample):
+                    samples.append(sample)
+                case Finish():
+                    finish = action
+        while queue:
+            carry_out(mission.step(queue.pop(0)))
+
+    carry_out(mission.step(Moved(now_s, *place)))
+    carry_out(mission.step(Command(now_s, Verb.START)))
+    next_record_s = 10.0
+    while finish is None:
+        arrival_s = trip[2] + 10.0 + math.dist(trip[3], (trip[1].x_m, trip[1].y_m)) if trip else math.inf
+        now_s = min(next_record_s, arrival_s, mission.next_deadline_s or math.inf)
+        if trip:
+            goal_id, stop, left_s, start = trip
+            share = (now_s - left_s) / (arrival_s - left_s)
+            place = (start[0] + share * (stop.x_m - start[0]), start[1] + share * (stop.y_m - start[1]))
+            carry_out(mission.step(Moved(now_s, *place)))
+        if trip and now_s == arrival_s:
+            trip = None
+            carry_out(mission.step(GoalReached(now_s, goal_id, *place)))
+        elif now_s == next_record_s:
+            next_record_s += 10.0
+            record = CountRecord(now_s, *place, math.nan, int(rng.poisson(40)), 10.0, 10.0)
+            carry_out(mission.step(RecordArrived(now_s, record)))
+        else:
+            carry_out(mission.step(Tick(now_s)))
+    assert not finish.aborted
+    assert finish.reason.endswith("the robot is back home")
+    assert 3400 < mission.status.time_used_s <= 3600
+    assert mission.status.samples == len(samples) > 15
+    assert all(sample.raw_counts >= 400 for sample in samples[:-1])

@@ -1,0 +1,171 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.planning.dwell import (
+    LONGEST_DWELL_S,
+    AdaptiveInterval,
+    FixedInterval,
+    MarginalValue,
+    Optimal,
+    parse_dwell,
+)
+from soilmoist_ros.foundation.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "rule", "plain"),
+    [
+        ("fmi:600", FixedInterval(600.0), "fmi:600"),
+        ("fmi:12.5", FixedInterval(12.5), "fmi:12.5"),
+        ("ami:0.025", AdaptiveInterval(0.025), "ami:0.025"),
+        ("ami:2.5%", AdaptiveInterval(0.025), "ami:0.025"),
+        (" AMI : 2.9 % ", AdaptiveInterval(0.029), "ami:0.029"),
+        ("fmi:7200", FixedInterval(7200.0, 14400.0), "fmi:7200"),
+        (" Optimal ", Optimal(), "optimal"),
+        ("value:1e-3,0.25,2e-06,1.1", MarginalValue(1e-3, 0.25, 2e-6, 1.1), "value:0.001,0.25,2e-06,1.1"),
+    ],
+)
+def test_a_rule_reads_back_from_its_text(text, rule, plain):
+    assert parse_dwell(text) == rule
+    assert str(parse_dwell(text)) == plain
+    assert parse_dwell(plain) == rule
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "unknown dwell rule ''.*fmi:600"),
+        ("fmj:600", "did you mean 'fmi'"),
+        ("amy:3%", "did you mean 'ami'"),
+        ("optimal:3", "must be 'optimal' alone"),
+        ("optimum", "did you mean 'optimal'?"),
+        ("value:1,2", "is not A,B,PRICE,FACTOR"),
+        ("value:nan,1,1,1", "out of range"),
+        ("value:1,0,1,1", "out of range"),
+        ("value:1,1,-1,1", "out of range"),
+        ("value:1,1,inf,1", "out of range"),
+        ("600", "unknown dwell rule '600'.*'fmi:600'"),
+        ("fmi", "has no number after 'fmi:'"),
+        ("ami: ", "has no number after 'ami:'"),
+        ("fmi:ten", "'ten' in 'fmi:ten' is not a number -> write for example"),
+        ("fmi:10%", "is not a number"),
+        ("fmi:inf", "not finite"),
+        ("ami:nan", "not finite"),
+        ("ami:-inf%", "not finite"),
+        ("fmi:0", "not between 1 and 86400 s"),
+        ("fmi:-600", "not between"),
+        ("fmi:1e999999", "not between"),
+        ("fmi:1e99999999999999999999", "is not a number"),
+        ("ami:2.5", "did you mean 'ami:2.5%'"),
+        ("ami:0", "not between 0.001 and 0.5 -> it is 1/sqrt"),
+        ("ami:0.01%", "not between"),
+        ("ami:1e-999999%", "not between"),
+        ("ami:99", "not between 0.001 and 0.5 -> it is 1/sqrt"),
+    ],
+)
+def test_what_is_not_a_rule_is_refused_with_a_remedy(text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        parse_dwell(text)
+    assert caught.value.mistakes[0].remedy
+
+
+@pytest.mark.parametrize("longest_s", [0.0, -1.0, math.inf, math.nan])
+def test_a_longest_dwell_that_is_none_is_refused(longest_s):
+    with pytest.raises(InputError, match="longest dwell"):
+        parse_dwell("ami:3%", longest_s)
+
+
+@pytest.mark.parametrize(
+    ("text", "counts"), [("ami:2.5%", 1600), ("ami:3%", 1112), ("ami:1%", 10000), ("ami:7%", 205)]
+)
+def test_counts_needed_are_those_of_the_decimal_threshold(text, counts):
+    rule = parse_dwell(text)
+    assert rule.enough(counts, 10.0)
+    assert not rule.enough(counts - 1, 10.0)
+
+
+@given(st.integers(10, 5000))
+def test_the_threshold_is_met_by_the_counts_needed_and_not_by_one_less(tenth_permille):
+    rule = parse_dwell(f"ami:{tenth_permille}e-4")
+    n = rule.counts_needed
+    assert n * tenth_permille**2 >= 10**8 > (n - 1) * tenth_permille**2
+
+
+def test_a_fixed_interval_ends_with_its_live_time():
+    rule = parse_dwell("fmi:1")
+    assert not rule.enough(10**6, 0.9)
+    assert rule.enough(0, sum([0.1] * 10)), "a sum of tenths is a little less than 1"
+
+
+def test_a_dead_sensor_does_not_hold_the_robot_for_ever():
+    rule = parse_dwell("ami:3%", longest_s=900)
+    assert not rule.enough(0, 890)
+    assert rule.enough(0, 900)
+    assert "1112 counts" in rule.outcome(0, 900)
+    assert "would need" not in rule.outcome(1112, 300)
+
+
+def test_expected_dwell_counts_raw_neutrons():
+    rule = parse_dwell("ami:2.5%")
+    assert rule.expected_s(4.0) == 400
+    assert rule.expected_s(4.0, factor=1.25) == 500, "raw rate = corrected rate / factor"
+    for unknown in (0.0, -1.0, math.nan):
+        assert rule.expected_s(unknown) == LONGEST_DWELL_S
+    assert parse_dwell("fmi:600").expected_s(math.nan) == 600
+
+
+@given(
+    st.sampled_from(["fmi:600", "fmi:0.3e1", "ami:3%", "optimal", "value:1e-3,0.2,1e-6,1.1", "value:0,1,1,1"]),
+    st.integers(0, 3000),
+    st.floats(0, 5000, allow_nan=False),
+)
+def test_progress_is_one_exactly_when_it_is_enough(text, raw_counts, live_s):
+    rule = parse_dwell(text)
+    progress = rule.progress(raw_counts, live_s)
+    assert 0 <= progress <= 1
+    assert (progress == 1) == rule.enough(raw_counts, live_s)
+    assert rule.outcome(raw_counts, live_s)
+
+
+@given(
+    gain=st.floats(1e-6, 1e3),
+    variance=st.floats(1e-6, 1e3),
+    price=st.floats(1e-9, 1e3),
+    factor=st.floats(0.5, 2),
+    rate=st.floats(0.01, 100),
+)
+def test_counting_pays_until_its_marginal_value_is_the_price(gain, variance, price, factor, rate):
+    """The fall of the variance less the price of the time is nowhere larger than where the rule stops."""
+    rule = MarginalValue(gain, variance, price, factor, longest_s=1000.0)
+    noise = factor * rate
+    best_s = rule.expected_s(rate, factor)
+    assert 0 <= best_s <= 1000
+    tried = [0.0, 1000.0, *(best_s * step for step in (0.5, 0.9, 1.1, 2) if best_s * step <= 1000)]
+
+    def profit(t):
+        return gain * t / (variance * t + noise) - price * t
+
+    highest = profit(best_s)
+    assert all(profit(t) <= highest + 1e-9 * (abs(highest) + price * t) for t in tried)
+
+
+def test_what_is_counted_at_the_stop_decides_when_it_has_paid():
+    rule = MarginalValue(gain=0.01, variance=0.1, price=1e-5)
+    ends = {rate: next(t for t in range(10, 4000, 10) if rule.enough(rate * t, t)) for rate in (2, 4, 40)}
+    assert ends[2] == pytest.approx(math.ceil(rule.expected_s(2.0) / 10) * 10)
+    assert ends[2] < ends[4], "dry soil is counted longer while the noise is less than its worth"
+    assert "counting elsewhere is worth more" in rule.outcome(80, 40)
+    free = MarginalValue(0.01, 0.1, 0.0, longest_s=900)
+    assert not free.enough(3000, 890)
+    assert free.enough(3000, 900)
+    assert "longest dwell of 900 s" in free.outcome(3000, 900)
+    assert MarginalValue(0.0, 0.1, 0.0).enough(40, 10)
+    assert not rule.enough(0, 0), "the first record decides"
+
+
+def test_the_rule_of_a_stop_is_written_without_loss():
+    rule = MarginalValue(1 / 3, math.pi, 2e-7 / 3, 1.0123456789, 1234.0)
+    assert parse_dwell(str(rule), 1234.0) == rule

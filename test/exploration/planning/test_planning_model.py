@@ -1,0 +1,143 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.planning.planning_model import PlanningModel, best_dwell, spread_cells
+from soilmoist_ros.mapping import PoissonKriging, Variogram
+
+X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(2.0, 60.0, 4.0), np.arange(2.0, 50.0, 4.0)))
+CELLS = np.column_stack([X, Y])
+EVEN = np.full(len(CELLS), 1 / len(CELLS))
+
+
+def kriging(seed=0, nugget=0.02, count=12):
+    rng = np.random.default_rng(seed)
+    xy, exposure_s = rng.uniform(0, 55, (count, 2)), rng.uniform(20, 300, count)
+    counts = rng.poisson(exposure_s * (3 + xy[:, 0] / 30))
+    return PoissonKriging(Variogram("matern32", nugget, 15.0, 1.2), keep_nugget=False).fit(xy, counts, exposure_s)
+
+
+def after_counting(before, xy, noise_s):
+    """The kriging with counts whose noise is that of ``noise_s`` seconds at the mean rate."""
+    places, m = before.places, before.noise_mean_rate
+    after = PoissonKriging(before.variogram, False, mean_rate=m)
+    return after.fit(
+        np.vstack([places.xy, xy]),
+        np.concatenate([places.counts, np.rint(m * noise_s)]),
+        np.concatenate([places.exposure_s, noise_s]),
+    )
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    seed=st.integers(0, 1000),
+    factor=st.floats(0.5, 2),
+    exposures=st.lists(st.floats(5, 900), min_size=1, max_size=4),
+    weighted=st.booleans(),
+)
+def test_the_fall_is_that_of_kriging_with_such_counts(seed, factor, exposures, weighted):
+    rng = np.random.default_rng([seed, 1])
+    weight = rng.uniform(0, 2, len(CELLS)) / len(CELLS) if weighted else EVEN
+    before = kriging(seed)
+    stops = rng.uniform(0, 55, (len(exposures), 2))
+    model = PlanningModel(before, CELLS, weight, stops, factor)
+    at, exposure_s = model.stop_nodes, np.array(exposures)
+    noise_s = before.noise_mean_rate / (factor * model.rate[at] / exposure_s)
+    after = after_counting(before, stops, noise_s)
+    expected = weight @ (before.predict(CELLS)[1] - after.predict(CELLS)[1])
+    assert model.fall(at, exposure_s) == pytest.approx(expected, rel=1e-8, abs=1e-12)
+    assert model.integrated_variance == pytest.approx(weight @ before.predict(CELLS)[1], rel=1e-9)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 1000), overhead_s=st.floats(0, 30), dwell_s=st.floats(0, 2000))
+def test_the_worth_of_a_stop_is_the_fall_with_and_without_it(seed, overhead_s, dwell_s):
+    rng = np.random.default_rng([seed, 1])
+    stops = np.vstack([rng.uniform(0, 55, (3, 2)), CELLS[:2]])
+    model = PlanningModel(kriging(seed), CELLS, EVEN, stops)
+    numbers = np.array([4, 0, 2])
+    ways = rng.integers(0, len(CELLS), (3, 3))
+    exposure_s = np.array([[10.0, 20.0, 30.0], [10.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    worth = model.worth(numbers, np.full(3, 60.0), ways, exposure_s, overhead_s, np.full(3, 600.0))
+    for row, number in enumerate(numbers):
+        node, used = model.stop_nodes[number], exposure_s[row] > 0
+        nodes, seconds = ways[row][used], exposure_s[row][used]
+        on_way = model.fall(np.append(nodes, node), np.append(seconds, overhead_s))
+        assert worth.on_way[row] == pytest.approx(on_way, rel=1e-6, abs=1e-10)
+        # The nugget is shared by all counts at one place, but the model draws it for each anew.
+        both = model.fall(np.append(nodes, [node, node]), np.append(seconds, [overhead_s, dwell_s]))
+        stop = worth.gain[row] * dwell_s / (worth.variance[row] * dwell_s + worth.rate[row])
+        assert worth.on_way[row] + stop == pytest.approx(both, rel=1e-6, abs=1e-10)
+
+
+@settings(deadline=None, max_examples=10)
+@given(seed=st.integers(0, 1000))
+def test_where_nothing_is_counted_on_the_way_a_stop_is_worth_as_much_as_after_next_to_nothing(seed):
+    stops = np.vstack([np.random.default_rng([seed, 1]).uniform(0, 55, (3, 2)), CELLS[:2]])
+    model = PlanningModel(kriging(seed), CELLS, EVEN, stops)
+    all_s = np.full(len(stops), 600.0)
+    nothing, hardly = (
+        model.worth(np.arange(len(stops)), np.full(len(stops), 60.0), np.empty((len(stops), 0), int),
+                    np.empty((len(stops), 0)), overhead_s, all_s)
+        for overhead_s in (0.0, 1e-9)
+    )  # fmt: skip
+    assert (nothing.on_way == 0).all()
+    for name in ("gain", "variance", "dwell_s", "value"):
+        np.testing.assert_allclose(getattr(nothing, name), getattr(hardly, name), rtol=1e-6)
+    nodes = model.stop_nodes
+    np.testing.assert_allclose(model.gram_of(nodes), model.gram[nodes], rtol=1e-12)
+    np.testing.assert_allclose(model.gain, np.diag(model.gram), rtol=1e-12)
+
+
+def test_stops_that_are_cells_share_their_nodes():
+    model = PlanningModel(kriging(), CELLS, EVEN, np.vstack([[3.0, 3.0], CELLS[7], [1.0, 1.0]]))
+    assert model.stop_nodes.tolist() == [len(CELLS), 7, len(CELLS) + 1]
+    assert len(model.rate) == len(CELLS) + 2
+    assert model.nearest_nodes([[[6.1, 6.2]], [[3.1, 3.2]]]).tolist() == [[16], [len(CELLS)]]
+
+
+positive = st.floats(1e-4, 1e3)
+
+
+@settings(max_examples=300)
+@given(
+    on_way=st.one_of(st.just(0.0), positive),
+    gain=st.one_of(st.just(0.0), positive),
+    variance=positive,
+    rate=positive,
+    travel_s=st.floats(1.0, 1e3),
+    longest_s=st.floats(0.0, 4e3),
+)
+def test_no_dwell_is_worth_more_than_the_best(on_way, gain, variance, rate, travel_s, longest_s):
+    arguments = (np.array([value]) for value in (on_way, gain, variance, rate, travel_s, longest_s))
+    (dwell_s,), (value,) = best_dwell(*arguments)
+    tried = np.concatenate([np.geomspace(1e-3, 1, 400) * longest_s, [0.0, longest_s, dwell_s]])
+    values = (on_way + gain * tried / (variance * tried + rate)) / (travel_s + tried)
+    assert 0 <= dwell_s <= longest_s
+    assert value == pytest.approx(values[-1], rel=1e-9)
+    assert values.max() <= value * (1 + 1e-7)
+
+
+def test_the_best_dwell_without_counts_on_the_way_is_the_published_one():
+    (dwell_s,), _ = best_dwell(*(np.array([v]) for v in (0.0, 0.7, 0.5, 4.0, 90.0, 1e9)))
+    assert dwell_s == pytest.approx(math.sqrt(4.0 * 90.0 / 0.5))
+
+
+@settings(deadline=None)
+@given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 500))
+def test_few_cells_are_spread_evenly(rows, columns, most):
+    mask = np.ones((rows, columns), bool)
+    chosen = spread_cells(mask, most)
+    assert chosen.sum() >= 1
+    assert chosen.sum() <= max(4 * most, 4) or chosen.sum() == mask.sum()
+    if mask.sum() <= most:
+        assert chosen.all()
+
+
+def test_cells_of_a_field_too_narrow_for_the_spacing_all_stand_for_it():
+    mask = np.zeros((100, 100), bool)
+    mask[0] = True
+    assert (spread_cells(mask, 5) == mask).all()

@@ -1,0 +1,216 @@
+"""Several properties at once: their falls add up, and where one alone matters, the plan is that of one."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
+from soilmoist_ros.exploration.planning.dwell import MarginalValue, parse_dwell
+from soilmoist_ros.exploration.planning.planning_model import best_dwell
+from soilmoist_ros.exploration.planning.properties import Property, variation
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import _Tour
+from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
+from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+
+GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 2.5)
+STOPS = cell_stops(GRID)
+LATTICE = [(x, y) for x in (3.0, 11.0, 19.0, 27.0, 35.0) for y in (4.0, 16.0)]
+FIT = estimate_variogram(
+    np.array(LATTICE), [250, 300, 350, 380, 300, 260, 420, 500, 480, 300], [100.0] * 10, extent_m=40.0
+)
+MAPPED = [name for name in STRATEGIES if name not in ("lattice", "random")]
+
+
+def live_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.01):
+    rng = np.random.default_rng(seed)
+    exposure_s = np.full(len(places), 100.0)
+    found = LiveMap(GRID)
+    variogram = Variogram("matern32", nugget * rate**2, range_m, sill * rate**2 / 16)
+    found.take(
+        as_samples(places, rng.poisson(rate * exposure_s), exposure_s),
+        replace(FIT, variogram=variogram, mean_rate=rate),
+    )
+    return found
+
+
+def explorer(strategy, properties=(), first=None, dwell="optimal", seed=0):
+    return Explorer(
+        first or live_map(), STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
+        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed), properties=properties,
+    )  # fmt: skip
+
+
+def plan(strategy, properties=(), first=None, dwell="optimal", seed=0, place=(20.0, 10.0)):
+    request = RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0)
+    return explorer(strategy, properties, first, dwell, seed).plan(request, place)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    strategy=st.sampled_from(STRATEGIES), dwell=st.sampled_from(["ami:0.05", "optimal"]), seed=st.integers(0, 99)
+)
+def test_a_property_without_weight_or_map_changes_nothing(strategy, dwell, seed):
+    for unimportant in (Property(live_map(seed=seed), 0.0), Property(LiveMap(GRID), 1.0)):
+        assert plan(strategy, [unimportant], dwell=dwell, seed=seed) == plan(strategy, dwell=dwell, seed=seed)
+
+
+@settings(max_examples=12, deadline=None)
+@given(strategy=st.sampled_from(MAPPED), weight=st.floats(0.1, 10), seed=st.integers(0, 99))
+def test_a_property_with_the_same_map_changes_no_choice(strategy, weight, seed):
+    first = live_map(seed=seed)
+    one, two = plan(strategy, (), first, seed=seed), plan(strategy, [Property(first, weight)], first, seed=seed)
+    assert one.choice.stop == two.choice.stop
+    alone, both = (parse_dwell(each.choice.dwell) for each in (one, two))
+    # the second's noise is that of the rate expected; where the first's counts agree with it, so do the dwells
+    rate = both.beside[0][2]
+    assert both.expected_s(rate) == pytest.approx(alone.expected_s(rate), rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("strategy", ["greedy", "ivr", "gcb"])
+def test_the_unit_of_a_property_does_not_matter(strategy):
+    """A hundred times the rate, counted for a hundredth of the time, is the same knowledge in another unit."""
+    first, rng = live_map(), np.random.default_rng(5)
+    counts, few = rng.poisson(400.0, 6), LATTICE[:6]
+    plans = []
+    for unit in (1.0, 100.0):
+        variogram = Variogram("matern32", 0.01 * unit**2, 8.0, unit**2)
+        other = LiveMap(GRID)
+        other.take(
+            as_samples(few, counts, [100.0 / unit] * 6), replace(FIT, variogram=variogram, mean_rate=4.0 * unit)
+        )
+        model = explorer(strategy, [Property(other)], first)
+        found = model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0))
+        plans.append((found.variance, found.map_variance, found.prospect().model.integrated_variance))
+    np.testing.assert_allclose(plans[0][0], plans[1][0], rtol=1e-9)
+    np.testing.assert_allclose(plans[0][1], plans[1][1], rtol=1e-9)
+    assert plans[0][2] == pytest.approx(plans[1][2], rel=1e-9)
+
+
+@pytest.mark.parametrize("strategy", ["greedy", "ivr", "gcb"])
+def test_the_robot_goes_where_a_property_is_unknown(strategy):
+    west, east = ([place for place in LATTICE if (place[0] < 25) is side] for side in (True, False))
+    alone, both = (
+        plan(strategy, properties, live_map(east), place=(20.0, 10.0))
+        for properties in ((), [Property(live_map(west, seed=1), 5.0)])
+    )
+    assert alone.choice.stop.x_m < 20.0
+    assert both.choice.stop.x_m > 25.0
+
+
+def test_the_fall_of_both_is_the_sum_of_the_falls():
+    second = live_map(LATTICE[:5], rate=40.0, seed=2)
+    both = explorer("ivr", [Property(second, 2.0)])
+    look = both.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0)).prospect()
+    first, beside = look.model, look.model.beside[0]
+    nodes, seconds = first.stop_nodes[[3, 9]], np.array([50.0, 200.0])
+    assert first.fall(nodes, seconds) > beside.fall(nodes, seconds) > 0
+    unit = variation(both.live_map.fit.variogram, GRID.cells) / variation(second.fit.variogram, GRID.cells)
+    cells = second.kriging.predict(GRID.cells)[1] - second.fit.variogram.nugget
+    assert beside.integrated_variance == pytest.approx(2.0 * unit * cells.mean(), rel=1e-6)
+    worth, row = look.worth, int(np.argmax(look.worth.value))
+    fall = worth.on_way[row]
+    for a, b, n in ((worth.gain, worth.variance, worth.rate), *worth.beside):
+        fall = fall + a[row] * worth.dwell_s[row] / (b[row] * worth.dwell_s[row] + n[row])
+    assert worth.value[row] == pytest.approx(fall / (worth.travel_s[row] + worth.dwell_s[row]), rel=1e-9)
+
+
+def test_a_tour_for_two_properties_with_one_map_is_that_of_one():
+    tours = []
+    for properties in ((), [Property(live_map(), 2.0)]):
+        model = explorer("gcb", properties)
+        look = model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0)).prospect()
+        tour = _Tour(look, int(np.argmax(look.worth.value)))
+        while tour.insert(900.0):
+            pass
+        tours.append(tour)
+    one, two = tours
+    assert len(one.stops) > 2
+    assert one.stops == two.stops
+    assert one.dwell_s == pytest.approx(two.dwell_s, rel=1e-6)
+
+
+def test_a_tour_leads_to_where_a_property_is_unknown():
+    second = live_map([place for place in LATTICE if place[0] < 25], seed=1)
+    look = explorer("gcb", [Property(second, 5.0)]).situation(
+        RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (4.0, 10.0)
+    ).prospect()  # fmt: skip
+    tour = _Tour(look, 0)
+    assert look.place(0)[0] < 25.0
+    assert tour.insert(600.0)
+    assert max(look.place(row)[0] for row in tour.stops) > 25.0
+
+
+def test_the_variation_is_the_variance_of_fields_with_that_variogram():
+    variogram = Variogram("exponential", 0.3, 15.0, 1.3)
+    distance = np.linalg.norm(GRID.cells[:, None] - GRID.cells[None], axis=2)
+    factor = np.linalg.cholesky(np.exp(-distance / 15.0) + 1e-9 * np.eye(len(distance)))
+    fields = factor @ np.random.default_rng(0).normal(size=(len(distance), 4000))
+    assert variation(variogram, GRID.cells) == pytest.approx(fields.var(axis=0).mean(), rel=0.03)
+    # of a field with a trend only the ratio of sill and range is known: both grow, and hardly anything changes
+    long, longer = (variation(Variogram("exponential", 0.0, r, r / 300), GRID.cells) for r in (3000.0, 6000.0))
+    assert long == pytest.approx(longer, rel=0.01)
+    assert variation(Variogram("matern32", 0.2, 10.0, 0.2), GRID.cells) == 0.0
+
+
+positive = st.floats(1e-3, 1e3)
+terms = st.tuples(st.one_of(st.just(0.0), positive), st.one_of(st.just(0.0), positive), positive, positive)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    of_each=st.lists(terms, min_size=2, max_size=4),
+    travel_s=st.floats(1.0, 1e3),
+    longest_s=st.floats(0.0, 4e3),
+)
+def test_no_dwell_is_worth_more_than_the_best_for_all(of_each, travel_s, longest_s):
+    on_way, gain, variance, noise = (np.array(values)[:, None] for values in zip(*of_each, strict=True))
+    (dwell_s,), (value,) = best_dwell(on_way, gain, variance, noise, np.array([travel_s]), np.array([longest_s]))
+    assert 0 <= dwell_s <= longest_s
+    tried = np.concatenate([np.geomspace(1e-4, 1, 400) * longest_s, [0.0, longest_s, dwell_s]])
+    values = (on_way + gain * tried / (variance * tried + noise)).sum(axis=0) / (travel_s + tried)
+    assert value == pytest.approx(values[-1], rel=1e-9)
+    assert values.max() <= value * (1 + 1e-7)
+
+
+@settings(max_examples=100, deadline=None)
+@given(own=st.tuples(positive, positive, positive), beside=st.lists(st.tuples(positive, positive, positive)),
+       price=positive)  # fmt: skip
+def test_counting_ends_when_all_together_are_worth_no_more_than_the_price(own, beside, price):
+    gain, variance, noise = own
+    rule = MarginalValue(gain, variance, price, beside=tuple(beside))
+    assert parse_dwell(str(rule)) == rule, "missions are written down as text"
+    best_s = rule.expected_s(noise)
+
+    def marginal(t):
+        return sum(a * n / (b * t + n) ** 2 for a, b, n in (own, *beside))
+
+    assert 0 <= best_s <= rule.longest_s
+    assert best_s == 0 or marginal(max(best_s - 1e-6, 0.0)) >= price * (1 - 1e-9)
+    assert best_s >= rule.longest_s - 1e-6 or marginal(best_s + 1e-6) <= price * (1 + 1e-9)
+    assert best_s >= MarginalValue(gain, variance, price).expected_s(noise) * (1 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    "text", ["value:1,1,1,1;1,1", "value:1,1,1,1;1,0,1", "value:1,1,1,1;-1,1,1", "value:1,1;1,1,1"]
+)
+def test_a_rule_that_is_none_is_refused(text):
+    with pytest.raises(InputError, match=r"A,B,PRICE,FACTOR|out of range"):
+        parse_dwell(text)
+
+
+def test_without_a_price_a_second_property_alone_is_reason_to_count():
+    rule = MarginalValue(0.0, 1.0, 0.0, beside=((1.0, 1.0, 1.0),))
+    assert rule.expected_s(4.0) == rule.longest_s
+    assert MarginalValue(0.0, 1.0, 0.0, beside=((0.0, 1.0, 1.0),)).expected_s(4.0) == 0.0
+    assert not math.isnan(rule.progress(10, 20.0))

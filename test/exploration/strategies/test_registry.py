@@ -1,0 +1,311 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chisquare
+
+from soilmoist_ros.exploration.strategies.registry import NEEDS_NO_MAP, PRESETS, STRATEGIES, make_strategy
+from soilmoist_ros.exploration.strategies.route import open_route, timed_route
+from soilmoist_ros.exploration.strategies.rules import Preset, weighted_order
+from soilmoist_ros.exploration.strategies.strategy import Situation
+from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling, _surely_fits, k_means
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.foundation.errors import InputError
+
+X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(12) * 5.0, np.arange(10) * 5.0))
+PLACES = np.column_stack([X, Y])
+HILLS = 0.1 + 0.05 * np.sin(X / 9) * np.cos(Y / 7)
+
+
+def situation(
+    variance=HILLS,
+    places=PLACES,
+    measured=(),
+    left=7200.0,
+    dwell=300.0,
+    position=(0.0, 0.0),
+    travel=None,
+    names=None,
+):
+    places = np.asarray(places, float)
+    names = names or [f"p{i}" for i in range(len(places))]
+    stops = tuple(Stop(name, float(x), float(y)) for name, (x, y) in zip(names, places, strict=True))
+    model = FreeTravel(RobotMotion())
+    return Situation(
+        candidates=stops,
+        candidates_xy=places,
+        variance=np.asarray(variance, float),
+        map_variance=np.asarray(variance if len(variance) == len(PLACES) else HILLS, float),
+        map_xy=PLACES,
+        cell_m=5.0,
+        position_xy=np.asarray(position, float),
+        measured_xy=np.asarray(measured, float).reshape(-1, 2),
+        travel_s=model.travel_s(position, stops) if travel is None else np.asarray(travel, float),
+        travel_between_s=lambda indices: model.between_s(stops, indices),
+        time_left_s=left,
+        expected_dwell_s=dwell,
+    )
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def after(now, **changes):
+    return Situation(**{**{name: getattr(now, name) for name in Situation.__dataclass_fields__}, **changes})
+
+
+every = pytest.mark.parametrize("name", STRATEGIES)
+both = pytest.mark.parametrize("preset", list(PRESETS))
+
+
+def test_the_presets_are_the_published_constants():
+    assert PRESETS["paper"] == Preset("paper", 3, 0.0, 0.0, 0.0, None)
+    assert PRESETS["authors"] == Preset("authors", 3, 4.0, 0.9, 0.5, 5.0)
+    assert set(STRATEGIES) > NEEDS_NO_MAP
+
+
+def test_unknown_names_are_answered_with_the_known_ones():
+    with pytest.raises(InputError, match=r"'gredy' -> use one of: greedy, .*did you mean 'greedy'"):
+        make_strategy("gredy")
+    with pytest.raises(
+        InputError, match=r"no preset 'author' -> use one of: paper, authors \(did you mean 'authors'"
+    ):
+        make_strategy("greedy", "author")
+
+
+@every
+@both
+def test_what_cannot_be_reached_in_time_is_never_chosen(name, preset):
+    travel = np.full(len(PLACES), np.inf)
+    travel[[7, 40, 90]] = 100.0, 250.0, 300.0
+    allowed = {"p7", "p40"}
+    for seed in range(5):
+        choice = make_strategy(name, preset).choose(situation(travel=travel, left=300.0), rng(seed))
+        assert choice.stop.name in allowed
+        assert {stop.name for stop in choice.ahead} <= allowed
+    assert make_strategy(name, preset).choose(situation(travel=travel, left=100.0), rng()) is None
+    assert make_strategy(name, preset).choose(situation(np.empty(0), np.empty((0, 2)), travel=[]), rng()) is None
+
+
+@every
+@both
+def test_the_same_seed_gives_the_same_mission(name, preset):
+    missions = []
+    for _ in range(2):
+        strategy, dice, chosen, now = make_strategy(name, preset), rng(3), [], situation()
+        for step in range(6):
+            choice = strategy.choose(now, dice)
+            chosen.append((choice.stop.name, choice.reason, choice.ahead))
+            place = (choice.stop.x_m, choice.stop.y_m)
+            now = situation(HILLS * (1 - 0.1 * step), position=place, measured=[place], left=7200 - 400 * step)
+        missions.append(chosen)
+    assert missions[0] == missions[1]
+
+
+@every
+def test_new_targets_of_the_authors_keep_four_cells_away(name):
+    if name in ("lattice", "ivr", "gcb"):
+        return  # not among the authors': the lattice looks at no map, the others know what counting again is worth
+    measured = [[10.0, 10.0], [40.0, 30.0]]
+    for seed in range(10):
+        choice = make_strategy(name, "authors").choose(situation(measured=measured), rng(seed))
+        for stop in (choice.stop, *choice.ahead):
+            assert min(np.hypot(stop.x_m - x, stop.y_m - y) for x, y in measured) >= 20 - 1e-6
+    everywhere = situation(measured=PLACES)
+    assert make_strategy(name, "authors").choose(everywhere, rng()) is None
+    assert make_strategy(name, "paper").choose(everywhere, rng()) is not None
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.integers(0, 5), min_size=120, max_size=120))
+def test_greedy_takes_the_first_of_the_highest(values):
+    variance = np.array(values, float)
+    choice = make_strategy("greedy").choose(situation(variance), rng())
+    assert choice.stop.name == f"p{np.argmax(variance)}"
+    assert choice.ahead == ()
+
+
+def test_greedy_says_how_high():
+    variance = np.full(120, 0.06)
+    variance[3] = 0.21
+    choice = make_strategy("greedy").choose(situation(variance), rng())
+    assert choice.reason == "highest kriging variance 0.21 (counts/s)², 3.4 times the mean"
+
+
+def frequencies(preset, variance, draws=4000):
+    strategy, dice = make_strategy("monte_carlo", preset), rng(11)
+    now = situation(variance)
+    names = [strategy.choose(now, dice).stop.name for _ in range(draws)]
+    return np.array([names.count(f"p{i}") for i in range(len(variance))])
+
+
+def test_monte_carlo_draws_in_proportion_to_the_variance():
+    variance = np.linspace(0, 1, 120)
+    count = frequencies("paper", variance)
+    assert count[0] == 0
+    assert chisquare(count[1:], 4000 * variance[1:] / variance.sum()).pvalue > 0.01
+
+
+def test_monte_carlo_of_the_authors_draws_only_above_nine_tenths_of_the_mean():
+    variance = np.linspace(0, 1, 120)
+    count = frequencies("authors", variance)
+    high = variance > 0.9 * variance.mean()
+    assert count[~high].sum() == 0
+    assert chisquare(count[high], 4000 * variance[high] / variance[high].sum()).pvalue > 0.01
+
+
+def test_monte_carlo_goes_on_when_no_candidate_is_above_the_floor():
+    now = after(situation(np.full(120, 0.01)), map_variance=np.full(120, 1.0))
+    choice = make_strategy("monte_carlo", "authors").choose(now, rng())
+    assert "among 120 candidates, none above 0.9 times the mean" in choice.reason
+
+
+def test_random_needs_no_map_and_prefers_new_places():
+    now = situation(np.full(120, np.nan), measured=PLACES[:-1])
+    for seed in range(5):
+        assert make_strategy("random").choose(now, rng(seed)).stop.name == "p119"
+    count = np.zeros(120)
+    dice = rng(5)
+    for _ in range(3000):
+        count[int(make_strategy("random").choose(situation(np.full(120, np.nan)), dice).stop.name[1:])] += 1
+    assert chisquare(count).pvalue > 0.01
+
+
+def test_draws_without_replacement_follow_the_weights():
+    weight = np.array([1.0, 2.0, 0.0, 5.0])
+    dice = rng(2)
+    orders = np.array([weighted_order(weight, dice) for _ in range(4000)])
+    assert (orders[:, 3] == 2).all()
+    assert chisquare(np.bincount(orders[:, 0], minlength=4)[[0, 1, 3]], 4000 * weight[[0, 1, 3]] / 8).pvalue > 0.01
+    second = orders[orders[:, 0] == 3, 1]
+    assert chisquare(np.bincount(second)[:2], len(second) * np.array([1, 2]) / 3).pvalue > 0.01
+    assert sorted(weighted_order(np.zeros(3), dice)) == [0, 1, 2]
+
+
+def tour_s(now, choice):
+    """Time that a plan takes, dwell included."""
+    number = {stop.name: index for index, stop in enumerate(now.candidates)}
+    order = np.array([number[stop.name] for stop in (choice.stop, *choice.ahead)])
+    between = now.travel_between_s(order)
+    return timed_route(np.arange(len(order)), now.travel_s[order], between, now.expected_dwell_s).duration_s
+
+
+@pytest.mark.parametrize("left", [400.0, 1800.0, 7200.0, 14400.0])
+def test_the_papers_queue_fills_the_time_left(left):
+    for seed in range(3):
+        now = situation(left=left)
+        choice = make_strategy("adaptive_sampling").choose(now, rng(seed))
+        used = tour_s(now, choice)
+        assert used <= left or not choice.ahead
+        longest = now.expected_dwell_s + now.travel_s.max() + now.travel_s.max()
+        assert used > left - longest
+        assert len({choice.stop, *choice.ahead}) == 1 + len(choice.ahead)
+
+
+@pytest.mark.parametrize(("left", "size"), [(7200.0, 10), (3600.0, 5), (2000.0, 2), (600.0, 1)])
+def test_the_authors_queue_holds_five_samples_per_hour(left, size):
+    choice = make_strategy("adaptive_sampling", "authors").choose(situation(left=left), rng())
+    assert 1 + len(choice.ahead) == size
+    assert choice.reason.startswith(f"first of {size} targets" if size > 1 else "the only target planned:")
+
+
+@both
+def test_adaptive_sampling_drops_exactly_the_targets_below_the_threshold(preset):
+    strategy = AdaptiveSampling(PRESETS[preset])
+    now = situation()
+    strategy.choose(now, rng())
+    queued = {stop.name for stop in strategy.queue}
+    variance = HILLS.copy()
+    low = sorted(queued)[::2]
+    below = HILLS.mean() - PRESETS[preset].drop_below_sd * HILLS.std()
+    for stop in strategy.queue:
+        variance[int(stop.name[1:])] = below + (-1e-6 if stop.name in low else 1e-6)
+    # nothing new can be drawn: all other candidates are out of reach, so that what is left was kept
+    travel = np.where([f"p{i}" in queued for i in range(120)], now.travel_s, np.inf)
+    later = after(now, variance=variance, map_variance=HILLS, travel_s=travel, measured_xy=PLACES)
+    strategy.preset = Preset(
+        "strict", 3, 1000.0, 0.9, PRESETS[preset].drop_below_sd, PRESETS[preset].samples_per_hour
+    )
+    choice = strategy.choose(later, rng())
+    assert {choice.stop.name, *(stop.name for stop in choice.ahead)} == queued - set(low)
+    assert f"; {len(low)} below" in choice.reason
+
+
+def test_queued_targets_that_are_ruled_out_or_out_of_reach_leave_the_queue():
+    strategy = AdaptiveSampling(PRESETS["authors"])
+    first = strategy.choose(situation(), rng())
+    gone, lost = first.ahead[0].name, first.ahead[1].name
+    keep = np.array([f"p{i}" != gone for i in range(120)])
+    now = situation(HILLS[keep], PLACES[keep], names=[f"p{i}" for i in range(120) if keep[i]])
+    travel = now.travel_s.copy()
+    travel[[stop.name for stop in now.candidates].index(lost)] = np.inf
+    second = strategy.choose(after(now, travel_s=travel), rng(1))
+    assert not {gone, lost} & {second.stop.name, *(stop.name for stop in second.ahead)}
+
+
+def test_adaptive_sampling_shortens_its_queue_when_the_time_runs_out():
+    strategy = make_strategy("adaptive_sampling")
+    first = strategy.choose(situation(np.ones(120)), rng())
+    now = situation(np.ones(120), left=1500.0)
+    second = strategy.choose(now, rng())
+    assert tour_s(now, second) <= 1500
+    assert {stop.name for stop in (second.stop, *second.ahead)} < {s.name for s in (first.stop, *first.ahead)}
+    assert strategy.choose(situation(np.ones(120), left=60.0), rng()) is not None
+
+
+@pytest.mark.parametrize("left", [200.0, 900.0, 3600.0, 7200.0])
+def test_the_lattice_fits_the_time_and_is_kept(left):
+    now = situation(left=left, variance=np.full(120, np.nan))
+    strategy = make_strategy("lattice")
+    choice = strategy.choose(now, rng(1))
+    planned = (choice.stop, *choice.ahead)
+    assert tour_s(now, choice) <= left or len(planned) == 1
+    assert len(planned) == {200.0: 1}.get(left, len(planned))
+    assert left < 3600 or tour_s(now, choice) > left - 2 * 300 - 150
+    for stop in choice.ahead:
+        choice = strategy.choose(now, rng())
+        assert choice.stop == stop
+    assert f"place {len(planned)} of {len(planned)}" in choice.reason
+    assert strategy.choose(now, rng()) is None
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 1000), count=st.integers(1, 8), left=st.floats(100, 9000))
+def test_bounds_tell_whether_a_tour_fits_only_if_the_shortest_one_does(seed, count, left):
+    now = situation(left=left)
+    chosen = rng(seed).choice(len(now.candidates), count, replace=False)
+    fits = _surely_fits(now, chosen)
+    shortest = open_route(now.travel_s[chosen], now.travel_between_s(chosen), rng(), now.expected_dwell_s)
+    assert fits is None or fits == (shortest.duration_s <= left)
+    assert fits is not None or shortest.duration_s == pytest.approx(left, rel=0.5)
+    assert _surely_fits(after(now, travel_s=np.full(len(now.candidates), np.inf)), chosen) is None
+
+
+def test_the_lattice_skips_what_can_no_longer_be_reached():
+    strategy = make_strategy("lattice")
+    first = strategy.choose(situation(), rng())
+    skipped = first.ahead[0]
+    travel = np.where([f"p{i}" == skipped.name for i in range(120)], np.inf, situation().travel_s)
+    second = strategy.choose(situation(travel=travel), rng())
+    assert second.stop == first.ahead[1]
+    assert second.reason.startswith("place 3 of")
+
+
+def test_the_lattice_is_spread_evenly():
+    choice = make_strategy("lattice").choose(situation(), rng())
+    xy = np.array([(stop.x_m, stop.y_m) for stop in (choice.stop, *choice.ahead)])
+    nearest = np.sort(np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)), axis=1)[:, 1]
+    assert nearest.min() >= 5
+    assert nearest.mean() > 9
+    farthest = np.hypot(*(PLACES[:, None] - xy).transpose(2, 0, 1)).min(axis=1).max()
+    assert farthest < 15
+
+
+def test_k_means_finds_clusters_and_no_more_centres_than_places():
+    middle = np.array([[0, 0], [50, 0], [0, 50]], float)
+    points = (middle[:, None] + rng(1).normal(0, 1, (3, 40, 2))).reshape(-1, 2)
+    found = k_means(points, 3, rng(4))
+    assert np.hypot(*(found[:, None] - middle).transpose(2, 0, 1)).min(axis=0).max() < 1
+    assert len(k_means(np.zeros((5, 2)), 3, rng())) == 1

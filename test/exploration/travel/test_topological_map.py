@@ -1,0 +1,183 @@
+import copy
+import json
+from datetime import datetime
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.topological_map import (
+    TopologicalMap,
+    make_topological_map,
+    parse_topological_map,
+    read_topological_map,
+)
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+
+NOON = datetime(2024, 5, 17, 12, 0, 3)
+
+
+def graph():
+    nodes = [Stop("gate", 0, 0), Stop("row 1", 3.14159, -2), Stop("row_2", 3, 4)]
+    return TravelGraph.from_edges(nodes, [("gate", "row 1"), ("row 1", "row_2"), ("row_2", "gate")])
+
+
+def document():
+    return copy.deepcopy(dict(make_topological_map(graph(), "farm", NOON).document))
+
+
+def parse(content):
+    return parse_topological_map(json.dumps(content))
+
+
+def test_a_map_made_of_a_graph_holds_the_graph():
+    made = make_topological_map(graph(), "farm", NOON, metric_map="yard", pointset="all")
+    assert (made.name, made.metric_map, made.pointset) == ("farm", "yard", "all")
+    assert made.graph.names == graph().names
+    np.testing.assert_allclose(made.graph.xy, graph().xy, atol=5e-5)
+    np.testing.assert_array_equal(made.graph.edges, graph().edges)
+    assert made.document["meta"]["last_updated"] == "2024-05-17_12-00-03"
+    node = made.document["nodes"][0]
+    assert node["meta"] == {"map": "yard", "node": "gate", "pointset": "all"}
+    edge = node["node"]["edges"][0]
+    assert (edge["edge_id"], edge["node"], edge["fail_policy"]) == ("gate_row 1", "row 1", "fail")
+    assert node["node"]["properties"]["xy_goal_tolerance"] == 0.3
+    assert len(node["node"]["verts"]) == 8
+
+
+def test_influence_zones_do_not_overlap():
+    close = TravelGraph.from_edges([Stop("a", 0, 0), Stop("b", 0.5, 0)], [("a", "b"), ("b", "a")])
+    made = make_topological_map(close, "m", NOON)
+    reach = max(vertex["x"] for vertex in made.document["nodes"][0]["node"]["verts"])
+    assert 0.1 < reach < 0.25
+
+
+def test_json_and_yaml_round_trip_exactly(tmp_path):
+    content = document()
+    content["unknown"] = {"deep": [1, 2.5, None, True, {"list": [[], {}]}]}
+    content["nodes"][0]["node"]["edges"][0]["top_vel"] = 1e-05
+    made = parse(content)
+    assert made.document == content
+    assert parse_topological_map(made.to_json()).document == content
+    for name, text in (("m.json", made.to_json()), ("m.yaml", made.to_yaml())):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        again = read_topological_map(tmp_path / name)
+        assert again.document == content
+        assert json.dumps(again.document) == json.dumps(content)  # same order and types of numbers too
+        assert again.to_yaml() == made.to_yaml()
+
+
+words = st.text(st.characters(exclude_categories=["Cs"]), max_size=12) | st.sampled_from(
+    [
+        "yes",
+        "No",
+        "on",
+        "null",
+        "1e-05",
+        "012",
+        "1:30",
+        "2001-01-01",
+        "0x1F",
+        "<<",
+        "=",
+        "~",
+        "-",
+        "a: b",
+        " x",
+        "#",
+    ]
+)
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | words,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@settings(deadline=None, max_examples=80)
+@given(values)
+def test_yaml_means_the_same_to_the_navigations_parser(value):
+    yaml = pytest.importorskip("yaml")
+    made = parse(document())
+    content = {**made.document, "extra": value}
+    assert yaml.safe_load(TopologicalMap(content, made.graph).to_yaml()) == content
+
+
+@settings(deadline=None, max_examples=30)
+@given(values)
+def test_unknown_keys_survive_a_file(tmp_path_factory, value):
+    made = parse(document())
+    content = {**made.document, "nodes": made.document["nodes"], "extra": value}
+    path = tmp_path_factory.mktemp("maps") / "map.yaml"
+    path.write_text(TopologicalMap(content, made.graph).to_yaml(), encoding="utf-8", newline="\n")
+    assert read_topological_map(path).document == content
+
+
+def test_mistakes_are_named():
+    content = document()
+    nodes = content["nodes"]
+    nodes[1]["node"]["edges"][0]["node"] = "row_22"
+    nodes.append(copy.deepcopy(nodes[0]))
+    with pytest.raises(InputError) as caught:
+        parse(content)
+    text = str(caught.value)
+    assert "more than one node has the name gate" in text
+    assert "from 'row 1' to 'row_22': there is no node 'row_22' (did you mean 'row_2'?)" in text
+
+
+def test_nodes_that_cannot_be_reached_are_named():
+    content = document()
+    content["nodes"][2]["node"]["edges"] = []
+    with pytest.raises(InputError, match="no way leads"):
+        parse(content)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda node: node.pop("name"), "node 2: has no name"),
+        (lambda node: node.pop("pose"), "node 2: row 1 has no pose with a position"),
+        (lambda node: node["pose"]["position"].update(x="far"), "row 1: position x is not a number, but 'far'"),
+        (lambda node: node["edges"][0].pop("node"), "row 1 has an edge without 'node'"),
+        (lambda node: node["edges"].append(node["edges"][0]), "row 1 has more than one edge row 1_row_2"),
+        (lambda node: node.update(edges="all"), "row 1: 'edges' is not a list of edges"),
+    ],
+)
+def test_a_spoilt_node_is_named_once_and_with_its_line(tmp_path, spoil, message):
+    content = document()
+    spoil(content["nodes"][1]["node"])
+    with pytest.raises(InputError) as caught:
+        parse(content)
+    assert len(caught.value.mistakes) == 1
+    assert message in str(caught.value)
+    path = tmp_path / "map.yaml"
+    path.write_text(TopologicalMap(content, graph()).to_yaml())
+    with pytest.raises(InputError) as caught:
+        read_topological_map(path)
+    line = caught.value.mistakes[0].line
+    assert path.read_text().splitlines()[line - 1].startswith("- meta:")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"nodes": 3}', '{"nodes": []}', '{"nodes": [1]}', "3"])
+def test_what_is_no_map_is_refused(text):
+    with pytest.raises(InputError):
+        parse_topological_map(text)
+
+
+def test_a_missing_file_is_an_input_error(tmp_path):
+    for name in ("none.json", "none.yaml"):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_topological_map(tmp_path / name)
+
+
+def test_the_transformation_applies_to_nodes_in_the_maps_own_frame():
+    content = document()
+    half = np.sqrt(0.5)
+    content["transformation"]["rotation"] = {"w": half, "x": 0.0, "y": 0.0, "z": half}
+    content["transformation"]["translation"] = {"x": 10.0, "y": 20.0, "z": 0.0}
+    np.testing.assert_allclose(parse(content).graph.xy, make_topological_map(graph(), "m", NOON).graph.xy)
+    content["nodes"][2]["node"]["parent_frame"] = "topo_map"
+    np.testing.assert_allclose(parse(content).graph.xy[2], [10 - 4, 20 + 3])

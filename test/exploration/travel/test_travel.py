@@ -1,0 +1,104 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, polyline_length_m
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+
+SQUARE = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], float)
+BLOCK = np.array([[4, 2], [6, 2], [6, 8], [4, 8]], float)
+STILL = RobotMotion(1.0, 0.0)
+
+
+def stops(*places):
+    return tuple(Stop(f"s{i}", x, y) for i, (x, y) in enumerate(places))
+
+
+def test_published_motion():
+    assert RobotMotion().travel_s(6.0) == pytest.approx(22.0)
+    assert RobotMotion(1, 2, 3).polyline_s(np.array([[0, 0], [1, 0], [1, 1]])) == pytest.approx(4 + 3 * np.pi / 2)
+    with pytest.raises(ValueError, match="speed_mps"):
+        RobotMotion(speed_mps=0)
+    with pytest.raises(ValueError, match="turn_s_per_rad"):
+        RobotMotion(turn_s_per_rad=-1)
+
+
+def test_without_a_field_nothing_is_in_the_way():
+    travel = FreeTravel(RobotMotion())
+    np.testing.assert_allclose(travel.travel_s((0, 0), stops((3, 4), (0, 0))), [5 / 0.6 + 12, 12])
+    assert travel.travel_s((0, 0), ()).shape == (0,)
+
+
+def test_the_way_bends_around_a_no_go_area():
+    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
+    way = travel.route((1, 5), Stop("s", 9, 6))
+    np.testing.assert_allclose(way, [[1, 5], [4, 8], [6, 8], [9, 6]])
+    expected = np.sqrt(18) + 2 + np.sqrt(13)
+    assert travel.length_m((1, 5), Stop("s", 9, 6)) == pytest.approx(expected)
+    np.testing.assert_allclose(travel.travel_s((1, 5), stops((9, 6), (1, 9))), [expected, 4])
+
+
+def test_a_way_may_run_along_a_no_go_area():
+    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
+    assert travel.length_m((4, 0), Stop("s", 4, 10)) == pytest.approx(10)
+
+
+def test_a_way_stays_inside_a_field_that_is_not_convex():
+    hook = [[0, 0], [10, 0], [10, 10], [6, 10], [6, 4], [4, 4], [4, 10], [0, 10]]
+    travel = FreeTravel(STILL, [hook])
+    np.testing.assert_allclose(travel.route((2, 8), Stop("s", 8, 8)), [[2, 8], [4, 4], [6, 4], [8, 8]])
+
+
+def test_places_inside_a_no_go_area_outside_or_in_another_part_cannot_be_reached():
+    places = stops((5, 5), (12, 5), (25, 5), (2, 2))
+    travel = FreeTravel(STILL, [SQUARE, np.add(SQUARE, [20, 0])], [BLOCK])
+    np.testing.assert_array_equal(np.isfinite(travel.travel_s((1, 1), places)), [False, False, False, True])
+    with pytest.raises(ValueError, match="s0 cannot be reached"):
+        travel.route((1, 1), places[0])
+    assert travel.length_m((1, 1), places[1]) == np.inf
+    assert FreeTravel(STILL, [SQUARE]).length_m((1, 1), places[1]) == np.inf
+
+
+def test_a_robot_outside_enters_at_the_nearest_place():
+    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
+    np.testing.assert_allclose(travel.route((-2, 3), Stop("s", 3, 7)), [[-2, 3], [0, 3], [3, 7]])
+    assert travel.length_m((-2, 3), Stop("s", 3, 7)) == pytest.approx(7)
+    assert travel.length_m((4.5, 5), Stop("s", 3, 5)) == pytest.approx(1.5)
+
+
+def test_times_between_are_symmetric_and_obey_the_triangle_inequality():
+    rng = np.random.default_rng(1)
+    places = rng.uniform(0, 10, (40, 2))
+    places = places[~((abs(places - 5) <= (1, 3)).all(axis=1))]
+    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
+    chosen = np.arange(0, len(places), 2)
+    times = travel.between_s(stops(*places), chosen)
+    np.testing.assert_allclose(times, times.T)
+    assert (times[:, None, :] <= times[:, :, None] + times[None, :, :] + 1e-9).all()
+    assert (times >= np.hypot(*(places[chosen][:, None] - places[chosen]).transpose(2, 0, 1)) - 1e-9).all()
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_time_and_length_are_those_of_the_route(turn):
+    motion = RobotMotion(0.5, 3.0, turn)
+    nodes = stops((0, 0), (5, 0), (5, 5), (0, 5))
+    edges = [(a.name, b.name) for a, b in pairwise(nodes)]
+    graph = TravelGraph.from_edges(nodes, edges + [(b, a) for a, b in edges])
+    for travel in (FreeTravel(motion, [SQUARE], [BLOCK]), GraphTravel(graph, motion)):
+        for place in ((1.0, 1.0), (-3.0, 4.0), (0.0, 0.0)):
+            times = travel.travel_s(place, nodes[:2] + nodes[3:])
+            for stop, time in zip(nodes[:2] + nodes[3:], times, strict=True):
+                way = travel.route(place, stop)
+                assert time == pytest.approx(motion.polyline_s(way))
+                assert travel.length_m(place, stop) == pytest.approx(polyline_length_m(way))
+
+
+def test_graph_travel_enters_at_the_nearest_node_and_follows_the_ways():
+    nodes = stops((0, 0), (10, 0), (10, 10))
+    graph = TravelGraph.from_edges(nodes, [("s0", "s1"), ("s1", "s2"), ("s2", "s0")])
+    travel = GraphTravel(graph, STILL)
+    np.testing.assert_allclose(travel.route((-1, 0), nodes[2]), [[-1, 0], [0, 0], [10, 0], [10, 10]])
+    np.testing.assert_allclose(travel.travel_s((-1, 0), nodes), [1, 11, 21])
+    np.testing.assert_allclose(travel.between_s(nodes, np.array([2, 0])), [[0, np.hypot(10, 10)], [20, 0]])

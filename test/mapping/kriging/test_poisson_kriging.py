@@ -1,0 +1,391 @@
+import json
+import logging
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import IllConditionedError
+from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.mapping.kriging.poisson_kriging import clip_negative
+from soilmoist_ros.mapping.variogram.model import MODELS
+
+MODEL = Variogram("matern32", 0.02, 40.0, 0.3)
+
+
+def survey(n=30, seed=0, side=200.0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(0, side, (n, 2)), rng.poisson(900, n), rng.uniform(60, 600, n)
+
+
+def targets(g=25, seed=99, side=200.0):
+    return np.random.default_rng(seed).uniform(-0.2 * side, 1.2 * side, (g, 2))
+
+
+# -- answers computed elsewhere --------------------------------------------------------------------------
+
+
+def test_against_fifty_digits(shared_data):
+    data = json.loads((shared_data / "reference" / "poisson_kriging_cases.json").read_text())
+    parameters = [float(data[key]) for key in ("nugget_p0", "range_p1", "sill_p2")]
+    assert len(data["cases"]) == 20
+    for case in data["cases"]:
+        kriging = PoissonKriging(Variogram(case["model"], *parameters), keep_nugget=not case["nugget_filtered"])
+        kriging.fit(data["points"], data["counts"], data["t"])
+        assert kriging.noise_mean_rate == pytest.approx(float(data["m_hat"]), rel=1e-14)
+        weights, lagrange = kriging.weights([case["target"]])
+        rate, variance = kriging.predict([case["target"]])
+        np.testing.assert_allclose(weights[:, 0], np.array(case["weights"], float), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(lagrange, float(case["mu"]), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(rate, float(case["mean"]), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(variance, float(case["variance"]), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("keep_nugget", [True, False])
+@pytest.mark.parametrize("model", ["matern32", "matern52"])
+def test_matern_against_forty_digits(model, keep_nugget):
+    xy, counts, exposure_s = survey(6, seed=4, side=80.0)
+    wanted = np.array([[30.0, 40.0], xy[2]])
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3), keep_nugget).fit(xy, counts, exposure_s)
+    results = np.vstack([*kriging.weights(wanted), *kriging.predict(wanted)])
+    with mpmath.workdps(40):
+        for column, target in zip(results.T, wanted, strict=True):
+            expected = solve_exactly(model, xy, counts, exposure_s, target, keep_nugget)
+            np.testing.assert_allclose(column, np.array(expected, float), rtol=0, atol=1e-12)
+
+
+def solve_exactly(model, xy, counts, exposure_s, target, keep_nugget):
+    """Weights, mu, rate and variance by solving the published system as it stands."""
+    nugget, range_m, sill = mpmath.mpf(0.02), 40, mpmath.mpf(0.3)
+
+    def covariance(a, b, with_nugget):
+        h = mpmath.sqrt(sum((mpmath.mpf(float(p)) - mpmath.mpf(float(q))) ** 2 for p, q in zip(a, b, strict=True)))
+        s = mpmath.sqrt(3 if model == "matern32" else 5) * h / range_m
+        rho = (1 + s + (s**2 / 3 if model == "matern52" else 0)) * mpmath.exp(-s)
+        return (sill - nugget) * rho + (nugget if with_nugget and h == 0 else 0)
+
+    n = len(xy)
+    z = [mpmath.mpf(int(c)) for c in counts]
+    t = [mpmath.mpf(float(e)) for e in exposure_s]
+    mean = sum(z) / sum(t)
+    matrix, right = mpmath.ones(n + 1), mpmath.ones(n + 1, 1)
+    matrix[n, n] = 0
+    for i in range(n):
+        right[i] = covariance(xy[i], target, keep_nugget)
+        for j in range(n):
+            matrix[i, j] = covariance(xy[i], xy[j], True) + (mean / t[i] if i == j else 0)
+    solution = mpmath.lu_solve(matrix, right)
+    weights, mu = list(solution[:n]), solution[n]
+    rate = sum(w * count / time for w, count, time in zip(weights, z, t, strict=True))
+    at_target = sill if keep_nugget else sill - nugget
+    return [*weights, mu, rate, at_target - sum(w * c for w, c in zip(weights, right[:n], strict=True)) - mu]
+
+
+@pytest.mark.parametrize(("model", "factor"), [("gaussian", 7 / 4), ("exponential", 3.0), ("spherical", 1.0)])
+def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
+    from pykrige.ok import OrdinaryKriging
+
+    xy = survey(40, seed=8)[0]
+    rate = 3 + np.sin(xy[:, 0] / 40)
+    exposure_s = np.full(40, 2.0**50)
+    parameters = {"psill": 0.28, "range": 40 * factor, "nugget": 0.02}
+    peer = OrdinaryKriging(
+        *xy.T, rate, variogram_model=model, variogram_parameters=parameters, exact_values=True, pseudo_inv=False
+    )
+    x_m, y_m = np.linspace(-20, 220, 25), np.linspace(-30, 230, 31)
+    expected = peer.execute("grid", x_m, y_m)
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3)).fit(xy, np.rint(rate * exposure_s), exposure_s)
+    found = kriging.predict_grid(x_m, y_m)
+    np.testing.assert_allclose(found[0], expected[0], rtol=1e-10)
+    np.testing.assert_allclose(found[1], expected[1], rtol=1e-9)
+
+
+# -- properties ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("keep_nugget", [True, False])
+@pytest.mark.parametrize("model", MODELS)
+def test_the_raster_is_the_points(model, keep_nugget):
+    xy, counts, exposure_s = survey()
+    x_m, y_m = np.arange(0, 200, 7.0), np.arange(-30, 150, 9.0)
+    xy[:3] = [[x_m[4], y_m[5]], [x_m[0], y_m[5]], [x_m[4], y_m[9]]]  # samples on cell centres
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3), keep_nugget).fit(xy, counts, exposure_s)
+    expected = kriging.predict(np.stack(np.meshgrid(x_m, y_m), axis=-1).reshape(-1, 2))
+    found = kriging.predict_grid(x_m, y_m)
+    assert found[0].shape == (len(y_m), len(x_m))
+    np.testing.assert_allclose(np.reshape(found, (2, -1)), expected, rtol=1e-12)
+
+
+def test_the_raster_is_nan_outside_the_mask():
+    kriging = PoissonKriging(MODEL).fit(*survey())
+    mask = np.random.default_rng(1).random((5, 8)) < 0.4
+    x_m, y_m = np.arange(8.0) * 20, np.arange(5.0) * 30
+    for masked, full in zip(kriging.predict_grid(x_m, y_m, mask), kriging.predict_grid(x_m, y_m), strict=True):
+        np.testing.assert_allclose(masked[mask], full[mask], rtol=1e-13)
+        assert np.isnan(masked[~mask]).all()
+
+
+def test_tiles_leave_no_seam(monkeypatch):
+    kriging = PoissonKriging(MODEL).fit(*survey())
+    wanted = np.vstack([targets(53), kriging.places.xy])
+    whole, done = kriging.predict(wanted), []
+    weights = kriging.weights(wanted)
+    monkeypatch.setattr("soilmoist_ros.mapping.kriging.poisson_kriging._TILE_ELEMENTS", 30 * 7)
+    np.testing.assert_allclose(kriging.predict(wanted, done.append), whole, rtol=1e-12)
+    np.testing.assert_allclose(kriging.weights(wanted)[0], weights[0], atol=1e-13)
+    assert len(done) == 12
+    assert done == sorted(done)
+    assert done[-1] == 1.0
+
+
+@given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5), st.floats(0, 2 * np.pi), st.randoms())
+@settings(max_examples=25)
+def test_shift_rotation_and_order_do_not_matter(east, north, angle, random):
+    xy, counts, exposure_s = survey()
+    order = list(range(len(xy)))
+    random.shuffle(order)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def moved(places):
+        return places @ turn.T + [east, north]
+
+    expected = PoissonKriging(MODEL).fit(xy, counts, exposure_s).predict(targets())
+    kriging = PoissonKriging(MODEL).fit(moved(xy)[order], counts[order], exposure_s[order])
+    np.testing.assert_allclose(kriging.predict(moved(targets())), expected, rtol=1e-7)
+
+
+@given(st.floats(1e-3, 1e3))
+@settings(max_examples=20)
+def test_the_unit_of_time_does_not_matter(seconds):
+    xy, counts, exposure_s = survey()
+    expected_rate, expected_variance = PoissonKriging(MODEL).fit(xy, counts, exposure_s).predict(targets())
+    scaled = Variogram(MODEL.model, MODEL.nugget * seconds**2, MODEL.range_m, MODEL.sill * seconds**2)
+    rate, variance = PoissonKriging(scaled).fit(xy, counts, exposure_s / seconds).predict(targets())
+    np.testing.assert_allclose(rate, expected_rate * seconds, rtol=1e-10)
+    np.testing.assert_allclose(variance, expected_variance * seconds**2, rtol=1e-10)
+
+
+@given(st.integers(0, 29), st.floats(0.05, 0.95), st.floats(0, 1))
+@settings(max_examples=30)
+def test_a_record_split_in_two_is_the_same_record(index, share, counts_share):
+    xy, counts, exposure_s = survey()
+    part = round(counts_share * counts[index])
+    split = (
+        np.vstack([xy, xy[index]]),
+        np.append(counts, part),
+        np.append(exposure_s, share * exposure_s[index]),
+    )
+    split[1][index] -= part
+    split[2][index] *= 1 - share
+    whole, halves = (PoissonKriging(MODEL).fit(*data) for data in ((xy, counts, exposure_s), split))
+    np.testing.assert_allclose(halves.predict(targets()), whole.predict(targets()), rtol=1e-10)
+    weights, lagrange = halves.weights(targets())
+    expected_weights, expected_lagrange = whole.weights(targets())
+    np.testing.assert_allclose(weights[index] + weights[-1], expected_weights[index], atol=1e-12)
+    np.testing.assert_allclose(weights[-1], share * expected_weights[index], atol=1e-12)
+    np.testing.assert_allclose(lagrange, expected_lagrange, atol=1e-12)
+    np.testing.assert_allclose((split[1] / split[2]) @ weights, whole.predict(targets())[0], rtol=1e-10)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_weights_sum_to_one_and_give_the_rate(model):
+    xy, counts, exposure_s = survey()
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3)).fit(xy, counts, exposure_s)
+    weights, lagrange = kriging.weights(targets())
+    assert weights.shape == (30, 25)
+    assert lagrange.shape == (25,)
+    np.testing.assert_allclose(weights.sum(axis=0), 1, rtol=1e-12)
+    np.testing.assert_allclose((counts / exposure_s) @ weights, kriging.predict(targets())[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_variance_grows_away_from_the_samples_up_to_its_far_value(model):
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3)).fit(*survey())
+    far = kriging.predict([[1e6, 1e6]])
+    variance = kriging.predict(targets(500))[1]
+    assert variance.min() > 0
+    assert variance.max() <= far[1][0] + 1e-12
+    assert far[1][0] > 0.3
+    assert far[0][0] == pytest.approx(kriging.map_mean)
+    assert kriging.predict(kriging.places.xy)[1].max() < 0.1
+
+
+def test_another_sample_never_raises_the_variance():
+    xy, counts, exposure_s = survey()
+    kriging = PoissonKriging(MODEL, mean_rate=3.0).fit(xy[:10], counts[:10], exposure_s[:10])
+    before = kriging.predict(targets(200))[1]
+    for k in range(10, 30):
+        after = kriging.add(xy[k], counts[k], exposure_s[k]).predict(targets(200))[1]
+        assert (after <= before + 1e-13).all()
+        assert (after < before - 1e-6).any()
+        before = after
+
+
+@pytest.mark.parametrize("model", ["exponential", "spherical", "matern32"])
+def test_long_exposures_without_nugget_are_reproduced(model):
+    xy, _, exposure_s = survey()
+    rates = np.linspace(2, 4, 30)
+    exposure_s = np.full(30, 2.0**50)
+    kriging = PoissonKriging(Variogram(model, 0, 40, 0.3)).fit(xy, np.rint(rates * exposure_s), exposure_s)
+    rate, variance = kriging.predict(xy)
+    np.testing.assert_allclose(rate, rates, atol=1e-10)
+    np.testing.assert_allclose(variance, 0, atol=1e-12)
+
+
+def test_filtering_the_nugget_changes_the_answer_only_at_the_samples():
+    xy, counts, exposure_s = survey()
+    keep, smooth = (PoissonKriging(MODEL, keep).fit(xy, counts, exposure_s) for keep in (True, False))
+    np.testing.assert_allclose(keep.predict(targets())[0], smooth.predict(targets())[0], rtol=1e-13)
+    np.testing.assert_allclose(keep.predict(targets())[1], smooth.predict(targets())[1] + 0.02, rtol=1e-12)
+    assert (np.abs(keep.predict(xy)[0] - smooth.predict(xy)[0]) > 1e-4).any()
+
+
+# -- on line ---------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.integers(1, 12), min_size=1, max_size=8), st.booleans())
+@settings(max_examples=30)
+def test_adding_is_fitting(sizes, revisits):
+    xy, counts, exposure_s = survey(sum(sizes) + 1, seed=sum(sizes))
+    if revisits:
+        xy = np.random.default_rng(len(sizes)).permutation(xy)[np.arange(len(xy)) // 2]
+    kriging = PoissonKriging(MODEL, mean_rate=3.0).fit(xy[:1], counts[:1], exposure_s[:1])
+    done = 1
+    for size in sizes:
+        part = slice(done, done + size)
+        kriging.add(xy[part], counts[part], exposure_s[part])
+        done += size
+    expected = PoissonKriging(MODEL, mean_rate=3.0).fit(xy, counts, exposure_s)
+    np.testing.assert_allclose(kriging.predict(targets()), expected.predict(targets()), rtol=1e-10)
+    np.testing.assert_allclose(kriging.weights(targets())[0], expected.weights(targets())[0], atol=1e-11)
+
+
+def test_adding_keeps_the_mean_rate_until_it_has_drifted_by_one_per_cent():
+    kriging = PoissonKriging(MODEL).fit([[0, 0], [30, 0]], [3000, 3000], [1000, 1000])
+    kriging.add([60, 0], 3050, 1000)
+    assert kriging.noise_mean_rate == 3.0
+    kriging.add([90, 0], 3400, 1000)
+    assert kriging.noise_mean_rate == pytest.approx(12450 / 4000)
+    expected = PoissonKriging(MODEL).fit(kriging.places.xy, kriging.places.counts, kriging.places.exposure_s)
+    np.testing.assert_allclose(kriging.predict(targets()), expected.predict(targets()), rtol=1e-12)
+
+
+def test_adding_to_nothing_is_fitting_and_adding_nothing_is_nothing():
+    kriging = PoissonKriging(MODEL).add([5, 5], 30, 10.0)
+    assert kriging.predict([[5, 5]])[0] == pytest.approx(3.0)
+    kriging.add(np.empty((0, 2)), [], [])
+    assert len(kriging.places) == 1
+
+
+def test_a_refused_addition_leaves_the_kriging_as_it_was():
+    kriging = PoissonKriging(MODEL).fit(*survey())
+    before = kriging.predict(targets())
+    with pytest.raises(ValueError, match="exposure_s must be > 0"):
+        kriging.add([5, 5], 30, 0.0)
+    np.testing.assert_array_equal(kriging.predict(targets()), before)
+
+
+# -- degenerate input ------------------------------------------------------------------------------------
+
+
+def test_no_samples_are_refused():
+    with pytest.raises(ValueError, match="at least one sample"):
+        PoissonKriging(MODEL).fit(np.empty((0, 2)), [], [])
+    with pytest.raises(RuntimeError, match=r"call fit\(\) first"):
+        PoissonKriging(MODEL).predict([[0, 0]])
+
+
+def test_one_sample_is_its_rate_everywhere():
+    kriging = PoissonKriging(MODEL).fit([[0, 0]], [30], [10])
+    rate, variance = kriging.predict([[0, 0], [20, 0], [1e5, 0]])
+    np.testing.assert_allclose(rate, 3)
+    noise = 3 / 10
+    np.testing.assert_allclose(variance, 2 * MODEL.semivariance([0, 20, 1e5]) + noise, rtol=1e-12)
+
+
+def test_two_samples_far_apart_share_the_middle():
+    kriging = PoissonKriging(MODEL).fit([[0, 0], [100, 0]], [300, 500], [100, 100])
+    weights, _ = kriging.weights([[50, 7]])
+    np.testing.assert_allclose(weights[:, 0], 0.5)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    ("xy", "counts", "exposure_s"),
+    [
+        (np.column_stack([np.arange(20.0), 2 * np.arange(20.0)]), np.arange(20) + 30, np.full(20, 10.0)),
+        (np.zeros((5, 2)), [1, 2, 3, 4, 5], np.full(5, 10.0)),
+        (np.eye(2), [0, 0], [10, 10]),
+        ([[0, 0], [1e-9, 0], [0, 1e-9]], [30, 31, 29], [1e6, 1e6, 1e6]),
+        ([[0, 0], [500, 0]], [10**9, 1], [1e9, 1e-3]),
+    ],
+    ids=["collinear", "one place", "zero counts", "nearly one place", "extreme exposures"],
+)
+def test_degenerate_samples_give_finite_maps(model, xy, counts, exposure_s):
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3)).fit(xy, counts, exposure_s)
+    rate, variance = kriging.predict(np.vstack([xy, targets()]))
+    assert np.isfinite(rate).all()
+    assert np.isfinite(variance).all()
+    assert variance.min() >= 0
+
+
+def test_zero_counts_still_have_noise():
+    kriging = PoissonKriging(MODEL).fit([[0, 0], [50, 0]], [0, 0], [10, 10])
+    assert kriging.noise_mean_rate == 0.5 / 20
+    rate, variance = kriging.predict([[0, 0]])
+    assert rate == 0
+    assert variance > 0
+
+
+def test_a_variogram_without_variance_gives_the_mean_of_all_counts():
+    kriging = PoissonKriging(Variogram("gaussian", 0, 40, 0)).fit([[0, 0], [50, 0]], [10, 50], [10, 20])
+    rate, variance = kriging.predict([[10, 0]])
+    assert rate == pytest.approx(60 / 30)
+    assert variance == pytest.approx(2.0 / 30)
+
+
+def test_a_hopeless_matrix_gets_jitter_and_says_so(caplog):
+    xy = np.column_stack([np.linspace(0, 1, 40), np.zeros(40)])
+    counts, exposure_s = np.full(40, 3 * 10**17), np.full(40, 1e17)
+    with caplog.at_level(logging.WARNING):
+        kriging = PoissonKriging(Variogram("gaussian", 0, 100, 0.3)).fit(xy, counts, exposure_s)
+    assert 0 < kriging.jitter < 1e-8
+    assert "ill-conditioned" in caplog.text
+    assert kriging.predict([[0.51, 0]])[0] == pytest.approx(3, rel=1e-6)
+
+
+def test_negative_variances_are_clipped_counted_and_reported(caplog):
+    variance = np.array([0.1, -1e-3, 0.2, -1e-17])
+    with caplog.at_level(logging.WARNING):
+        assert clip_negative(variance, 0.3) == 2
+    np.testing.assert_array_equal(variance, [0.1, 0, 0.2, 0])
+    assert "2 negative variances" in caplog.text
+    kriging = PoissonKriging(MODEL).fit(*survey())
+    kriging.predict(targets())
+    assert kriging.clipped_variances == 0
+
+
+def test_a_matrix_beyond_help_is_an_error_with_a_remedy(monkeypatch):
+    monkeypatch.setattr("soilmoist_ros.mapping.kriging.poisson_kriging.JITTER", (0.0,))
+    xy = np.column_stack([np.linspace(0, 1, 40), np.zeros(40)])
+    with pytest.raises(IllConditionedError, match=r"40 samples is not positive definite.*use matern32"):
+        PoissonKriging(Variogram("gaussian", 0, 100, 0.3)).fit(xy, np.full(40, 3 * 10**17), np.full(40, 1e17))
+
+
+def test_predict_refuses_bad_targets():
+    kriging = PoissonKriging(MODEL).fit(*survey())
+    with pytest.raises(ValueError, match=r"xy must have shape \(n, 2\)"):
+        kriging.predict([[0, 0, 0]])
+    with pytest.raises(ValueError, match="x_m must be a finite vector"):
+        kriging.predict_grid([[0, 1]], [0, 1])
+    with pytest.raises(ValueError, match=r"mask must have shape \(1, 2\)"):
+        kriging.predict_grid([0, 1], [0], np.ones((2, 2), bool))
+    with pytest.raises(ValueError, match="mean_rate must be positive"):
+        PoissonKriging(MODEL, mean_rate=0.0)
+
+
+def test_no_targets_are_no_answers():
+    rate, variance = PoissonKriging(MODEL).fit(*survey()).predict(np.empty((0, 2)))
+    assert rate.shape == variance.shape == (0,)

@@ -1,0 +1,390 @@
+import dataclasses
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.mapping import FieldGrid, estimate_variogram, make_soil_map
+from soilmoist_ros.mapping.field_map import (
+    LATER_REFIT_GROWTH,
+    MANY_SAMPLES,
+    RECENT,
+    REFIT_GROWTH,
+    OnlineMap,
+    OnlineSettings,
+    Skip,
+)
+from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
+from soilmoist_ros.mapping.samples.spread import LEAST_SPREAD_M2, footprint_spread, way_spread
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.records import NAN, CountRecord
+
+CURVE = CalibrationCurve(6.0, 1.4)
+GRID = FieldGrid.from_polygon(
+    [(0, 0), (60, 0), (60, 50), (0, 50)], 5.0, [[(25, 20), (30, 20), (30, 26), (25, 26)]]
+)
+
+records = st.builds(
+    CountRecord,
+    stamp_s=st.integers(0, 10_000).map(float),
+    x_m=st.floats(0, 60, width=32),
+    y_m=st.floats(0, 50, width=32),
+    z_m=st.just(NAN),
+    raw_counts=st.integers(0, 500),
+    exposure_s=st.just(10.0),
+    effective_exposure_s=st.floats(5, 20),
+)
+
+
+def record(x_m=10.0, y_m=20.0, **changes):
+    values = {"stamp_s": 7.0, "z_m": NAN, "raw_counts": 40, "exposure_s": 10.0, "effective_exposure_s": 9.0}
+    return CountRecord(x_m=x_m, y_m=y_m, **{**values, **changes})
+
+
+def online(**changes):
+    return OnlineMap(GRID, OnlineSettings(**{"curve": CURVE, **changes}))
+
+
+def merged(places, radius_m, counts=40, exposure_s=10.0):
+    merger = SampleMerger(radius_m)
+    for x_m, y_m in places:
+        merger.add(x_m, y_m, counts, exposure_s)
+    return merger.samples
+
+
+@settings(deadline=None)
+@given(st.lists(records, min_size=1, max_size=40), st.floats(0, 30))
+def test_merging_conserves_counts_exposure_and_the_centre_of_exposure(many, radius_m):
+    merger = SampleMerger(radius_m)
+    for one in many:
+        merger.add(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s)
+    samples = merger.samples
+    exposure_s = np.array([one.effective_exposure_s for one in many])
+    xy = np.array([(one.x_m, one.y_m) for one in many])
+    assert len(merger) == len(samples) <= len(many)
+    assert samples.counts.sum() == sum(one.raw_counts for one in many)
+    assert samples.exposure_s.sum() == pytest.approx(exposure_s.sum())
+    np.testing.assert_allclose(samples.exposure_s @ samples.xy, exposure_s @ xy, rtol=1e-9, atol=1e-6)
+
+
+@given(
+    st.tuples(st.floats(-100, 100), st.floats(-100, 100)),
+    st.lists(st.tuples(st.floats(0, 1.25), st.floats(0, 2 * math.pi)), min_size=1, max_size=300),
+)
+def test_a_robot_that_stands_still_takes_one_sample_however_long_it_stands(stop, jitter):
+    places = [(stop[0] + d * math.cos(angle), stop[1] + d * math.sin(angle)) for d, angle in jitter]
+    assert len(merged(places, radius_m=2.5 + 1e-9)) == 1
+
+
+def test_a_record_joins_the_nearest_sample_and_moves_it_by_its_share_of_the_exposure():
+    merger = SampleMerger(4.0)
+    merger.add(0.0, 0.0, 10, 30.0)
+    merger.add(7.0, 0.0, 20, 10.0)
+    merger.add(4.0, 0.0, 1, 10.0)  # within reach of both
+    np.testing.assert_array_equal(merger.samples.xy, [[0, 0], [5.5, 0]])
+    np.testing.assert_array_equal(merger.samples.counts, [10, 21])
+    merger.add(4.0, 0.0, 5, 10.0)
+    merger.add(-4.0, 0.0, 5, 10.0)  # at the very edge
+    np.testing.assert_array_equal(merger.samples.xy, [[-1, 0], [5, 0]])
+    merger.add(0.0, 4.2, 5, 10.0)
+    assert len(merger) == 3
+
+
+def test_a_drive_becomes_a_chain_of_samples_about_two_radii_apart():
+    samples = merged([(0.5 * i, 0.0) for i in range(1000)], radius_m=2.5)
+    np.testing.assert_allclose(np.diff(samples.xy[:, 0]), 5.0)
+
+
+def test_without_a_radius_only_one_place_merges():
+    samples = merged([(1, 2), (1, 2), (1, 2.000001)], radius_m=0.0)
+    np.testing.assert_array_equal(samples.exposure_s, [20, 10])
+    for radius_m in (-1.0, NAN):
+        with pytest.raises(ValueError, match="radius_m must be >= 0 and finite"):
+            SampleMerger(radius_m)
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason", "why"),
+    [
+        (record(NAN, NAN), Skip.NO_POSITION, "no position"),
+        (record(10.0, math.inf), Skip.NO_POSITION, "no position"),
+        (record(-12.0, 20.0), Skip.OUTSIDE, "at x = -12.0 m, y = 20.0 m"),
+        (record(exposure_s=0.0), Skip.IMPLAUSIBLE, "exposure of 0 s"),
+        (record(effective_exposure_s=NAN), Skip.IMPLAUSIBLE, "effective exposure of nan s"),
+        (record(exposure_s=math.inf), Skip.IMPLAUSIBLE, "exposure of inf s"),
+        (record(exposure_s=1e5, effective_exposure_s=1e5), Skip.IMPLAUSIBLE, "exposure of 100000 s"),
+        (record(effective_exposure_s=1e-3), Skip.IMPLAUSIBLE, "correction by a factor of 10000"),
+        (record(effective_exposure_s=1e4), Skip.IMPLAUSIBLE, "correction by a factor of 0.001"),
+        (record(raw_counts=-1), Skip.IMPLAUSIBLE, "-1 counts in 9 s"),
+        (record(raw_counts=4_000_000_000), Skip.IMPLAUSIBLE, "4000000000 counts in 9 s"),
+    ],
+)
+def test_what_cannot_be_used_is_left_out_and_counted(bad, reason, why):
+    the_map = online()
+    assert the_map.take(record()) is None
+    before = the_map.state
+    assert the_map.take(bad) is reason
+    assert the_map.state is before
+    assert (the_map.skipped[reason].count, the_map.skipped[reason].example) == (1, f"record at 7.0 s: {why}")
+    assert len(the_map.track) == (2 if reason is Skip.NO_POSITION else 1)
+
+
+@pytest.mark.parametrize("place", [(-9.0, 20.0), (69.0, 25.0), (27.0, 23.0), (0.0, 0.0)])
+def test_the_margin_and_no_go_areas_count(place):
+    assert online().take(record(*place)) is None
+
+
+def test_trouble_is_what_hits_most_of_the_last_records():
+    the_map = online()
+    assert the_map.trouble is None
+    the_map.take(record(NAN, NAN))
+    assert the_map.trouble is Skip.NO_POSITION
+    for _ in range(RECENT):
+        the_map.take(record())
+    assert the_map.trouble is None
+    for _ in range(RECENT // 2 + 1):
+        the_map.skip(Skip.UNREADABLE, "too short")
+    assert the_map.trouble is Skip.UNREADABLE
+
+
+def test_the_map_is_that_of_the_samples_at_once():
+    rng = np.random.default_rng(2)
+    the_map = online(merge_radius_m=0.0)
+    places = rng.uniform((0, 0), (60, 50), (12, 2))
+    for x_m, y_m in places.tolist():
+        the_map.take(record(x_m, y_m, raw_counts=int(rng.poisson(30 + x_m / 4))))
+    samples = the_map.state.samples
+    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m)
+    expected = make_soil_map(samples, GRID, fit, CURVE)
+    found = the_map.compute(the_map.state)
+    np.testing.assert_array_equal(samples.xy, places)
+    for band, wanted in zip(found.bands, expected.bands, strict=True):
+        np.testing.assert_allclose(band, wanted, rtol=1e-9)
+    assert found.made_by is None
+    np.testing.assert_allclose(found.evaluate(GRID.cells).rate, found.rate[GRID.mask], rtol=1e-9)
+    assert found.fit.n_samples == 12
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(records, min_size=1, max_size=25), st.data())
+def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, data):
+    looked_at = data.draw(st.sets(st.integers(0, len(many) - 1)))
+    watched, replayed = online(), online()
+    for number, one in enumerate(many):
+        watched.take(one)
+        replayed.take(one)
+        if number in looked_at:
+            watched.compute(watched.state)
+    found, expected = watched.compute(watched.state), replayed.compute(replayed.state)
+    for band, wanted in zip(found.bands, expected.bands, strict=True):
+        assert band.tobytes() == wanted.tobytes()
+    assert found.variogram == expected.variogram
+
+
+def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
+    rng = np.random.default_rng(3)
+    the_map = online(merge_radius_m=0.0)
+    for x_m, y_m in rng.uniform((0, 0), (60, 50), (MANY_SAMPLES + 10, 2)).tolist():
+        the_map.take(record(x_m, y_m, raw_counts=int(rng.poisson(40))))
+    first = the_map.compute(the_map.state)
+    the_map.take(record(30.0, 30.0, raw_counts=90))
+    second = the_map.compute(the_map.state)
+    assert second.fit is first.fit
+    assert second.mean_rate == first.mean_rate == first.fit.mean_rate
+    samples = the_map.state.samples
+    exact = make_soil_map(samples, GRID, second.fit, CURVE)
+    for band, wanted in zip(second.bands, exact.bands, strict=True):
+        np.testing.assert_allclose(band, wanted, rtol=1e-9)
+    fresh = online(merge_radius_m=0.0)
+    assert fresh.compute(the_map.state).rate.tobytes() == second.rate.tobytes()
+
+
+def test_threads_may_map_different_states_at_a_time():
+    the_map = online(merge_radius_m=0.0)
+    states = []
+    for number in range(24):
+        the_map.take(record(2.0 * number, 10.0 + number, raw_counts=30 + number))
+        states.append(the_map.state)
+    expected = [online().compute(state).rate.tobytes() for state in states]
+    with ThreadPoolExecutor(4) as pool:
+        found = [soil_map.rate.tobytes() for soil_map in pool.map(the_map.compute, states)]
+    assert found == expected
+
+
+def test_a_state_stays_as_it_was_while_records_come_in():
+    the_map = online()
+    the_map.take(record())
+    state = the_map.state
+    before = the_map.compute(state).rate
+    for x_m in (30.0, 40.0, 50.0):
+        the_map.take(record(x_m, raw_counts=90))
+    assert (state.records, len(state.samples)) == (1, 1)
+    np.testing.assert_array_equal(the_map.compute(state).rate, before)
+    assert not np.array_equal(the_map.compute(the_map.state).rate, before, equal_nan=True)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 6), st.floats(5, 20)), min_size=1, max_size=300))
+def test_the_variogram_is_never_far_behind(stops):
+    the_map = online()
+    for stop, exposure_s in stops:
+        the_map.take(record(stop * 8.0, effective_exposure_s=exposure_s))
+        state = the_map.state
+        assert len(state.samples) <= (1 + REFIT_GROWTH) * len(state.fit_samples)
+        assert state.samples.exposure_s.sum() <= (1 + REFIT_GROWTH) * state.fit_samples.exposure_s.sum()
+
+
+def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
+    the_map = online()
+    fits = []
+    for _ in range(1000):
+        the_map.take(record())
+        fits.append(the_map.state.fit_samples)
+    assert len(set(fits[:49])) == 49
+    assert len(set(fits[500:])) <= 1 + math.log(2) / math.log(1 + REFIT_GROWTH)
+
+
+def test_from_many_samples_on_the_variogram_is_fitted_less_often():
+    the_map = online(merge_radius_m=0.0)
+    fitted = []
+    for number in range(2 * MANY_SAMPLES):
+        the_map.take(record(number % 50, number // 50, stamp_s=100.0 * number))
+        fitted.append(len(the_map.state.fit_samples))
+    numbers = np.unique(fitted)
+    few, many = numbers[numbers <= MANY_SAMPLES], numbers[numbers >= MANY_SAMPLES]
+    assert np.diff(few).max() <= math.ceil(REFIT_GROWTH * MANY_SAMPLES) + 1
+    assert (np.diff(many) > LATER_REFIT_GROWTH * many[:-1]).all()
+    assert many[-1] >= len(the_map.state.samples) / (1 + LATER_REFIT_GROWTH)
+
+
+def test_soft_l1_waits_for_two_places():
+    the_map = online(fit="soft_l1")
+    for place in ((10.0, 20.0), (10.5, 20.0)):
+        the_map.take(record(*place))
+        assert the_map.compute(the_map.state) is None
+    the_map.take(record(40.0, 20.0))
+    assert np.isfinite(the_map.compute(the_map.state).rate[GRID.mask]).all()
+    assert online().compute(online().state) is None
+
+
+def test_reset_makes_it_new():
+    the_map = online()
+    for x_m in (10.0, 30.0, NAN):
+        the_map.take(record(x_m))
+    snapshot = the_map.snapshot()
+    the_map.reset()
+    assert the_map.state.records == 0
+    assert (the_map.track, the_map.skipped, the_map.compute(the_map.state)) == ([], {}, None)
+    assert (snapshot.state.records, len(snapshot.track), list(snapshot.skipped)) == (2, 3, [Skip.NO_POSITION])
+    the_map.take(record(50.0))
+    np.testing.assert_array_equal(the_map.state.samples.xy, [[50, 20]])
+
+
+def test_settings_out_of_range_are_refused():
+    for changes, message in (({"margin_m": -1.0}, "margin_m must be >= 0"), ({"merge_radius_m": NAN}, "radius_m")):
+        with pytest.raises(ValueError, match=message):
+            OnlineMap(GRID, dataclasses.replace(OnlineSettings(), **changes))
+
+
+# -- counts gathered while driving, and over a footprint --------------------------------------------------
+
+
+def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0), first_s=100.0, **changes):
+    """Records of 10 s, one after the other."""
+    return [
+        record(start[0] + i * step_m[0], start[1] + i * step_m[1], stamp_s=first_s + 10.0 * i, **changes)
+        for i in range(count)
+    ]
+
+
+def spreads(many):
+    ways = DrivenWays()
+    return np.array([ways.spread(one) for one in many])
+
+
+def test_a_record_has_the_way_since_the_one_before():
+    found = spreads(drive(4, (3.0, -5.0)))
+    np.testing.assert_allclose(found[1:], [way_spread([3.0, -5.0])] * 3)
+    assert not found[0].any()
+
+
+def test_ways_of_records_with_a_lost_one_between_are_halved():
+    many = drive(5)
+    found = spreads(many[:2] + many[3:])
+    np.testing.assert_allclose(found[1:], [way_spread([6.0, 0.0])] * 3)
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 5.0, 60.0, -30.0])
+def test_records_that_do_not_follow_each_other_have_no_way(gap_s):
+    first, second = drive(2)
+    assert not spreads([first, dataclasses.replace(second, stamp_s=first.stamp_s + gap_s)]).any()
+
+
+def test_robots_that_share_a_map_keep_their_ways_apart():
+    east, north = drive(6), drive(6, (0.0, 4.0), (50.0, 10.0))
+    both = spreads([one for pair in zip(east, north, strict=True) for one in pair])
+    np.testing.assert_allclose(both[2::2], [way_spread([6.0, 0.0])] * 5)
+    np.testing.assert_allclose(both[3::2], [way_spread([0.0, 4.0])] * 5)
+
+
+def test_records_of_a_drive_have_an_extent_and_those_of_a_stop_have_none():
+    the_map = online(merge_radius_m=2.0)
+    rng = np.random.default_rng(1)
+    stop = [
+        record(41 + dx, 20 + dy, stamp_s=160 + 10.0 * i) for i, (dx, dy) in enumerate(rng.normal(0, 0.3, (30, 2)))
+    ]
+    for one in drive(6) + stop:
+        assert the_map.take(one) is None
+    samples = the_map.state.samples
+    np.testing.assert_array_equal(samples.counts, [40] * 6 + [1200])
+    np.testing.assert_allclose(samples.spread[1:6], [way_spread([6.0, 0.0])] * 5)
+    assert not samples.spread[[0, 6]].any()
+
+
+@given(
+    st.lists(st.tuples(records, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=30),
+    st.floats(0, 30),
+    st.sampled_from([0.0, 10.0]),
+)
+def test_merging_conserves_the_second_moments(many, radius_m, footprint_m):
+    merger = SampleMerger(radius_m, footprint_m)
+    total = np.zeros(3)
+    for one, east, north in many:
+        way = way_spread([east, north])
+        merger.add(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s, way)
+        at = np.array([one.x_m**2, one.x_m * one.y_m, one.y_m**2])
+        total += one.effective_exposure_s * (at + way + footprint_spread(footprint_m))
+    samples = merger.samples
+    x, y = samples.xy.T
+    found = samples.exposure_s @ (np.column_stack([x * x, x * y, y * y]) + samples.spread)
+    np.testing.assert_allclose(found, total, rtol=1e-9, atol=LEAST_SPREAD_M2 * samples.exposure_s.sum())
+
+
+def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():
+    plain, sharp = online(), online(footprint_radius_m=10.0)
+    for one in [*drive(4), record(10.0, 40.0, stamp_s=500.0)]:
+        plain.take(one)
+        sharp.take(one)
+    added = sharp.state.samples.spread - plain.state.samples.spread
+    np.testing.assert_allclose(added, [footprint_spread(10.0)] * len(added))
+    with pytest.raises(ValueError, match="radius of a footprint"):
+        online(footprint_radius_m=-1.0)
+
+
+def test_the_map_takes_the_extents_into_account():
+    the_map = online(merge_radius_m=2.0)
+    for one in drive(8, raw_counts=60) + drive(8, (0.0, 5.0), (50.0, 5.0), 300.0, raw_counts=20):
+        the_map.take(one)
+    state = the_map.state
+    samples = state.samples
+    fit = estimate_variogram(
+        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, spread=samples.spread
+    )
+    found = the_map.compute(state)
+    assert found.variogram == the_map.fit(state).variogram
+    np.testing.assert_array_equal(found.kriging.places.spread, samples.spread)
+    points = make_soil_map(dataclasses.replace(samples, spread=np.zeros(3)), GRID, fit)
+    assert np.nanmax(np.abs(points.rate - found.rate)) > 1e-4

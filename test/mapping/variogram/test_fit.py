@@ -1,0 +1,144 @@
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist
+
+from soilmoist_ros.mapping import Variogram, estimate_variogram, fit_variogram
+from soilmoist_ros.mapping.variogram.model import MODELS
+
+METHODS = ["reml", "soft_l1"]
+
+
+def simulated(n=72, seed=0, truth=None, side=210.0, exposure_s=600.0):
+    truth = truth or Variogram("matern32", 0.01, 40.0, 0.3)
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, side, (n, 2))
+    rate = 4 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(n)
+    return xy, rng.poisson(rate * exposure_s), np.full(n, exposure_s)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_is_fitted_by_every_method(model, method):
+    fit = estimate_variogram(*simulated(), model, method)
+    assert fit.variogram.model == model
+    assert fit.method == method
+    assert fit.n_samples == 72
+    assert fit.mean_rate == pytest.approx(4, rel=0.2)
+    assert 0.1 < fit.variogram.sill < 0.9
+    assert 40 < fit.variogram.practical_range_m < 300
+    assert fit.converged
+    assert len(fit.edges_m) == len(fit.lag_m) + 1 == len(fit.gamma) + 1 == len(fit.weight) + 1
+    assert (fit.log_sd is None) == (method == "soft_l1")
+    assert not fit.prior_mattered
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_fitting_is_deterministic_and_ignores_order_and_shift(method):
+    xy, counts, exposure_s = simulated()
+    expected = fit_variogram(xy, counts, exposure_s, method=method)
+    assert fit_variogram(xy, counts, exposure_s, method=method) == expected
+    order = np.random.default_rng(1).permutation(72)
+    moved = fit_variogram(xy[order] + [1000, -500], counts[order], exposure_s[order], method=method)
+    assert moved.range_m == pytest.approx(expected.range_m, rel=1e-3)
+    assert moved.sill == pytest.approx(expected.sill, rel=1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_unit_of_time_does_not_matter_to_a_fit(method):
+    xy, counts, exposure_s = simulated()
+    expected = fit_variogram(xy, counts, exposure_s, method=method)
+    tens = fit_variogram(xy, counts, exposure_s / 10, method=method)
+    assert tens.range_m == pytest.approx(expected.range_m, rel=1e-4)
+    assert tens.sill == pytest.approx(expected.sill * 100, rel=1e-4)
+    assert tens.nugget == pytest.approx(expected.nugget * 100, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_splitting_records_changes_no_fit(method):
+    xy, counts, exposure_s = simulated(30)
+    half = counts // 2
+    split = np.vstack([xy, xy]), np.concatenate([half, counts - half]), np.tile(exposure_s / 2, 2)
+    assert fit_variogram(*split, method=method) == fit_variogram(xy, counts, exposure_s, method=method)
+
+
+def test_soft_l1_finds_an_exact_semivariogram():
+    """With so many counts and places that the classes are nearly exact, the fit returns the model."""
+    truth = Variogram("gaussian", 0.05, 30.0, 0.4)
+    fits = [fit_variogram(*simulated(300, seed, truth, 600.0), "gaussian", "soft_l1") for seed in range(6)]
+    assert np.mean([fit.sill for fit in fits]) == pytest.approx(0.4, rel=0.12)
+    assert np.mean([fit.range_m for fit in fits]) == pytest.approx(30, rel=0.2)
+
+
+def test_given_edges_are_used():
+    fit = estimate_variogram(*simulated(), edges=[0, 20, 40, 80])
+    np.testing.assert_array_equal(fit.edges_m, [0, 20, 40, 80])
+    assert fit.lag_m.shape == (3,)
+
+
+DEGENERATE = {
+    "three places": ([[0, 0], [40, 5], [9, 60]], [1900, 2100, 1700], [600, 600, 600]),
+    "two places": ([[0, 0], [40, 5]], [1900, 2100], [600, 600]),
+    "equal values": ([[0, 0], [40, 5], [9, 60]], [1900, 1900, 1900], [600, 600, 600]),
+    "zero counts": ([[0, 0], [40, 5], [9, 60]], [0, 0, 0], [10, 10, 10]),
+    "collinear": (np.column_stack([np.arange(9.0) * 10, np.zeros(9)]), np.arange(9) + 20, np.full(9, 10.0)),
+    "duplicates": ([[0, 0], [0, 0], [9, 60]], [19, 25, 32], [10, 10, 10]),
+    "one short, one long": ([[0, 0], [40, 5]], [0, 10**7], [1e-3, 1e7]),
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("case", DEGENERATE)
+def test_degenerate_samples_give_a_usable_variogram(case, model, method):
+    fit = estimate_variogram(*DEGENERATE[case], model, method)
+    assert fit.variogram.structured_sill > 0
+    assert 1e-3 < fit.variogram.range_m < 1e4
+    assert np.isfinite(fit.objective)
+
+
+@pytest.mark.parametrize(
+    ("xy", "counts"), [([[7, 7]], [2000]), ([[7, 7]] * 4, [480, 520, 490, 510])], ids=["one sample", "one place"]
+)
+def test_one_place_gives_what_the_prior_says(xy, counts):
+    exposure_s = np.full(len(xy), 600.0 / len(xy))
+    fit = estimate_variogram(xy, counts, exposure_s, extent_m=200.0)
+    rate = 2000 / 600
+    assert fit.variogram.practical_range_m == pytest.approx(200.0 / 3)
+    # Means of log-normal variables: the logarithms have standard deviations of 1 and 1.5.
+    assert fit.variogram.structured_sill == pytest.approx(np.exp(1 / 2) * (0.15 * rate) ** 2)
+    assert fit.variogram.nugget == pytest.approx(np.exp(1.5**2 / 2) * 0.05 * (0.15 * rate) ** 2)
+    assert fit.prior_share == pytest.approx((1, 1, 1))
+    assert fit.prior_mattered
+    assert len(fit.lag_m) == 0
+
+
+def test_the_extent_of_the_field_sets_the_range_of_few_samples():
+    data = DEGENERATE["three places"]
+    assert fit_variogram(*data, extent_m=600.0).range_m > 3 * fit_variogram(*data).range_m
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "message"),
+    [
+        (([], [], []), {}, "needs at least one sample"),
+        (([[0, 0]], [3], [10]), {"method": "soft_l1"}, "two distinct places.*or use method reml"),
+        (([[0, 0], [50, 0]], [3, 4], [10, 10]), {"method": "soft_l1", "edges": [0, 9]}, "distance classes"),
+        (([[0, 0]], [3], [10]), {"model": "linear"}, "unknown variogram model 'linear'"),
+        (([[0, 0]], [3], [10]), {"method": "ml"}, "unknown method 'ml'; known are reml, soft_l1"),
+        (([[0, 0]], [3], [10]), {"extent_m": 0.0}, "extent_m must be positive"),
+        (([[0, 0]], [-3], [10]), {}, "counts must be whole numbers"),
+    ],
+)
+def test_fit_variogram_refuses(data, options, message):
+    with pytest.raises(ValueError, match=message):
+        fit_variogram(*data, **options)
+
+
+def test_ten_thousand_records_are_fitted_in_blocks():
+    xy, counts, exposure_s = simulated(1250, 7, side=800.0)
+    rng = np.random.default_rng(7)
+    records = np.tile(np.arange(1250), 8)
+    part = rng.multinomial(counts, np.full(8, 1 / 8)).T.ravel()
+    variogram = fit_variogram(xy[records], part, exposure_s[records] / 8)
+    assert variogram.range_m == pytest.approx(40, rel=0.4)
+    assert variogram.sill == pytest.approx(0.3, rel=0.4)

@@ -1,0 +1,172 @@
+import json
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist
+
+from soilmoist_ros.mapping import Variogram, default_edges, empirical_semivariogram
+from soilmoist_ros.mapping.variogram.model import MODELS
+
+EXACT = {
+    "gaussian": lambda u: mpmath.exp(-(u**2)),
+    "exponential": lambda u: mpmath.exp(-u),
+    "spherical": lambda u: 1 - mpmath.mpf(3) / 2 * u + u**3 / 2 if u < 1 else mpmath.mpf(0),
+    "matern32": lambda u: (1 + mpmath.sqrt(3) * u) * mpmath.exp(-mpmath.sqrt(3) * u),
+    "matern52": lambda u: (1 + mpmath.sqrt(5) * u + 5 * u**2 / 3) * mpmath.exp(-mpmath.sqrt(5) * u),
+}
+
+
+@pytest.mark.parametrize("model", EXACT)
+def test_correlation_against_forty_digits(model):
+    h = [0.0, 1e-9, 0.3, 7.0, 39.99, 40.0, 55.5, 400.0]
+    with mpmath.workdps(40):
+        expected = [float(EXACT[model](mpmath.mpf(distance) / 40)) for distance in h]
+    np.testing.assert_allclose(Variogram(model, 0.1, 40, 1.0).correlation(h), expected, rtol=2e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("model", EXACT)
+def test_slope_is_the_derivative_by_log_range(model):
+    with mpmath.workdps(40):
+        for u in (0.0, 0.2, 0.7, 1.5, 3.0):
+            expected = mpmath.diff(lambda log_range, u=u: EXACT[model](u / mpmath.exp(log_range)), 0, h=1e-12)
+            slope = MODELS[model].with_slope(np.array([u**2]))[1]
+            assert slope[0] == pytest.approx(float(expected), abs=1e-9)
+
+
+@pytest.mark.parametrize("model", EXACT)
+def test_semivariance_and_covariance_fit_together(model):
+    variogram = Variogram(model, 0.02, 40, 0.3)
+    h = np.array([[0.0, 1e-6], [20.0, 1e6]])
+    gamma = variogram.semivariance(h)
+    assert gamma.shape == (2, 2)
+    assert gamma[0, 0] == 0
+    assert gamma[0, 1] == pytest.approx(0.02, abs=1e-6)
+    assert gamma[1, 1] == pytest.approx(0.3)
+    np.testing.assert_allclose(variogram.covariance(h), 0.3 - gamma, atol=1e-15)
+    np.testing.assert_array_equal(variogram(h), gamma)
+    assert variogram.structured_sill == pytest.approx(0.28)
+    assert variogram.semivariance(3.0).shape == ()
+
+
+@pytest.mark.parametrize("model", sorted(set(EXACT) - {"spherical"}))
+def test_practical_range_is_where_five_per_cent_correlation_is_left(model):
+    variogram = Variogram(model, 0.02, 40, 0.3)
+    assert variogram.correlation(variogram.practical_range_m) == pytest.approx(0.05, rel=1e-9)
+
+
+def test_the_models_do_not_change_their_argument():
+    h = np.array([1.0, 2.0])
+    for model in EXACT:
+        Variogram(model, 0, 1, 1).semivariance(h)
+    np.testing.assert_array_equal(h, [1, 2])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("cubic", 0, 1, 1), "unknown variogram model 'cubic'; known are gaussian, exponential, spherical"),
+        (("gaussian", -0.1, 1, 1), "nugget must be >= 0, got -0.1"),
+        (("gaussian", 0, 0, 1), "range_m must be > 0, got 0.0"),
+        (("gaussian", 0.5, 1, 0.4), "sill is the total sill and must be >= nugget"),
+        (("gaussian", 0, np.inf, 1), "range_m must be finite, got inf"),
+        (("gaussian", 0, 1, np.nan), "sill must be finite, got nan"),
+        (("gaussian", 0, 1, 1, 0.5), "must be >= 1, got 0.5; turn angle_deg by 90 and give its inverse"),
+        (("gaussian", 0, 1, 1, np.inf), "anisotropy must be finite, got inf"),
+        (("gaussian", 0, 1, 1, 2, np.nan), "angle_deg must be finite, got nan"),
+    ],
+)
+def test_variogram_refuses(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Variogram(*arguments)
+
+
+def test_empirical_semivariogram_against_reference(shared_data):
+    case = json.loads((shared_data / "reference" / "variogram30.json").read_text())
+    lag_m, gamma, weight = empirical_semivariogram(case["points"], case["counts"], case["t"], case["edges"])
+    for row, (lag, value, total) in zip(case["bins"], zip(lag_m, gamma, weight, strict=True), strict=True):
+        assert value == pytest.approx(float(row["gamma"]), rel=1e-12)
+        assert total == pytest.approx(float(row["N_h"]), rel=1e-12)
+        assert lag == pytest.approx(float(row["weighted_mean_h"]), rel=1e-12)
+    equal = empirical_semivariogram(case["points"], np.ones(30), np.full(30, 2.0), case["edges"])
+    np.testing.assert_allclose(equal[2], [row["pairs"] for row in case["bins"]], rtol=1e-12)
+
+
+def test_empirical_semivariogram_of_blocks_is_that_of_one_block(monkeypatch):
+    rng = np.random.default_rng(3)
+    data = rng.uniform(0, 100, (150, 2)), rng.poisson(300, 150), rng.uniform(10, 90, 150)
+    whole = empirical_semivariogram(*data, np.arange(0, 60, 5))
+    from soilmoist_ros.mapping.variogram import model as variogram
+
+    blocks = variogram._pair_blocks
+    monkeypatch.setattr(variogram, "_pair_blocks", lambda n: blocks(n, 7 * n))
+    assert len(variogram._pair_blocks(150)) == 22
+    np.testing.assert_allclose(empirical_semivariogram(*data, np.arange(0, 60, 5)), whole, rtol=1e-12)
+
+
+def test_classes_are_open_below_and_closed_above_and_may_be_empty():
+    xy = [[0, 0], [10, 0], [10, 0]]
+    lag_m, gamma, weight = empirical_semivariogram(xy, [20, 30, 10], [10, 10, 10], [0, 5, 10, 20])
+    np.testing.assert_array_equal(weight, [0, 10, 0])
+    np.testing.assert_array_equal(np.isnan(lag_m), [True, False, True])
+    np.testing.assert_array_equal(np.isnan(gamma), [True, False, True])
+    assert lag_m[1] == 10
+    assert gamma[1] == pytest.approx((5 * (1**2 + 1**2) - 2 * 2) / (2 * 10))  # m* = 2; never (10, 0) with itself
+
+
+@pytest.mark.parametrize("edges", [[0], [0, 0], [5, 1], [-1, 5], [0, np.nan], [[0, 1]]])
+def test_empirical_semivariogram_refuses_edges(edges):
+    with pytest.raises(ValueError, match="edges must"):
+        empirical_semivariogram([[0, 0], [1, 1]], [1, 1], [1, 1], edges)
+
+
+def test_empirical_semivariogram_is_unbiased_for_short_exposures():
+    rng = np.random.default_rng(20)
+    truth = Variogram("matern32", 0.05, 25.0, 0.5)
+    xy = rng.uniform(0, 120, (80, 2))
+    exposure_s = np.full(80, 20.0)
+    factor = np.linalg.cholesky(truth.covariance(cdist(xy, xy)))
+    edges = [0, 8, 16, 24, 36, 50]
+    simulated = []
+    for _ in range(200):
+        rate = 4.0 + factor @ rng.standard_normal(80)
+        assert rate.min() > 0
+        simulated.append(empirical_semivariogram(xy, rng.poisson(rate * exposure_s), exposure_s, edges)[1])
+    distance = cdist(xy, xy)[np.triu_indices(80, 1)]
+    number = np.digitize(distance, edges) - 1
+    expected = [truth.semivariance(distance[number == k]).mean() for k in range(len(edges) - 1)]
+    z = (np.mean(simulated, axis=0) - expected) / (np.std(simulated, axis=0, ddof=1) / np.sqrt(200))
+    assert np.abs(z).max() < 3
+    noise = 4.0 / 20.0  # leaving m* out would be seen: the noise is far larger than the standard errors
+    assert noise > 5 * (np.std(simulated, axis=0, ddof=1) / np.sqrt(200)).max()
+
+
+def test_default_edges_hold_enough_pairs_each():
+    rng = np.random.default_rng(5)
+    xy = rng.uniform(0, 200, (60, 2))
+    edges = default_edges(xy)
+    pairs = np.histogram(cdist(xy, xy)[np.triu_indices(60, 1)], edges)[0]
+    assert 10 <= len(pairs) <= 15
+    assert pairs.min() >= 30
+    assert edges[-1] == pytest.approx(cdist(xy, xy).max() / 2)
+
+
+def test_default_edges_of_a_lattice_have_no_empty_class():
+    xy = np.stack(np.meshgrid(np.arange(8) * 30.0, np.arange(9) * 30.0), axis=-1).reshape(-1, 2)
+    assert (empirical_semivariogram(xy, np.ones(72), np.ones(72), default_edges(xy))[2] > 0).all()
+
+
+def test_default_edges_of_few_places_are_six_over_all_distances():
+    xy = np.random.default_rng(3).uniform(0, 60, (11, 2))
+    edges = default_edges(xy)
+    distances = cdist(xy, xy)[np.triu_indices(11, 1)]
+    assert len(edges) == 7
+    np.testing.assert_allclose(np.diff(edges), distances.max() / 6)
+    assert np.histogram(distances, edges)[0].sum() == 55
+
+
+def test_default_edges_of_two_places_hold_their_pair():
+    edges = default_edges([[0, 0], [3, 4], [0, 0]])
+    assert edges[-2] < 5 <= edges[-1]
+    with pytest.raises(ValueError, match="two or more distinct places"):
+        default_edges([[1, 1], [1, 1]])

@@ -1,0 +1,269 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, estimate_variogram
+from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
+from soilmoist_ros.mapping.variogram.model import MODELS
+from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood
+from soilmoist_ros.mapping.variogram.support import (
+    LEAST_SPREAD_M2,
+    SupportCorrelation,
+    Supports,
+    footprint_spread,
+    way_spread,
+    without_noise,
+)
+
+EVERY = slice(None)
+vectors = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
+radii = st.sampled_from([0.0, 5.0, 10.0])
+
+
+def survey(n=25, seed=0, radius_m=0.0, ways_m=8.0):
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 60, (n, 2))
+    spread = way_spread(rng.uniform(-ways_m, ways_m, (n, 2))) + footprint_spread(radius_m)
+    return xy, rng.poisson(300, n), rng.uniform(60, 140, n), spread
+
+
+def rotation(angle):
+    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+
+def rotated(spread, angle):
+    turned = rotation(angle) @ spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2) @ rotation(angle).T
+    return turned.reshape(-1, 4)[:, [0, 1, 3]]
+
+
+def way(along_m, steps=400):
+    """Many points evenly along a way about the origin."""
+    return (np.arange(steps)[:, None] + 0.5 - steps / 2) / steps * np.asarray(along_m)
+
+
+def footprint(radius_m):
+    """Many points of a Gaussian footprint and their weights, by polar quadrature."""
+    share = (np.arange(60) + 0.5) / 60  # of the counts from within
+    radius = radius_m / 2 * np.sqrt(-2 * np.log1p(-share))
+    angle = (np.arange(24) + 0.5) / 24 * 2 * math.pi
+    return np.stack([np.outer(radius, f(angle)).ravel() for f in (np.cos, np.sin)], axis=1)
+
+
+# -- spreads -------------------------------------------------------------------------------------------
+
+
+@given(vectors)
+def test_the_spread_of_a_way_is_the_covariance_of_its_points(along):
+    xx, xy, yy = way_spread(along)
+    np.testing.assert_allclose([[xx, xy], [xy, yy]], np.cov(way(along).T, bias=True), rtol=1e-4, atol=1e-9)
+
+
+def test_the_footprint_has_86_percent_within_its_radius():
+    xx, xy, yy = footprint_spread(10.0)
+    assert (xx, xy) == (yy, 0)
+    assert 1 - math.exp(-(10.0**2) / (2 * xx)) == pytest.approx(0.86, abs=0.01)
+    assert not footprint_spread(0.0).any()
+    for radius_m in (-1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match="radius of a footprint"):
+            footprint_spread(radius_m)
+
+
+def test_spreads_that_noise_may_have_made_count_as_none():
+    low, high = 0.49 * LEAST_SPREAD_M2, 0.5 * LEAST_SPREAD_M2
+    found = without_noise(np.array([[low, 0, low], [high, 0, high], [0, 0, 1.0]]))
+    np.testing.assert_array_equal(found, [[0, 0, 0], [high, 0, high], [0, 0, 1]])
+
+
+@given(st.lists(st.tuples(vectors, vectors, radii), min_size=1, max_size=5))
+def test_the_points_of_a_support_have_its_mean_and_second_moments(many):
+    xy = np.array([place for place, _, _ in many])
+    spread = np.array([way_spread(along) + footprint_spread(radius) for _, along, radius in many])
+    supports = Supports(xy, spread)
+    np.testing.assert_allclose(supports.average(lambda p: np.ones((1, len(p)))), 1.0)
+    np.testing.assert_allclose(supports.average(lambda p: p.T.copy()), xy.T, atol=1e-9)
+
+    def squares(p):
+        return np.stack([p[:, 0] ** 2, p[:, 0] * p[:, 1], p[:, 1] ** 2])
+
+    np.testing.assert_allclose(supports.average(squares) - squares(xy), spread.T, atol=LEAST_SPREAD_M2 / 2)
+
+
+# -- covariances ---------------------------------------------------------------------------------------
+
+# Largest error of a correlation: the published models that are rough at the origin are the hardest.
+TOLERANCE = {"gaussian": 0.006, "matern52": 0.006, "matern32": 0.008, "spherical": 0.03, "exponential": 0.04}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_covariances_agree_with_brute_force_integration(model):
+    """Practical range 40 m, ways up to 12 m, a footprint of 10 m: samples with targets, and among each other."""
+    variogram = Variogram(model, 0.0, 40 / MODELS[model].practical, 1.0)
+    targets = np.array([[0.0, 0], [3, 1], [0, 8], [-15, 5], [30, -20]])
+    supports = {
+        "way": (way_spread([9.0, -7.0]), way([9.0, -7.0])),
+        "footprint": (footprint_spread(10.0), footprint(10.0)),
+    }
+    for spread, points in supports.values():
+        found = Points(variogram, np.zeros((1, 2)), targets, spread[None]).correlation(EVERY)[:, 0]
+        exact = Points(variogram, points, targets).correlation(EVERY).mean(axis=1)
+        assert np.abs(found - exact).max() < TOLERANCE[model]
+        itself = SupportCorrelation(MODELS[model], np.zeros((1, 2)), spread[None]).at(variogram.range_m)[0].item()
+        within = Points(variogram, points, points).correlation(EVERY).mean()
+        assert abs(itself - within) < TOLERANCE[model]
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("radius_m", [0.0, 10.0])
+def test_rasters_and_points_have_the_same_covariances(model, radius_m):
+    xy, _, _, spread = survey(7, radius_m=radius_m)
+    spread[:3] = 0
+    variogram = Variogram(model, 0.0, 20.0, 1.0)
+    x, y = np.arange(0, 60, 7.0), np.arange(0, 50, 6.0)
+    cells = RasterCells(variogram, xy, x, y, np.ones((len(y), len(x)), bool), spread)
+    expected = Points(variogram, xy, cells.xy, spread).correlation(EVERY)
+    np.testing.assert_allclose(cells.correlation(EVERY), expected, atol=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 1000), st.sampled_from(list(MODELS)), radii, st.floats(3, 100))
+def test_the_matrix_of_supports_is_symmetric_and_positive_definite(seed, model, radius_m, range_m):
+    xy, _, _, spread = survey(30, seed, radius_m)
+    matrix = SupportCorrelation(MODELS[model], xy, spread)._averaged(range_m)[0]
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-14)
+    assert np.linalg.eigvalsh(matrix).min() > -1e-12
+    assert np.diag(matrix).max() <= 1 + 1e-12
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_correlations_between_ranges_are_interpolated_closely_with_their_slope(model):
+    xy, _, _, spread = survey(20, radius_m=10.0)
+    known = SupportCorrelation(MODELS[model], xy, spread)
+    step = 1e-5
+    for range_m in (7.0, 23.0, 60.0):
+        value, slope = known.at(range_m)
+        assert np.abs(value - known._averaged(range_m)[0]).max() < 3e-3
+        difference = known.at(range_m * math.exp(step))[0] - known.at(range_m * math.exp(-step))[0]
+        np.testing.assert_allclose(slope, difference / (2 * step), atol=1e-6)
+
+
+# -- kriging -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_spread_is_kriging_of_points_bit_for_bit(model):
+    xy, counts, exposure_s, _ = survey()
+    variogram = Variogram(model, 0.01, 20.0, 0.3)
+    axis = np.linspace(0, 60, 40)
+    plain = PoissonKriging(variogram).fit(xy, counts, exposure_s)
+    zero = PoissonKriging(variogram).fit(xy, counts, exposure_s, np.zeros((len(xy), 3)))
+    for one, other in zip(plain.predict_grid(axis, axis), zero.predict_grid(axis, axis), strict=True):
+        np.testing.assert_array_equal(one, other)
+    fits = [estimate_variogram(xy, counts, exposure_s, model, spread=spread) for spread in (None, np.zeros(3))]
+    assert fits[0].variogram == fits[1].variogram
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_kriging_with_supports_is_block_kriging(model):
+    """Against many points per sample, which share its counts: their mean is the sample's rate."""
+    xy, counts, exposure_s, _ = survey(8)
+    rng = np.random.default_rng(1)
+    along = rng.uniform(-10, 10, (8, 2))
+    variogram = Variogram(model, 0.0, 40 / MODELS[model].practical, 0.3)
+    targets = np.random.default_rng(2).uniform(0, 60, (30, 2))
+    kriging = PoissonKriging(variogram, mean_rate=3.0).fit(xy, counts, exposure_s, way_spread(along))
+    points = np.concatenate([place + way(vector, 60) for place, vector in zip(xy, along, strict=True)])
+    share = np.kron(np.eye(8), np.full((1, 60), 1 / 60))
+    blocks = share @ Points(variogram, points, points).correlation(EVERY) @ share.T * 0.3
+    to_targets = share @ Points(variogram, points, targets).correlation(EVERY).T * 0.3
+    system = np.block([[blocks + np.diag(3.0 / exposure_s), np.ones((8, 1))], [np.ones((1, 8)), np.zeros((1, 1))]])
+    solved = np.linalg.solve(system, np.vstack([to_targets, np.ones(30)]))
+    expected = counts / exposure_s @ solved[:8], 0.3 - (solved[:8] * to_targets).sum(axis=0) - solved[8]
+    plain = PoissonKriging(variogram, mean_rate=3.0).fit(xy, counts, exposure_s)
+    smooth = model not in ("exponential", "spherical")
+    for found, exact, point, unit in zip(
+        kriging.predict(targets), expected, plain.predict(targets), (math.sqrt(0.3), 0.3), strict=True
+    ):
+        error = np.abs(found - exact).max()
+        assert error < (0.02 if smooth else 0.12) * unit
+        assert error < (0.25 if smooth else 0.7) * np.abs(point - exact).max()
+    np.testing.assert_allclose(np.diag(kriging.covariance(targets)), kriging.predict(targets)[1], atol=1e-12)
+    weights, _ = kriging.weights(targets)
+    np.testing.assert_allclose(counts / exposure_s @ weights, kriging.predict(targets)[0])
+
+
+@pytest.mark.parametrize("radius_m", [0.0, 10.0])
+def test_adding_samples_with_spreads_is_fitting_them_all(radius_m):
+    xy, counts, exposure_s, spread = survey(radius_m=radius_m)
+    xy[20] = xy[5]  # the same place with another spread: their exposure-weighted mean
+    targets = np.random.default_rng(2).uniform(0, 60, (30, 2))
+    variogram = Variogram("matern32", 0.01, 20.0, 0.3)
+    whole = PoissonKriging(variogram, mean_rate=3.0).fit(xy, counts, exposure_s, spread)
+    growing = PoissonKriging(variogram, mean_rate=3.0)
+    for sample in zip(xy, counts, exposure_s, spread, strict=True):
+        growing.add(*sample)
+    for one, other in zip(growing.predict(targets), whole.predict(targets), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)
+    share = exposure_s[[5, 20]] / exposure_s[[5, 20]].sum()
+    np.testing.assert_allclose(whole.places.spread[5], share @ spread[[5, 20]])
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0, 2 * math.pi), radii)
+def test_the_map_turns_with_the_field(angle, radius_m):
+    """Where two axes are alike, which are chosen does not matter but for the error of the quadrature."""
+    xy, counts, exposure_s, spread = survey(radius_m=radius_m)
+    targets = np.random.default_rng(2).uniform(0, 60, (30, 2))
+    variogram = Variogram("matern32", 0.01, 20.0, 0.3)
+    rate, variance = PoissonKriging(variogram).fit(xy, counts, exposure_s, spread).predict(targets)
+    turn = rotation(angle).T
+    turned = PoissonKriging(variogram).fit(xy @ turn, counts, exposure_s, rotated(spread, angle))
+    found_rate, found_variance = turned.predict(targets @ turn)
+    np.testing.assert_allclose(found_rate, rate, rtol=1e-6)
+    np.testing.assert_allclose(found_variance, variance, rtol=1e-6)
+
+
+def test_the_likelihood_of_supports_has_the_slope_that_it_claims():
+    likelihood = RestrictedLikelihood(Samples(*survey(radius_m=10.0)), "matern32")
+    at = np.log([0.3, 21.0, 0.01])
+    slopes = likelihood.expand(at)[1]
+    for k, step in enumerate(1e-5 * np.eye(3)):
+        difference = (likelihood.value(at + step) - likelihood.value(at - step)) / 2e-5
+        assert slopes[k] == pytest.approx(difference, rel=1e-4, abs=1e-5)
+
+
+def test_deconvolution_finds_the_field_that_a_footprint_blurs():
+    """Stripes 60 m long, a footprint of 20 m: their contrast as the sensor sees it is 61 % of the true one."""
+    rng = np.random.default_rng(3)
+    at = np.stack(np.meshgrid(np.arange(0, 121, 10.0), np.arange(0, 61, 10.0)), axis=-1).reshape(-1, 2)
+    wave = 2 * math.pi / 60
+
+    def truth(xy):
+        return 4 + np.sin(wave * xy[:, 0])
+
+    seen = 4 + math.exp(-0.5 * (wave * 10) ** 2) * np.sin(wave * at[:, 0])
+    exposure_s = np.full(len(at), 1200.0)
+    counts = rng.poisson(seen * exposure_s)
+    targets = rng.uniform(0, 1, (400, 2)) * [120, 60]
+    errors, coverage = [], []
+    for spread in (None, footprint_spread(20.0)):
+        fit = estimate_variogram(at, counts, exposure_s, extent_m=120.0, spread=spread)
+        rate, variance = PoissonKriging(fit.variogram).fit(at, counts, exposure_s, spread).predict(targets)
+        error = rate - truth(targets)
+        errors.append(np.mean(error**2))
+        coverage.append(np.mean(np.abs(error) < 1.96 * np.sqrt(variance)))
+    assert errors[1] < 0.5 * errors[0]
+    assert coverage[0] < 0.8 < 0.9 < coverage[1]
+
+
+def test_few_ranges_are_kept():
+    xy, _, _, spread = survey(5)
+    known = SupportCorrelation(MODELS["matern32"], xy, spread, kept=2)
+    first = known.at(20.0)
+    for range_m in (1.0, 5.0, 60.0):
+        known.at(range_m)
+        assert len(known._known) == 2
+    for again, before in zip(known.at(20.0), first, strict=True):
+        np.testing.assert_array_equal(again, before)

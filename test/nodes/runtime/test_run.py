@@ -1,0 +1,81 @@
+"""The life of a node process: it survives its own mistakes, and ends in good order."""
+
+from __future__ import annotations
+
+import signal
+import sys
+
+import pytest
+
+pytest.importorskip("rclpy")
+from std_srvs.srv import Trigger
+
+NODE = """
+import sys, time
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.runtime.run import run
+
+class Example(Node):
+    finished = False
+    def __init__(self):
+        super().__init__("example")
+        self.create_service(Trigger, "break", self.on_break)
+        self.create_service(Trigger, "end", self.on_end)
+        if MODE == "busy":
+            for _ in range(4):
+                self.create_timer(0.001, lambda: time.sleep(0.05), MutuallyExclusiveCallbackGroup())
+        print("ready")
+    def on_break(self, request, response):
+        if MODE == "fails": raise RuntimeError("a mistake")
+        return response
+    def on_end(self, request, response):
+        self.finished = True
+        return response
+    def close(self):
+        print("closed")
+
+def refuse():
+    raise InputError("the field has no corners", "draw some")
+
+MODE = sys.argv.pop(1)
+run(refuse if MODE == "refuses" else Example)
+"""
+
+
+@pytest.fixture
+def example(ros, tmp_path):
+    def start(mode):
+        script = tmp_path / "example"
+        script.write_text(f"#!{sys.executable}\n{NODE}".replace("MODE = sys.argv.pop(1)", f"MODE = {mode!r}"))
+        script.chmod(0o755)
+        return ros.start(str(script))
+
+    return start
+
+
+@pytest.mark.parametrize(("mode", "number"), [("works", signal.SIGINT), ("busy", signal.SIGTERM)])
+def test_signals_end_it_in_good_order(ros, example, mode, number):
+    process = example(mode)
+    ros.wait_for(lambda: "ready" in process.output())
+    assert process.stop(number) == 0
+    assert process.output().split() == ["ready", "closed"]
+
+
+def test_a_failing_callback_does_not_end_it(ros, example):
+    process = example("fails")
+    client = ros.node.create_client(Trigger, "break")
+    ros.wait_for(client.service_is_ready)
+    client.call_async(Trigger.Request())
+    ros.wait_for(lambda: "a callback failed; going on" in process.output())
+    ros.call(Trigger, "end")
+    assert process.wait() == 0
+    assert "RuntimeError: a mistake" in process.output()
+
+
+def test_bad_input_is_told_plainly(example):
+    process = example("refuses")
+    assert process.wait() == 2
+    assert process.output().strip() == "the field has no corners -> draw some"

@@ -1,0 +1,198 @@
+"""A bag played to real nodes: they do what they did when it was recorded."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+from rclpy.serialization import serialize_message
+from ros_system import NodeProcess
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from msg_adapters.counts import counts_from_message
+from msg_adapters.offered_qos import published_qos
+from msg_adapters.soil_map import map_cells, soil_map_from_message
+from msg_adapters.stamps import to_seconds, to_time
+from soilmoist_ros.cli.key_press import on_space
+from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
+from soilmoist_ros.recording.bag.definitions import find_definition
+from soilmoist_ros.recording.bag.metadata import Qos, Topic
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.replay import replay_bag
+
+GOLDEN = Path(__file__).resolve().parents[2] / "golden"
+START_S = 1.78e9
+VOLATILE, KEPT = Qos(), Qos(depth=1, durability="transient_local")
+
+
+@pytest.fixture
+def play(ros, tmp_path):
+    """Starts ``soilmoist replay --live``."""
+
+    def start(bag, *options):
+        command = [
+            sys.executable,
+            "-c",
+            "from soilmoist_ros.cli.main import main; main()",
+            "replay",
+            "--live",
+            str(bag),
+        ]
+        command += map(str, options)
+        process = NodeProcess(command, ros.environment, tmp_path / f"player{len(ros.processes)}.txt")
+        ros.processes.append(process)
+        return process
+
+    return start
+
+
+@pytest.fixture
+def notes_bag(tmp_path):
+    """A text a second, and one that is latched at the beginning."""
+    offered = {"/r/notes": VOLATILE, "/topological_map_2": KEPT, "/r/samples": KEPT}
+    text = find_definition("std_msgs/msg/String")
+    topics = [Topic(name, text, (qos,)) for name, qos in offered.items()]
+    with BagWriter(tmp_path / "notes") as writer:
+        for number in range(40):
+            stamp_ns = round((START_S + number) * 1e9)
+            for topic in topics if number == 0 else topics[:1]:
+                message = String(data=f"{topic.name} {number}")
+                writer.write(topic, stamp_ns, stamp_ns, serialize_message(message))
+    return tmp_path / "notes"
+
+
+def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
+    run = GOLDEN / "no_position_gap"
+    replay = replay_bag(run)
+    mapper = read_parameters(run / "configuration", "mapper")
+    ros.start("mapper", params={**mapper, "use_sim_time": True})
+    maps = ros.collect(PointCloud2, "soil_map", LATCHED)
+    counts = ros.collect(PointCloud2, "counts", RECORDS)
+    clock = ros.collect(Clock, "/clock", CLOCK)
+    ros.wait_for(lambda: ros.node.count_subscribers("counts") == 2, message="the mapper")
+    player = play(run, "--speed", 100)
+    assert player.wait(60) == 0, player.output()
+    assert "played 30 messages" in player.output()
+    with BagReader(run / "bag") as reader:
+        recorded, begin_ns = reader.read_counts(), reader.extent.start_ns
+    played = [record for message in counts for record in counts_from_message(message)]
+    assert repr(played) == repr(recorded)
+    stamp_s = recorded[-1].stamp_s
+    ros.wait_for(lambda: maps and to_seconds(maps[-1].header.stamp) == stamp_s, 60, "the last map")
+    grid = replay.run.soil_map.grid
+    assert soil_map_from_message(maps[-1]).tobytes() == map_cells(grid, replay.run.soil_map).tobytes()
+    times = [to_seconds(one.clock) for one in clock]
+    assert times == sorted(times)
+    assert min(times) == begin_ns * 1e-9
+    assert len(set(times)) > 30, "time passes between the messages, too"
+
+
+def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, notes_bag):
+    notes = ros.collect(String, "/r/notes")
+    maps = ros.collect(String, "/topological_map_2", LATCHED)
+    player = play(notes_bag, "--topics", "/r/notes|/topo.*", "--start", 20, "--speed", 12)
+    assert ros.call(Trigger, "bag_player/pause").success
+    clock = ros.collect(Clock, "/clock", CLOCK)
+    ros.wait_for(lambda: len(clock) > 20, message="the clock, which tells its time also in a pause")
+    assert len({to_seconds(one.clock) for one in clock[-10:]}) == 1
+    heard = len(notes)
+    ros.wait_for(lambda: len(clock) > 60)
+    assert len(notes) == heard < 20
+    ros.wait_for(lambda: "paused" in player.output())
+    assert ros.call(Trigger, "bag_player/resume").success
+    assert player.wait(60) == 0, player.output()
+    assert [one.data for one in notes] == [f"/r/notes {number}" for number in range(20, 40)]
+    assert [one.data for one in maps] == ["/topological_map_2 0"]
+    assert "played 21 messages" in player.output()
+    assert to_seconds(clock[-1].clock) == START_S + 39
+
+
+def test_what_mapper_and_planner_publish_themselves_is_not_played(ros, play, notes_bag):
+    maps = ros.collect(String, "/topological_map_2", LATCHED)
+    player = play(notes_bag, "--speed", 100)
+    assert player.wait(60) == 0, player.output()
+    ros.wait_for(lambda: len(maps) == 1)
+    assert ros.node.count_publishers("/r/samples") == 0
+    assert "played 1 messages" in player.output()
+
+
+def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
+    clock_topic = Topic("/clock", find_definition("rosgraph_msgs/msg/Clock"), (Qos(reliability="best_effort"),))
+    note = Topic("/fix", find_definition("std_msgs/msg/String"), (VOLATILE,))
+    with BagWriter(tmp_path / "bag") as writer:
+        for number in range(60):  # a minute in a second
+            stamp_ns = round((1.9e9 + number / 60) * 1e9)
+            writer.write(
+                clock_topic, stamp_ns, stamp_ns, serialize_message(Clock(clock=to_time(START_S + number)))
+            )
+        writer.write(note, stamp_ns, stamp_ns, serialize_message(String(data="end")))
+    heard = ros.collect(Clock, "/clock", CLOCK)
+    ends = ros.collect(String, "/fix")
+    player = play(tmp_path / "bag")
+    assert player.wait(60) == 0, player.output()
+    assert [one.data for one in ends] == ["end"]
+    times = [to_seconds(one.clock) for one in heard]
+    assert len(times) > 10
+    assert set(times) <= {START_S + number for number in range(60)}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--start", 50], "there is nothing after 50 s -> the bag lasts 39.0 s"),
+        (["--topics", "/nots"], "no topic fits '/nots' -> there are: /r/notes, /r/samples, /topological_map_2"),
+        (["--topics", "*"], "no regular expression"),
+        (["--model", "gaussian"], "--model means nothing with --live"),
+    ],
+)
+def test_mistakes(play, notes_bag, options, said):
+    player = play(notes_bag, *options)
+    assert player.wait(60) == 2
+    assert said in player.output()
+
+
+def test_an_interrupt_ends_it(ros, play, notes_bag):
+    notes = ros.collect(String, "/r/notes")
+    player = play(notes_bag, "--topics", ".*")
+    ros.wait_for(lambda: notes)
+    assert player.stop(signal.SIGINT) == 130
+
+
+def test_the_space_bar(monkeypatch):
+    ours, theirs = os.openpty()
+    pressed = []
+    with os.fdopen(theirs) as terminal, os.fdopen(ours, "wb", buffering=0) as keyboard:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        with on_space(lambda: pressed.append(1)):
+            keyboard.write(b"x y z")
+            deadline_s = time.monotonic() + 10
+            while len(pressed) < 2 and time.monotonic() < deadline_s:
+                time.sleep(0.01)
+        monkeypatch.undo()
+    with open(os.devnull) as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        with on_space(lambda: pressed.append(1)):
+            pass
+    assert len(pressed) == 2
+
+
+def test_a_publisher_serves_whom_the_recorded_ones_served():
+    best = Qos(reliability="best_effort", depth=5)
+    kept = published_qos([best, KEPT])
+    assert kept == LATCHED or (kept.durability, kept.reliability) == (LATCHED.durability, LATCHED.reliability)
+    assert published_qos([best]).reliability == CLOCK.reliability
+    assert published_qos([Qos(depth=0)]).depth == RECORDS.depth
+    assert published_qos([Qos(depth=0, durability="transient_local")]).depth == 1
+    unknown = published_qos([])
+    assert (unknown.reliability, unknown.durability) == (RECORDS.reliability, RECORDS.durability)

@@ -1,0 +1,107 @@
+import io
+
+import pytest
+from bags import NOTES, PRESSURE, START_NS, number_message, text_message
+from rich.console import Console
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.info import bag_info, find_gaps
+from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.tables import info_table, print_plain, recovery_table, size_text
+from soilmoist_ros.recording.bag.writer import BagWriter
+
+
+def shown(content):
+    console = Console(file=io.StringIO(), width=60)
+    print_plain(console, content)
+    return console.file.getvalue()
+
+
+def test_a_whole_bag(bag):
+    info = bag_info(bag.folder)
+    assert info.whole
+    assert (info.storage, info.remedy, info.recording) == ("mcap", "", False)
+    assert info.extent.messages == 24
+    assert info.size_bytes == bag.path.stat().st_size
+    assert [(topic.name, topic.extent.messages, topic.interval_s) for topic in info.topics] == [
+        ("/notes", 8, 3.0),
+        ("/pressure", 8, 3.0),
+        ("/robot/model", 8, 3.0),
+    ]
+    assert info.topics[1].size_bytes == 8 * len(number_message(0.0))
+    text = shown(info_table(info))
+    assert "24 messages in 23 s from 2026-05-28 20:26:40Z" in text
+    assert "/robot/model" in text
+    assert "whole" in text
+
+
+def test_an_unclosed_bag_says_what_to_do(unclosed):
+    info = bag_info(unclosed.folder)
+    assert info.extent.messages == 24
+    assert info.problems == ("unclosed_0.mcap was not closed", "metadata.yaml is missing")
+    assert "-> soilmoist bag recover" in shown(info_table(info))
+
+
+def test_a_damaged_bag_is_named(bag):
+    data = bytearray(bag.path.read_bytes())
+    data[bag.sizes[1] + 60] ^= 1
+    bag.path.write_bytes(data)
+    info = bag_info(bag.path)
+    assert "whole_0.mcap is damaged in 1 place" in info.problems
+    assert info.extent.messages == 21
+
+
+def test_a_bag_that_is_being_recorded_is_left_alone(tmp_path):
+    with BagWriter(tmp_path / "run") as writer:
+        writer.write(NOTES, START_NS, START_NS, text_message("x"))
+        writer.flush()
+        info = bag_info(tmp_path / "run")
+    assert info.recording
+    assert info.extent.messages == 1
+    assert "being recorded now" in shown(info_table(info))
+
+
+def test_gaps_are_found(tmp_path):
+    with BagWriter(tmp_path / "run") as writer:
+        for second in [*range(0, 200, 10), *range(500, 700, 10)]:
+            writer.write(PRESSURE, START_NS + second * 10**9, START_NS, number_message(1.0))
+    [topic] = bag_info(tmp_path / "run").topics
+    [gap] = topic.gaps
+    assert gap.duration_s == pytest.approx(310)
+    assert gap.start_s == pytest.approx(START_NS * 1e-9 + 190)
+    assert "1, longest 5 min 10 s at 20:29:50Z" in shown(info_table(bag_info(tmp_path / "run")))
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [0.0, 100.0],
+        [0.1 * n for n in range(50)],
+        [1.3**n for n in range(30)],
+        [0.01 * n for n in range(50)] + [1.0 + 0.01 * n for n in range(50)],
+    ],
+    ids=["too few", "regular", "irregular", "short"],
+)
+def test_topics_without_gaps_have_none(times):
+    assert find_gaps(times) == ()
+
+
+def test_what_was_recovered_is_shown(unclosed, tmp_path):
+    text = shown(recovery_table(recover_bag(unclosed.folder, tmp_path / "recovered")))
+    assert "unclosed_0.mcap was not closed" in text
+    assert f"recovered to {tmp_path / 'recovered'}: 24 messages" in text
+
+
+@pytest.mark.parametrize(
+    ("size", "text"),
+    [(0, "0 B"), (999, "999 B"), (1500, "1.5 kB"), (2_500_000, "2.5 MB"), (7 * 10**12, "7e+03 GB")],
+)
+def test_sizes(size, text):
+    assert size_text(size) == text
+
+
+def test_what_is_no_bag_is_told(tmp_path):
+    with pytest.raises(InputError, match="no such bag"):
+        bag_info(tmp_path / "none")
+    with pytest.raises(InputError, match="holds no MCAP file"):
+        bag_info(tmp_path)

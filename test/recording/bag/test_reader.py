@@ -1,0 +1,175 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import NOTES, START_NS, STORE, make_topic, text_message
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from ruamel.yaml import YAML
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.point_cloud import count_records, points
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.writer import BagWriter
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+COUNTS = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z")]
+    + [("raw_counts", "<u4")]
+    + [(n, "<f8") for n in ("exposure_s", "effective_exposure_s", "f_pressure", "f_humidity", "f_intensity")]
+)
+NUMBERS = {"f4": 7, "f8": 8, "u4": 6}
+
+
+def cloud(table, order="<", padding=0):
+    """A PointCloud2 of a structured array, of shape (n,) or (rows, columns)."""
+    types = STORE.types
+    table = table.astype(table.dtype.newbyteorder(order))
+    rows = table.reshape((1, -1)) if table.ndim == 1 else table
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](1_780_000_000, 250_000_000), "map")
+    fields = [
+        types["sensor_msgs/msg/PointField"](n, table.dtype.fields[n][1], NUMBERS[table.dtype[n].str[1:]], 1)
+        for n in table.dtype.names
+    ]
+    data = b"".join(row.tobytes() + b"\xff" * padding for row in rows)
+    step = table.dtype.itemsize
+    height, width = rows.shape
+    return types[CLOUD](
+        header, height, width, fields, order == ">", step, step * width + padding, np.frombuffer(data, "u1"), True
+    )
+
+
+def counts(number=2):
+    table = np.zeros(number, COUNTS)
+    for index, name in enumerate(COUNTS.names):
+        table[name] = np.arange(number) + index + (0.1 if COUNTS[name].kind == "f" else 0)
+    table["z"] = np.nan
+    return table
+
+
+@pytest.fixture(params=["mcap", "sqlite3", "mcap compressed", "sqlite3 file", "sqlite3 message"])
+def foreign(request, tmp_path):
+    """A bag of another writer, in each of the storages there are."""
+    storage, _, mode = request.param.partition(" ")
+    plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+    writer = Writer(tmp_path / "foreign", version=9, storage_plugin=plugin)
+    modes = {
+        "compressed": CompressionMode.STORAGE,
+        "file": CompressionMode.FILE,
+        "message": CompressionMode.MESSAGE,
+    }
+    if mode:
+        writer.set_compression(modes[mode], CompressionFormat.ZSTD)
+    with writer:
+        notes = writer.add_connection("/r/notes", "std_msgs/msg/String", typestore=STORE)
+        clouds = writer.add_connection("/r/counts", CLOUD, typestore=STORE)
+        for number in range(4):
+            writer.write(notes, START_NS + number, text_message(f"note {number}"))
+            writer.write(clouds, START_NS + number, STORE.serialize_cdr(cloud(counts()), CLOUD))
+    return tmp_path / "foreign"
+
+
+def test_bags_of_others_are_read(foreign):
+    with BagReader(foreign) as reader:
+        assert reader.topics == {"/r/notes": "std_msgs/msg/String", "/r/counts": CLOUD}
+        assert reader.counts == {"/r/notes": 4, "/r/counts": 4}
+        assert reader.read_texts("notes") == [f"note {number}" for number in range(4)]
+        records = reader.read_counts()
+        assert len(records) == 8
+        assert [message.log_ns for message in reader.messages(["/r/notes"])] == [START_NS + n for n in range(4)]
+    info = bag_info(foreign)
+    assert info.extent.messages == 8
+    assert info.whole
+
+
+def test_our_own_bags_are_read(bag):
+    for path in (bag.folder, bag.path):
+        with BagReader(path) as reader:
+            assert [(m.topic, m.log_ns, m.data) for m in reader.messages()] == bag.messages
+            assert reader.read_texts("model")[0] == "model 0 "
+            assert list(reader.messages([])) == []
+
+
+def test_split_bags_are_read_in_order(tmp_path):
+    split = tmp_path / "split"
+    split.mkdir()
+    merged = {}
+    for number in range(3):
+        with BagWriter(tmp_path / f"part_{number}") as writer:
+            writer.write(NOTES, START_NS + number, START_NS, text_message(f"note {number}"))
+        writer.path.rename(split / f"split_{number}.mcap")
+        one = YAML(typ="safe").load((writer.folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        merged = merged or one
+    merged["relative_file_paths"] = [f"split_{number}.mcap" for number in range(3)]
+    merged["message_count"] = merged["topics_with_message_count"][0]["message_count"] = 3
+    merged["duration"]["nanoseconds"] = 2
+    with (split / "metadata.yaml").open("w") as file:
+        YAML(typ="safe").dump({"rosbag2_bagfile_information": merged}, file)
+    with BagReader(split) as reader:
+        assert reader.read_texts("/notes") == ["note 0", "note 1", "note 2"]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("padding", [0, 5])
+def test_counted_records_keep_every_digit(order, padding):
+    table = counts(6)
+    found = count_records(cloud(table.reshape(2, 3), order, padding))
+    assert [record.raw_counts for record in found] == table["raw_counts"].tolist()
+    assert [record.effective_exposure_s for record in found] == table["effective_exposure_s"].tolist()
+    assert [record.x_m for record in found] == [float(x) for x in table["x"]]
+    assert {record.stamp_s for record in found} == {1_780_000_000.25}
+    assert all(np.isnan(record.z_m) for record in found)
+
+
+def test_points_keep_their_shape_and_need_all_their_data():
+    message = cloud(counts(6).reshape(2, 3))
+    assert points(message).shape == (2, 3)
+    message.data = message.data[:-1]
+    with pytest.raises(ValueError, match="end early"):
+        points(message)
+    assert points(cloud(counts(0))).size == 0
+
+
+def test_other_clouds_are_no_counts(tmp_path):
+    topic = make_topic("/counts", CLOUD)
+    with BagWriter(tmp_path / "bag") as writer:
+        data = bytes(STORE.serialize_cdr(cloud(counts()[["x", "y"]].copy()), CLOUD))
+        writer.write(topic, START_NS, START_NS, data)
+    with BagReader(tmp_path / "bag") as reader, pytest.raises(InputError, match="have no field z, raw_counts"):
+        reader.read_counts()
+
+
+def test_a_missing_topic_lists_those_there_are(bag):
+    with (
+        BagReader(bag.folder) as reader,
+        pytest.raises(InputError, match=r"there are: /notes \(std_msgs/msg/String\)"),
+    ):
+        reader.read_counts()
+
+
+def test_a_name_in_several_namespaces_must_be_given_in_full(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in ("/a/model", "/b/model"):
+            writer.write(make_topic(name, "std_msgs/msg/String"), START_NS, START_NS, text_message(name))
+    with BagReader(tmp_path / "bag") as reader:
+        with pytest.raises(InputError, match="name one of: /a/model, /b/model"):
+            reader.read_texts("model")
+        assert reader.read_texts("/b/model") == ["/b/model"]
+
+
+def test_an_unclosed_bag_says_how_to_recover_it(unclosed):
+    for path in (unclosed.folder, unclosed.path):
+        with pytest.raises(InputError, match="soilmoist bag recover"):
+            BagReader(path)
+
+
+@pytest.mark.parametrize("path", ["none", "empty", "text.txt", "text.mcap", "bad"])
+def test_what_is_no_bag_is_told(tmp_path, path):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "text.txt").write_text("text")
+    (tmp_path / "text.mcap").write_text("text")
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "metadata.yaml").write_text("rosbag2_bagfile_information: [")
+    with pytest.raises(InputError) as caught:
+        BagReader(Path(tmp_path / path))
+    assert caught.value.mistakes[0].remedy

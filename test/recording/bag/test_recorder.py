@@ -1,0 +1,248 @@
+import errno
+import os
+import threading
+import time
+
+import pytest
+from bags import NOTES, START_NS, text_message
+from rosbags.highlevel import AnyReader
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.recording.bag.mcap_scan import McapScan
+from soilmoist_ros.recording.bag.recorder import BagRecorder, RecorderState, check_name, free_bytes, next_bag
+from soilmoist_ros.recording.bag.recorder_health import recorder_health
+from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+
+DATA = text_message("x" * 90)
+
+
+def wait_for(condition, limit_s=20.0):
+    deadline = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.005)
+
+
+def stamps(folder):
+    with AnyReader([folder]) as reader:
+        return [time_ns for _, time_ns, _ in reader.messages()]
+
+
+@pytest.fixture
+def make(tmp_path):
+    """Recorders to ``tmp_path/run``; all are stopped."""
+    made = []
+
+    def new(**settings):
+        bags = settings.pop("new_bag", lambda: next_bag(tmp_path, "run", "jazzy"))
+        made.append(BagRecorder(bags, **{"flush_period_s": 0.02, "retry_s": 0.02, **settings}))
+        return made[-1]
+
+    yield new
+    for recorder in made:
+        recorder.stop()
+
+
+def test_messages_of_many_threads_are_all_in_the_bag(make, tmp_path):
+    recorder = make()
+    recorder.start()
+
+    def send(first):
+        for number in range(500):
+            recorder.put(NOTES, first + number, START_NS, DATA)
+
+    threads = [threading.Thread(target=send, args=(START_NS + 1000 * k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    state = recorder.stop()
+    assert (state.messages, state.dropped, state.problem, state.waiting_bytes) == (2000, 0, "", 0)
+    assert sorted(stamps(tmp_path / "run")) == [START_NS + 1000 * k + n for k in range(4) for n in range(500)]
+
+
+def test_messages_reach_the_disk_without_being_asked(make, tmp_path):
+    recorder = make()
+    recorder.start()
+    recorder.put(NOTES, START_NS, START_NS, DATA)
+    path = tmp_path / "run" / "run_0.mcap"
+    wait_for(lambda: path.exists() and [m.data for m in McapScan(path).messages()] == [DATA])
+
+
+def test_nothing_is_taken_before_the_start_and_after_the_stop(make):
+    recorder = make()
+    assert not recorder.put(NOTES, START_NS, START_NS, DATA)
+    recorder.start()
+    assert recorder.put(NOTES, START_NS, START_NS, DATA)
+    recorder.stop()
+    assert not recorder.put(NOTES, START_NS, START_NS, DATA)
+    assert not recorder.state.recording
+
+
+def test_each_start_makes_a_bag_of_its_own(make, tmp_path):
+    recorder = make()
+    for number in range(3):
+        recorder.start()
+        recorder.start()
+        recorder.put(NOTES, START_NS + number, START_NS, DATA)
+        recorder.stop()
+        recorder.stop()
+    assert [stamps(tmp_path / name) for name in ("run", "run_2", "run_3")] == [[START_NS + n] for n in range(3)]
+
+
+def test_messages_wait_until_a_bag_can_be_made(make, tmp_path):
+    (tmp_path / "out").write_text("in the way")
+    recorder = make(new_bag=lambda: next_bag(tmp_path / "out", "run", "jazzy"))
+    recorder.start()
+    assert not recorder.wait_open(20)
+    recorder.put(NOTES, START_NS, START_NS, DATA)
+    assert "no recording can be made here" in recorder.state.problem
+    (tmp_path / "out").unlink()
+    wait_for(lambda: recorder.state.messages == 1)
+    assert recorder.stop().problem == ""
+    assert stamps(tmp_path / "out" / "run") == [START_NS]
+
+
+def test_what_is_too_much_to_wait_is_dropped_and_counted(make, tmp_path):
+    (tmp_path / "out").write_text("in the way")
+    recorder = make(
+        new_bag=lambda: next_bag(tmp_path / "out", "run", "jazzy"), capacity_bytes=10 * len(DATA), retry_s=60.0
+    )
+    recorder.start()
+    assert not recorder.wait_open(20)
+    taken = [recorder.put(NOTES, START_NS + n, START_NS, DATA) for n in range(25)]
+    assert taken == [True] * 10 + [False] * 15
+    (tmp_path / "out").unlink()
+    state = recorder.stop()
+    assert (state.messages, state.dropped, state.problem) == (10, 15, "")
+    assert stamps(tmp_path / "out" / "run") == [START_NS + n for n in range(10)]
+
+
+def fail_with(monkeypatch, code):
+    """Writes to MCAP files fail until the returned event is set."""
+    healed, real = threading.Event(), os.write
+
+    def write(descriptor, data):
+        if not healed.is_set() and os.readlink(f"/proc/self/fd/{descriptor}").endswith(".mcap"):
+            raise OSError(code, os.strerror(code))
+        return real(descriptor, data)
+
+    monkeypatch.setattr("soilmoist_ros.recording.bag.writer.os.write", write)
+    return healed
+
+
+def test_a_full_disk_that_gets_space_costs_nothing(make, tmp_path, monkeypatch):
+    healed = fail_with(monkeypatch, errno.ENOSPC)
+    recorder = make()
+    recorder.start()
+    recorder.put(NOTES, START_NS, START_NS, DATA)
+    wait_for(lambda: "full" in recorder.state.problem)
+    recorder.put(NOTES, START_NS + 1, START_NS, DATA)
+    healed.set()
+    wait_for(lambda: recorder.state.messages == 2 and not recorder.state.problem)
+    assert recorder.stop().dropped == 0
+    assert stamps(tmp_path / "run") == [START_NS, START_NS + 1]
+
+
+def test_a_disk_that_is_gone_is_left_for_a_new_bag(make, tmp_path, monkeypatch):
+    healed = fail_with(monkeypatch, errno.EIO)
+    recorder = make(retry_s=0.1)
+    recorder.start()
+    recorder.put(NOTES, START_NS, START_NS, DATA)
+    wait_for(lambda: "cannot be written any more" in recorder.state.problem)
+    healed.set()
+    wait_for(lambda: recorder.state.bag is not None and not recorder.state.problem)
+    recorder.put(NOTES, START_NS + 1, START_NS, DATA)
+    state = recorder.stop()
+    # What the first bag had taken is lost, and counted; nothing else is.
+    assert (state.messages, state.dropped) == (1, 1)
+    assert state.bag is not None
+    assert stamps(state.bag) == [START_NS + 1]
+
+
+def test_a_bag_that_cannot_be_closed_is_told(make, monkeypatch):
+    fail_with(monkeypatch, errno.ENOSPC)
+    recorder = make()
+    recorder.start()
+    recorder.put(NOTES, START_NS, START_NS, DATA)
+    wait_for(lambda: recorder.state.problem)
+    assert "full" in recorder.stop().problem
+
+
+def test_times_that_the_middleware_does_not_know_are_those_of_now(make, tmp_path):
+    recorder = make()
+    recorder.start()
+    before = time.time_ns()
+    recorder.put(NOTES, 0, -5, DATA)
+    recorder.stop()
+    [stamp] = stamps(tmp_path / "run")
+    assert before <= stamp <= time.time_ns()
+
+
+def test_a_second_recorder_of_the_same_name_is_refused_while_the_first_records(make, tmp_path):
+    first, second = make(), make()
+    first.start()
+    assert first.wait_open(20)
+    second.start()
+    assert not second.wait_open(20)
+    assert "another recorder is writing" in second.state.problem
+    second.put(NOTES, START_NS, START_NS, DATA)
+    first.stop()
+    wait_for(lambda: second.state.messages == 1)
+    second.stop()
+    assert stamps(tmp_path / "run_2") == [START_NS]
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", ".", "..", ".hidden", "a b"])
+def test_names_that_are_no_folder_names_are_refused(name):
+    with pytest.raises(InputError, match="no good name"):
+        check_name(name)
+
+
+def test_an_unnamed_bag_has_the_name_of_its_time(tmp_path):
+    check_name("")
+    bag = next_bag(tmp_path, "", "jazzy")
+    bag.close()
+    assert bag.folder.name.startswith(time.strftime("run_%Y-", time.gmtime()))
+
+
+def test_space_is_that_of_the_nearest_folder_there_is(tmp_path):
+    assert free_bytes(tmp_path / "not" / "yet") > 0
+
+
+@pytest.mark.parametrize(
+    ("state", "free", "level", "message"),
+    [
+        (RecorderState(recording=True), 10**9, Level.OK, "recording"),
+        (RecorderState(), 10**9, Level.WARN, "not recording"),
+        (RecorderState(recording=True), 10**6, Level.WARN, "only 1 MB left"),
+        (RecorderState(recording=True, dropped=3), None, Level.WARN, "3 messages lost"),
+        (RecorderState(recording=True, problem="disk full"), 0, Level.ERROR, "disk full"),
+    ],
+)
+def test_health_tells_the_worst(state, free, level, message):
+    health = recorder_health(state, free, 5e6)
+    assert health.level is level
+    assert message in health.message
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("/counts", True),
+        ("/robot/soil_map", True),
+        ("/camera/image", False),
+        ("/topological_navigation/_action/status", True),
+        ("/topological_navigation/_action/feedback", False),
+        ("/_hidden", False),
+    ],
+)
+def test_topics_are_chosen(name, wanted):
+    assert TopicChoice(exclude="/camera/.*").wanted(name) is wanted
+    assert not TopicChoice(include="/nothing").wanted(name)
+
+
+def test_a_bad_pattern_is_told():
+    with pytest.raises(InputError, match=r"include: '\*' is no regular expression"):
+        TopicChoice(include="*")

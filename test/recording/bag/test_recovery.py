@@ -1,0 +1,188 @@
+import random
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.mcap_scan import McapScan
+from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.writer import BagWriter
+
+SAME_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60)
+
+
+def scanned(path):
+    scan = McapScan(path)
+    return [(m.topic.name, m.log_ns, m.data) for m in scan.messages()], scan
+
+
+def chunk_ends(path):
+    """End of each chunk, and messages up to there, as the index of the whole file has it."""
+    with path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    ends = sorted(chunk.chunk_start_offset + chunk.chunk_length for chunk in chunks)
+    return [(end, 3 * number) for number, end in enumerate(ends, 1)]
+
+
+def read_by_rosbags(folder):
+    with AnyReader([folder]) as reader:
+        return [(c.topic, time_ns, bytes(data)) for c, time_ns, data in reader.messages()]
+
+
+def test_an_unclosed_bag_becomes_a_valid_one(unclosed, tmp_path):
+    before = unclosed.path.read_bytes()
+    bag = recover_bag(unclosed.folder, tmp_path / "recovered")
+    assert read_by_rosbags(bag.folder) == unclosed.messages
+    assert bag.counts == {"/robot/model": 8, "/notes": 8, "/pressure": 8}
+    assert bag.problems == ("unclosed_0.mcap was not closed",)
+    assert unclosed.path.read_bytes() == before
+    with AnyReader([bag.folder]) as reader:
+        offered = {c.topic: c.ext.offered_qos_profiles[0].durability.name for c in reader.connections}
+    assert offered["/robot/model"] == "TRANSIENT_LOCAL"
+
+
+def test_a_cut_at_any_byte_costs_only_the_chunk_it_hits(bag, tmp_path):
+    whole = bag.path.read_bytes()
+    ends = chunk_ends(bag.path)
+    path = tmp_path / "cut_0.mcap"
+    for cut in range(0, len(whole), 7):
+        path.write_bytes(whole[:cut])
+        found, scan = scanned(path)
+        assert found == bag.messages[: max([count for end, count in ends if end <= cut], default=0)]
+        assert not scan.finished
+    path.write_bytes(whole)
+    found, scan = scanned(path)
+    assert scan.finished
+    assert not scan.damaged
+
+
+def test_a_bag_cut_at_every_chunk_and_around_is_recovered(bag, tmp_path):
+    whole = bag.path.read_bytes()
+    for end, count in chunk_ends(bag.path):
+        for cut, expected in ((end - 1, count - 3), (end, count), (end + 1, count)):
+            folder = tmp_path / f"cut_{cut}"
+            folder.mkdir()
+            (folder / f"cut_{cut}_0.mcap").write_bytes(whole[:cut])
+            if expected:
+                recovered = recover_bag(folder, tmp_path / f"recovered_{cut}")
+                assert read_by_rosbags(recovered.folder) == bag.messages[:expected]
+            else:
+                with pytest.raises(InputError, match="no whole message"):
+                    recover_bag(folder, tmp_path / f"recovered_{cut}")
+                assert not (tmp_path / f"recovered_{cut}").exists()
+
+
+@pytest.mark.parametrize("opcode", range(256))
+def test_a_first_record_that_looks_like_another_one_costs_nothing(bag, tmp_path, opcode):
+    whole = bytearray(bag.path.read_bytes())
+    whole[8] = opcode  # 2 would be the footer, behind which nothing comes
+    path = tmp_path / "damaged_0.mcap"
+    path.write_bytes(whole)
+    assert scanned(path)[0] == bag.messages
+
+
+@SAME_FOLDER
+@given(data=st.data())
+def test_a_damaged_byte_costs_at_most_its_chunk_and_gives_no_wrong_message(bag, tmp_path, data):
+    whole = bytearray(bag.path.read_bytes())
+    place = data.draw(st.integers(0, len(whole) - 1))
+    whole[place] ^= data.draw(st.integers(1, 255))
+    path = tmp_path / "damaged_0.mcap"
+    path.write_bytes(whole)
+    found, _ = scanned(path)
+    assert set(found) <= set(bag.messages)
+    assert len(found) >= len(bag.messages) - 3
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_a_large_chunk_that_was_cut_gives_the_messages_before_the_cut(tmp_path, compression):
+    # Other recorders write chunks of a megabyte or more: with luck, a part of the last one can be unpacked.
+    path = tmp_path / "large.mcap"
+    data = random.Random(1)
+    messages = [data.randbytes(1000) for _ in range(1500)]
+    with path.open("wb") as file:
+        writer = Writer(file, compression=compression, chunk_size=10 << 20)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/notes", "cdr", schema)
+        for number, message in enumerate(messages):
+            writer.add_message(channel, log_time=number, publish_time=number, data=message)
+        writer.finish()
+    path.write_bytes(path.read_bytes()[:1_000_000])
+    found, scan = scanned(path)
+    assert [message for _, _, message in found] == messages[: len(found)]
+    assert 500 < len(found) < 1000
+    assert scan.cut_bytes > 0
+
+
+def test_messages_outside_chunks_are_found(tmp_path):
+    path = tmp_path / "plain.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, use_chunking=False)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/notes", "cdr", schema)
+        for number in range(3):
+            writer.add_message(channel, log_time=number, publish_time=number, data=b"x" * 10)
+        file.flush()
+    found, scan = scanned(path)
+    assert len(found) == 3
+    assert not scan.finished
+
+
+def test_all_files_of_a_split_bag_are_recovered_in_their_order(unclosed, tmp_path):
+    split = tmp_path / "split"
+    split.mkdir()
+    with BagWriter(tmp_path / "other") as writer:
+        for number in range(12):  # more than nine: file 10 comes after file 2
+            writer.write(unclosed_topic(unclosed), number + 1, number + 1, b"\0\1\0\0\1\0\0\0\0")
+    for number in range(12):
+        single = tmp_path / f"single_{number}"
+        with BagWriter(single) as writer:
+            writer.write(unclosed_topic(unclosed), number + 1, number + 1, b"\0\1\0\0\1\0\0\0\0")
+        (single / f"{single.name}_0.mcap").rename(split / f"split_{number}.mcap")
+    bag = recover_bag(split, tmp_path / "recovered")
+    scan = McapScan(bag.folder / "recovered_0.mcap")
+    assert [message.log_ns for message in scan.messages()] == list(range(1, 13))
+
+
+def unclosed_topic(sample):
+    return next(McapScan(sample.path).messages()).topic
+
+
+def test_the_bag_of_a_recorder_that_loses_everything_says_so(tmp_path):
+    # The writer of rosbags keeps everything in memory until its first megabyte.
+    writer = RosbagsWriter(tmp_path / "lost", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.open()
+    writer.abort()
+    with pytest.raises(InputError, match="no whole message"):
+        recover_bag(tmp_path / "lost", tmp_path / "recovered")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.db3", "SQLite"),
+        ("a.mcap.zstd", "compressed as a whole"),
+        ("a.txt", "holds no MCAP file"),
+        ("", "no such bag"),
+    ],
+)
+def test_what_cannot_be_recovered_is_told(tmp_path, name, message):
+    folder = tmp_path / "bag"
+    if name:
+        folder.mkdir()
+        (folder / name).write_text("")
+    with pytest.raises(InputError, match=message):
+        recover_bag(folder, tmp_path / "recovered")
+
+
+def test_nothing_is_overwritten(bag, tmp_path):
+    with pytest.raises(InputError, match="never overwrites"):
+        recover_bag(bag.folder, bag.folder)

@@ -1,0 +1,200 @@
+import errno
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+from bags import MODEL, NOTES, PRESSURE, START_NS, Sample, fill, text_message
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.mcap_scan import McapScan
+from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+
+HERE = str(Path(__file__).parents[1])
+
+
+def test_mcap_reads_what_was_written(bag):
+    with bag.path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        found = [(channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()]
+        assert found == bag.messages
+        assert all(m.publish_time == m.log_time - 1000 for _, _, m in reader.iter_messages())
+        summary = reader.get_summary()
+        assert {(c.topic, c.message_encoding) for c in summary.channels.values()} == {
+            (topic.name, "cdr") for topic in (MODEL, NOTES, PRESSURE)
+        }
+        assert {s.encoding for s in summary.schemas.values()} == {"ros2msg"}
+        for channel in summary.channels.values():
+            assert channel.metadata["topic_type_hash"].startswith("RIHS01_")
+            assert YAML(typ="safe").load(channel.metadata["offered_qos_profiles"])[0]["depth"] > 0
+
+
+def test_mcap_ros2_support_decodes_it(bag):
+    with bag.path.open("rb") as file:
+        decoded = [m for *_, m in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()]
+    assert decoded[0].data == "model 0 "
+    assert decoded[5].data == 0.5
+
+
+def test_rosbags_reads_the_folder(bag):
+    with AnyReader([bag.folder]) as reader:
+        found = [(c.topic, time_ns, bytes(data)) for c, time_ns, data in reader.messages()]
+        assert found == bag.messages
+        assert reader.message_count == len(bag.messages)
+        offered = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
+    assert offered["/robot/model"].durability.name == "TRANSIENT_LOCAL"
+    assert offered["/pressure"].reliability.name == "BEST_EFFORT"
+
+
+def test_metadata_say_what_rosbag2_expects(bag):
+    text = (bag.folder / "metadata.yaml").read_text()
+    content = YAML(typ="safe").load(text)["rosbag2_bagfile_information"]
+    assert "&" not in text
+    assert (content["version"], content["storage_identifier"]) == (9, "mcap")
+    assert content["relative_file_paths"] == [bag.path.name]
+    assert content["message_count"] == len(bag.messages)
+    assert content["starting_time"]["nanoseconds_since_epoch"] == START_NS
+    assert content["duration"]["nanoseconds"] == (len(bag.messages) - 1) * 1_000_000_000
+    assert {t["topic_metadata"]["name"]: t["message_count"] for t in content["topics_with_message_count"]} == {
+        "/robot/model": 8,
+        "/notes": 8,
+        "/pressure": 8,
+    }
+    qos = content["topics_with_message_count"][0]["topic_metadata"]["offered_qos_profiles"][0]
+    assert qos["durability"] == "transient_local"
+    assert qos["deadline"] == {"sec": 9223372036, "nsec": 854775807}
+    with bag.path.open("rb") as file:
+        [record] = make_reader(file).iter_metadata()
+    assert record.name == "rosbag2"
+    assert YAML(typ="safe").load(record.metadata["serialized_metadata"]) == content
+
+
+def test_a_bag_without_messages_is_a_bag(tmp_path):
+    BagWriter(tmp_path / "empty").close()
+    with AnyReader([tmp_path / "empty"]) as reader:
+        assert reader.message_count == 0
+
+
+def test_a_second_recorder_is_told_who_is_there(tmp_path):
+    with BagWriter(tmp_path / "run") as writer:
+        assert is_being_written(writer.path)
+        with pytest.raises(InputError, match="another recorder is writing"):
+            BagWriter(tmp_path / "run")
+    assert not is_being_written(writer.path)
+    with pytest.raises(InputError, match="never overwrites"):
+        BagWriter(tmp_path / "run")
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="no recording can be made here") as caught:
+        BagWriter(tmp_path / "file" / "run")
+    assert caught.value.mistakes[0].path == tmp_path / "file" / "run"
+
+
+def test_a_read_only_folder_is_told():
+    with pytest.raises(InputError, match="no recording can be made here"):
+        BagWriter(Path("/sys/run"))  # where not even root may make a folder
+
+
+def test_no_folder_is_left_when_the_file_cannot_be_made(tmp_path, monkeypatch):
+    real = os.open
+
+    def no_space(path, flags, *rest):
+        if str(path).endswith(".mcap"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(path, flags, *rest)
+
+    monkeypatch.setattr(os, "open", no_space)
+    with pytest.raises(InputError, match="No space left"):
+        BagWriter(tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_full_disk_loses_nothing_once_it_has_space(tmp_path, monkeypatch):
+    # Every other write takes only a part, then the disk is full; then it has space again.
+    sample = Sample(tmp_path / "run")
+    writer = BagWriter(sample.folder)
+    real, calls = os.write, []
+
+    def nearly_full(descriptor, data):
+        calls.append(len(data))
+        if len(calls) % 2:
+            return real(descriptor, bytes(data[: 1 + len(data) // 3]))
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("soilmoist_ros.recording.bag.writer.os.write", nearly_full)
+    failures = 0
+    for number in range(20):
+        writer.write(NOTES, START_NS + number, START_NS, text_message(f"{number}" * 50))
+        sample.messages.append((NOTES.name, START_NS + number, text_message(f"{number}" * 50)))
+        try:
+            writer.flush()
+        except OSError:
+            failures += 1
+    monkeypatch.undo()
+    assert failures > 5
+    writer.close()
+    with AnyReader([sample.folder]) as reader:
+        assert [(c.topic, t, bytes(d)) for c, t, d in reader.messages()] == sample.messages
+
+
+@pytest.mark.parametrize("count", [1, 23, 111])
+def test_what_was_flushed_survives_a_kill_at_any_moment(tmp_path, count):
+    code = """
+        import sys
+        from pathlib import Path
+        sys.path.insert(0, sys.argv[2])
+        from bags import NOTES, START_NS, text_message
+        from soilmoist_ros.recording.bag.writer import BagWriter
+        writer = BagWriter(Path(sys.argv[1]))
+        number = 0
+        while True:
+            writer.write(NOTES, START_NS + number, START_NS, text_message(f"{number}" * 30))
+            writer.flush()
+            print(number, flush=True)
+            number += 1
+    """
+    folder = tmp_path / "killed"
+    command = [sys.executable, "-c", textwrap.dedent(code), folder, HERE]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        for _ in range(count):
+            process.stdout.readline()
+        process.kill()
+        flushed = count + len(process.stdout.read().splitlines())
+    found = [message.log_ns for message in McapScan(folder / "killed_0.mcap").messages()]
+    assert found == [START_NS + number for number in range(len(found))]
+    assert len(found) >= flushed
+    recover_bag(folder, tmp_path / "recovered")
+    with AnyReader([tmp_path / "recovered"]) as reader:
+        assert reader.message_count == len(found)
+
+
+def test_nothing_before_the_last_flush_is_lost_by_a_kill(tmp_path):
+    code = """
+        import os, signal, sys
+        from pathlib import Path
+        sys.path.insert(0, sys.argv[2])
+        from bags import Sample, fill
+        from soilmoist_ros.recording.bag.writer import BagWriter
+        writer = BagWriter(Path(sys.argv[1]))
+        fill(writer, Sample(Path(sys.argv[1])), 20, 3)
+        os.kill(os.getpid(), signal.SIGKILL)
+    """
+    folder = tmp_path / "killed"
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code), folder, HERE], timeout=60)
+    assert done.returncode == -9
+    expected = Sample(tmp_path / "same")
+    with BagWriter(expected.folder) as writer:
+        fill(writer, expected, 18, 3)
+    scan = McapScan(folder / "killed_0.mcap")
+    assert [(m.topic.name, m.log_ns, m.data) for m in scan.messages()] == expected.messages
+    assert not scan.finished

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import rasterio
+from pyproj import Transformer
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.reporting import write_geotiff
+
+FRAME = LocalFrame(53.27, -0.52)
+
+
+@pytest.fixture(scope="module")
+def tif(the_map, tmp_path_factory):
+    return write_geotiff(
+        tmp_path_factory.mktemp("tif") / "map.tif", the_map, FRAME, tags={"SOILMOIST_SIMULATED": "no"}
+    )
+
+
+def centres(raster):
+    rows, columns = np.indices(raster.shape)
+    t = raster.transform
+    return t.c + (columns + 0.5) * t.a, t.f + (rows + 0.5) * t.e
+
+
+def test_header(tif):
+    with rasterio.open(tif) as raster:
+        assert raster.crs.to_epsg() == 32630
+        assert raster.descriptions == ("rate", "rate_sd", "vwc", "vwc_sd")
+        assert raster.units == ("counts/s", "counts/s", "m3/m3", "m3/m3")
+        assert set(raster.dtypes) == {"float32"}
+        assert all(np.isnan(value) for value in raster.nodatavals)
+        assert raster.profile["compress"] == "deflate"
+        assert raster.profile["tiled"]
+        assert raster.tags()["AREA_OR_POINT"] == "Area"
+        assert raster.tags()["SOILMOIST_SIMULATED"] == "no"
+        assert json.loads(raster.tags()["SOILMOIST_MODEL"])["range_m"] == 12.0
+        assert json.loads(raster.tags()["SOILMOIST_PARAMETERS"])["calibration"]["n0_cps"] == 7.0
+    assert [p.name for p in tif.parent.iterdir()] == ["map.tif"], "no side-car files"
+
+
+def test_grid_is_north_up_and_on_whole_cells(tif):
+    with rasterio.open(tif) as raster:
+        t = raster.transform
+        assert (t.a, t.b, t.d, t.e) == (2.0, 0.0, 0.0, -2.0)
+        assert t.c % 2 == 0
+        assert t.f % 2 == 0
+
+
+def test_each_cell_is_the_prediction_at_its_place(tif, the_map):
+    with rasterio.open(tif) as raster:
+        x, y = centres(raster)
+        bands = raster.read()
+    local = np.column_stack(
+        Transformer.from_crs("EPSG:32630", FRAME.crs, always_xy=True).transform(x.ravel(), y.ravel())
+    )
+    inside = np.isfinite(bands[0]).ravel()
+    expected = the_map.evaluate(local[inside])
+    for band, values in zip(bands, expected, strict=True):
+        np.testing.assert_allclose(band.ravel()[inside], values, rtol=1e-6)
+
+
+def test_only_the_field_without_its_hole_has_values(tif, the_map):
+    with rasterio.open(tif) as raster:
+        valid = np.isfinite(raster.read(1))
+    area = 40 * 30 - 0.5 * 15 * 5 - 8 * 7
+    assert np.count_nonzero(valid) * 4 == pytest.approx(area, rel=0.03)
+
+
+def test_corners_land_where_pyproj_says(tif):
+    corners = np.array([(-20.0, -15.0), (20.0, -15.0), (20.0, 10.0), (5.0, 15.0), (-20.0, 15.0)])
+    lat, lon = FRAME.to_geographic(corners).T
+    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32630", always_xy=True).transform(lon, lat)
+    with rasterio.open(tif) as raster:
+        left, bottom, right, top = raster.bounds
+    assert 0 <= x.min() - left < 2
+    assert 0 <= right - x.max() < 2
+    assert 0 <= y.min() - bottom < 2
+    assert 0 <= top - y.max() < 2
+
+
+@pytest.mark.parametrize(
+    ("crs", "epsg", "cell"),
+    [("EPSG:27700", 27700, 2.0), (3857, 3857, 2.0), ("EPSG:2263", 2263, 2 / 0.3048), (4326, 4326, 3e-5)],
+)
+def test_another_crs(the_map, tmp_path, crs, epsg, cell):
+    frame = LocalFrame(40.7, -74.0) if epsg == 2263 else FRAME
+    with rasterio.open(write_geotiff(tmp_path / "m.tif", the_map, frame, crs)) as raster:
+        assert raster.crs.to_epsg() == epsg
+        assert raster.res[0] == pytest.approx(cell, rel=0.01)
+        assert np.isfinite(raster.read(1)).any()
+
+
+def test_southern_hemisphere_and_no_calibration(uncalibrated, tmp_path):
+    with rasterio.open(write_geotiff(tmp_path / "m.tif", uncalibrated, LocalFrame(-33.0, 151.0))) as raster:
+        assert raster.crs.to_epsg() == 32756
+        assert np.isfinite(raster.read(1)).any()
+        assert np.isnan(raster.read(3)).all()
+        assert json.loads(raster.tags()["SOILMOIST_PARAMETERS"])["calibration"] is None
+
+
+@pytest.mark.parametrize("crs", ["EPSG:1", "nonsense"])
+def test_unknown_crs_is_refused(the_map, tmp_path, crs):
+    with pytest.raises(InputError, match="not a coordinate reference system"):
+        write_geotiff(tmp_path / "m.tif", the_map, FRAME, crs)
+
+
+def test_crs_that_does_not_cover_the_field_is_refused(the_map, tmp_path):
+    with pytest.raises(InputError, match="no place in"):
+        write_geotiff(tmp_path / "m.tif", the_map, FRAME, "+proj=gnom +lat_0=-53 +lon_0=179 +type=crs")

@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from soilmoist_ros.reporting.live.live_mission import LiveMission
+from soilmoist_ros.reporting.live.terminal import render
+
+BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd")
+STATUS = {
+    "state": "counting", "reason": "counting at s17 (ami:0.03)", "target": "s17", "target_x_m": "12.5",
+    "target_y_m": "3.0", "planned_dwell_s": "251.0", "elapsed_dwell_s": "40.0", "time_used_s": "3600.0",
+    "time_left_s": "1800.0", "distance_m": "812.4", "samples": "7",
+}  # fmt: skip
+
+
+def cells(mask=None, west=4.0, south=-8.0, cell=2.0, moist=True):
+    """A map; cells outside the mask are all NaN."""
+    mask = np.ones((3, 5), bool) if mask is None else np.asarray(mask, bool)
+    table = np.full(mask.shape, np.nan, [(name, "<f4") for name in BANDS])
+    row, column = np.nonzero(mask)
+    table["x"][mask], table["y"][mask] = west + cell * column, south + cell * row
+    for number, name in enumerate(BANDS[2:5] + (BANDS[5:] if moist else ())):
+        table[name][mask] = number + column
+    return table
+
+
+def test_before_anything_has_come():
+    view = LiveMission(" demo ").view()
+    assert view.facts == {"state": "waiting for the planner"}
+    assert view.band is None
+    assert (view.title, view.target_xy) == (" demo ", None)
+
+
+def test_what_is_told():
+    live = LiveMission("")
+    live.status = STATUS
+    live.samples_xy = np.zeros((31, 2))
+    assert live.view().facts == {
+        "state": "counting: counting at s17 (ami:0.03)",
+        "target": "s17, counted 40 s of about 251 s",
+        "mission": "1 h 00 min used, 30 min left; 812 m driven",
+        "map": "7 stops, 31 samples with those on the way",
+    }
+    live.take_map(cells())
+    assert live.view().target_xy == (12.5, 3.0)
+
+
+def test_a_second_property_is_told_once_it_has_a_map():
+    live = LiveMission("", beside=LiveMission("salt", np.full((3, 5), 2.0)))
+    live.status = STATUS
+    assert "beside" not in live.view().facts
+    live.beside.take_map(cells())
+    assert live.view().facts["beside"] == "salt; mean squared error 3.0000 (counts/s)²"
+    assert "error" not in live.view().facts["map"]
+
+
+def test_what_is_unknown_is_not_told():
+    live = LiveMission("")
+    live.status = {**STATUS, "planned_dwell_s": "nan"}
+    assert live.view().facts["target"] == "s17, counted 40 s"
+    live.status = {**STATUS, "target": "", "target_x_m": "nan", "target_y_m": "nan"}
+    live.take_map(cells())
+    assert "target" not in live.view().facts
+    assert live.view().target_xy is None
+
+
+def test_moisture_is_shown_if_there_is_any():
+    live = LiveMission("")
+    live.take_map(cells())
+    view = live.view()
+    assert view.band_name.startswith("moisture")
+    assert view.wet_is_high
+    np.testing.assert_array_equal(view.band[0], [3, 4, 5, 6, 7])
+    live.take_map(cells(moist=False))
+    view = live.view()
+    assert view.band_name.startswith("rate")
+    assert not view.wet_is_high
+    np.testing.assert_array_equal(view.band[0], [1, 2, 3, 4, 5])
+
+
+def test_the_extent_is_that_of_the_field_whatever_lies_around_it():
+    live = LiveMission("")
+    mask = np.zeros((6, 9), bool)
+    mask[1:4, 2:7] = True
+    mask[2, 4] = mask[:, 5] = False  # a no-go area and a strip without cells do not matter
+    live.take_map(cells(mask, west=0.0, south=0.0))
+    view = live.view()
+    assert view.extent == (3.0, 13.0, 1.0, 7.0)
+    assert view.band.shape == (3, 5)
+
+
+@pytest.mark.parametrize(
+    ("shape", "extent"),
+    [((1, 1), (3.5, 4.5, -8.5, -7.5)), ((1, 4), (3.0, 11.0, -9.0, -7.0)), ((3, 1), (3.0, 5.0, -9.0, -3.0))],
+)
+def test_the_extent_of_small_fields(shape, extent):
+    live = LiveMission("")
+    live.take_map(cells(np.ones(shape)))
+    assert live.view().extent == extent
+
+
+def test_the_error_needs_a_truth_on_the_same_raster():
+    table = cells()
+    live = LiveMission("", table["rate"] - 0.5)
+    assert math.isnan(live.mse)
+    live.take_map(table)
+    assert live.mse == pytest.approx(0.25)
+    live.status = STATUS
+    assert live.view().facts["map"].endswith("; mean squared error 0.2500 (counts/s)²")
+    assert math.isnan(other_raster(table).mse)
+    mask = np.ones((3, 5), bool)
+    mask[0, 0] = False
+    live.take_map(cells(mask))
+    assert live.mse == pytest.approx(0.25)
+
+
+def other_raster(table):
+    live = LiveMission("", np.ones((2, 2)))
+    live.take_map(table)
+    return live
+
+
+@pytest.mark.parametrize("lost", ["rate", "x"])
+def test_an_empty_map_is_none(lost):
+    live = LiveMission("")
+    table = cells()
+    table[lost] = np.nan
+    live.take_map(table)
+    assert live.view().band is None
+
+
+def test_it_can_be_drawn():
+    live = LiveMission("demo")
+    live.status, live.robot_xy = STATUS, (math.nan, math.nan)
+    live.take_map(cells())
+    console = Console(file=io.StringIO(), width=90)
+    console.print(render(live.view()))
+    assert "7 stops" in console.file.getvalue()

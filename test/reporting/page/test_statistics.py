@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping.samples.spread import footprint_spread, way_spread
+from soilmoist_ros.mapping.variogram.support import Supports
+from soilmoist_ros.reporting.page.statistics import (
+    band_statistics,
+    calibration_sd,
+    implausible_shares,
+    leave_one_out,
+    mean_sd,
+    truth_score,
+    uncertain_share,
+    undefined_share,
+)
+
+
+def test_band_statistics_leave_nan_out():
+    found = band_statistics([np.nan, 1.0, 2.0, 3.0])
+    assert (found.mean, found.minimum, found.maximum, found.p50) == (2.0, 1.0, 3.0, 2.0)
+    assert np.isnan(band_statistics([np.nan]).mean)
+
+
+def test_leave_one_out_is_what_kriging_without_the_sample_says(the_map):
+    samples, loo = the_map.samples, leave_one_out(the_map)
+    for i in (0, 5):
+        rest = np.arange(len(samples)) != i
+        kriging = PoissonKriging(the_map.variogram, mean_rate=the_map.mean_rate)
+        kriging.fit(samples.xy[rest], samples.counts[rest], samples.exposure_s[rest])
+        rate, variance = kriging.predict(samples.xy[i : i + 1])
+        assert loo.observed[i] == pytest.approx(samples.rate_cps[i])
+        assert loo.predicted[i] == pytest.approx(rate[0])
+        assert loo.sd[i] ** 2 == pytest.approx(variance[0] + the_map.mean_rate / samples.exposure_s[i])
+
+
+def test_supports_count_in_the_report_as_in_the_map(the_map):
+    samples = dataclasses.replace(the_map.samples, spread=way_spread([8.0, 3.0]) + footprint_spread(6.0))
+    wide = make_soil_map(samples, the_map.grid, the_map.variogram, the_map.curve)
+    loo = leave_one_out(wide)
+    rest = np.arange(len(samples)) > 0
+    kriging = PoissonKriging(wide.variogram, keep_nugget=False, mean_rate=wide.mean_rate)
+    kriging.fit(samples.xy[rest], samples.counts[rest], samples.exposure_s[rest], samples.spread[rest])
+    points = Supports(samples.xy[:1], samples.spread[:1])
+    assert loo.predicted[0] == pytest.approx(points.average(lambda xy: kriging.predict(xy)[0]).item())
+    cells = the_map.grid.cells
+    assert mean_sd(wide, moisture=False) == pytest.approx(
+        math.sqrt(np.mean(wide.kriging.covariance(cells))), rel=0.02
+    )
+
+
+def test_leave_one_out_wants_five_samples(map_of):
+    assert leave_one_out(map_of(n=4)) is None
+
+
+def test_mean_sd_of_one_cell_is_that_of_the_cell(map_of, the_map):
+    cell = [(6.0, 6.0), (8.0, 6.0), (8.0, 8.0), (6.0, 8.0)]
+    one = map_of(vertices=cell, holes=())
+    assert np.count_nonzero(one.grid.mask) == 1
+    assert mean_sd(one, moisture=False) == pytest.approx(np.nanmean(one.rate_sd), rel=1e-6)
+    assert mean_sd(the_map, moisture=False) < np.nanmean(the_map.rate_sd)
+
+
+def test_mean_sd_without_calibration(uncalibrated):
+    assert mean_sd(uncalibrated, moisture=True) is None
+    assert mean_sd(uncalibrated, moisture=False) > 0
+
+
+def test_calibration_sd_is_the_shift_of_the_map(the_map):
+    from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+    curve = the_map.curve
+    rate = the_map.rate[the_map.grid.mask]
+    other = CalibrationCurve(curve.n0_cps + 1e-4, curve.bulk_density_gcm3, curve.lattice_water)
+    shift = np.mean(other.vwc(rate) - curve.vwc(rate))
+    assert calibration_sd(the_map, 1e-4) == pytest.approx(shift, rel=1e-3)
+    assert calibration_sd(the_map, None) is None
+
+
+def test_shares(the_map, steep, uncalibrated):
+    assert undefined_share(the_map) == 0
+    assert 0 < undefined_share(steep) < 1
+    assert undefined_share(uncalibrated) == 1
+    assert uncertain_share(the_map, 1e-9, 0.05) == 1
+    assert uncertain_share(the_map, 1.0, 0.05) == 0
+    assert uncertain_share(uncalibrated, 1e-9, 1.0) == 0
+    assert implausible_shares(the_map) == (0, 0)
+    assert implausible_shares(steep)[0] > 0
+
+
+def test_truth_score(the_map):
+    score = truth_score(the_map, the_map.rate + 0.01)
+    assert score.rmse == pytest.approx(0.01)
+    assert score.bias == pytest.approx(-0.01)
+    assert score.coverage95 == 1
+    with pytest.raises(ValueError, match="shape"):
+        truth_score(the_map, np.zeros((2, 2)))
+
+
+def test_flat_variogram_has_no_scores(the_map):
+    soil = make_soil_map(
+        Samples([(0, 0), (5, 5)], [40, 50], [10, 10]), the_map.grid, Variogram("gaussian", 0, 9, 0)
+    )
+    assert mean_sd(soil, moisture=False) is None

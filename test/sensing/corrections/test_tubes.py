@@ -1,0 +1,112 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.sensing.corrections.tubes import combine_tubes, equal_shares, tube_shares
+from soilmoist_ros.sensing.records import LoggerRecord
+
+NAN = math.nan
+
+
+def record(counts, live=10.0) -> LoggerRecord:
+    live_s = (live,) * len(counts) if isinstance(live, float) else tuple(live)
+    return LoggerRecord(0.0, tuple(float(count) for count in counts), live_s)
+
+
+def simulate(rng, shares, rates, live_s=60.0, missing=0.0):
+    records = []
+    for rate in rates:
+        counts = rng.poisson(shares * rate * live_s).astype(float)
+        counts[rng.random(len(shares)) < missing] = NAN
+        records.append(record(counts, np.where(np.isnan(counts), NAN, live_s)))
+    return records
+
+
+def test_all_present_gives_the_sum_and_exactly_the_live_time() -> None:
+    shares = np.array([0.1, 0.2, 0.3, 0.4]) / sum([0.1, 0.2, 0.3, 0.4])
+    assert combine_tubes(record([1, 2, 3, 4], 59.9), shares) == (10, 59.9)
+
+
+def test_a_missing_tube_takes_its_share_of_the_exposure() -> None:
+    assert combine_tubes(record([4, NAN], (10.0, NAN)), [0.25, 0.75]) == (4, 2.5)
+
+
+def test_unequal_live_times() -> None:
+    assert combine_tubes(record([4, 6], (10.0, 20.0)), [0.5, 0.5]) == (10, 15.0)
+
+
+def test_a_tube_without_a_share_is_left_out() -> None:
+    assert combine_tubes(record([4, 99, 6]), [0.5, 0.0, 0.5]) == (10, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("counts", "live", "shares"),
+    [
+        ([NAN, NAN], 10.0, [0.5, 0.5]),
+        ([3, 4], 0.0, [0.5, 0.5]),
+        ([3, 4], NAN, [0.5, 0.5]),
+        ([3, 4], 10.0, [0, 0]),
+        ([3], 10.0, [0.5, 0.5]),
+    ],
+)
+def test_nothing_usable(counts, live, shares) -> None:
+    with pytest.raises(ValueError, match="tube"):
+        combine_tubes(record(counts, live), shares)
+
+
+def test_equal_shares() -> None:
+    assert equal_shares(4).tolist() == [0.25] * 4
+    with pytest.raises(ValueError, match="at least one"):
+        equal_shares(0)
+
+
+def test_shares_of_complete_records_are_the_tubes_parts_of_all_counts() -> None:
+    shares = tube_shares([record([10, 30]), record([20, 40])])
+    np.testing.assert_allclose(shares, [0.3, 0.7], rtol=1e-12)
+
+
+def test_shares_are_not_biased_by_tubes_that_fail_where_it_is_wet() -> None:
+    true = np.array([0.2, 0.3, 0.5])
+    wet = simulate(np.random.default_rng(1), true, np.full(2000, 2.0))
+    wet = [record((NAN, *one.tube_counts[1:]), (NAN, 60.0, 60.0)) for one in wet]
+    dry = simulate(np.random.default_rng(2), true, np.full(2000, 6.0))
+    np.testing.assert_allclose(tube_shares(wet + dry), true, atol=0.004)
+
+
+def test_rate_is_unbiased_and_poisson_with_tubes_missing() -> None:
+    rng = np.random.default_rng(3)
+    true = np.array([0.1, 0.2, 0.3, 0.4])
+    records = simulate(rng, true, np.full(20_000, 5.0), missing=0.2)
+    usable = [one for one in records if np.isfinite(one.tube_counts).any()]
+    raw, exposure = np.array([combine_tubes(one, true) for one in usable]).T
+    assert raw.sum() / exposure.sum() == pytest.approx(5.0, rel=0.003)
+    standardised = (raw - 5.0 * exposure) / np.sqrt(5.0 * exposure)
+    assert standardised.var() == pytest.approx(1.0, abs=0.04)
+
+
+def test_a_dead_tube_has_no_share() -> None:
+    assert tube_shares([record([10, NAN, 10], (10.0, NAN, 10.0)), record([10, 0, 10])])[1] == 0
+
+
+@pytest.mark.parametrize("records", [[], [record([0, 0])], [record([1]), record([1, 2])]])
+def test_no_shares(records) -> None:
+    with pytest.raises(ValueError, match=r"records|counted"):
+        tube_shares(records)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.lists(st.one_of(st.just(NAN), st.integers(0, 1000)), min_size=3, max_size=3), min_size=1, max_size=20
+    )
+)
+def test_shares_add_up_to_one(counts) -> None:
+    try:
+        shares = tube_shares([record(row) for row in counts])
+    except ValueError:
+        return
+    assert np.isfinite(shares).all()
+    assert shares.sum() == pytest.approx(1)

@@ -1,0 +1,88 @@
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.sensing.formats.log_values import (
+    decode_line,
+    nmea_checksum,
+    read_number,
+    read_time,
+    split_lines,
+    strip_checksum,
+)
+
+FORMATS = ["iso8601", "%Y/%m/%d %H:%M:%S", "unix_s", "unix_ms"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [(" 962.84", 962.84), ("-.5", -0.5), ("1e3", 1000), ("007", 7), ("3.", 3)]
+)
+def test_numbers(text, value) -> None:
+    assert read_number(text) == value
+
+
+@pytest.mark.parametrize(
+    "text", ["", "nan", "inf", "1e999", "1_000", "0x1f", "12 13", "1,5", "٣", "--1", "1" * 50]
+)
+def test_what_is_no_number(text) -> None:
+    assert read_number(text) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "stamp_s"),
+    [
+        ("2018-05-01T14:14:08Z", 1525184048.0),
+        ("2018-05-01 14:14:08.25", 1525184048.25),
+        ("2018-05-01T16:14:08+02:00", 1525184048.0),
+        ("2018-05-01T09:44:08-0430", 1525184048.0),
+        ("2016-12-31T23:59:60Z", 1483228800.0),  # a leap second
+        ("2018/05/01 14:14:08", 1525184048.0),
+        ("1525184048", 1525184048.0),
+    ],
+)
+def test_times(text, stamp_s) -> None:
+    assert read_time(text, FORMATS) == stamp_s
+
+
+def test_time_zone_of_the_clock_is_taken_off_unless_the_stamp_has_one() -> None:
+    assert read_time("2018-05-01T16:14:08", ["iso8601"], 2) == 1525184048.0
+    assert read_time("2018-05-01T14:14:08Z", ["iso8601"], 2) == 1525184048.0
+    assert read_time("2018/05/01 16:14:08", ["%Y/%m/%d %H:%M:%S"], 2) == 1525184048.0
+
+
+@pytest.mark.parametrize("text", ["", "2018-13-01T00:00:00Z", "2018-02-30T00:00:00Z", "yesterday", "2018" * 30])
+def test_what_is_no_time(text) -> None:
+    assert read_time(text, FORMATS) is None
+
+
+def test_lines_of_all_encodings() -> None:
+    assert split_lines(b"a\r\nb\nc") == ([b"a", b"b", b"c"], False)
+    assert split_lines("ä\nb\n".encode("utf-16")) == (["ä".encode(), b"b"], True)
+    assert decode_line("T(°C)".encode("latin-1")) == decode_line("T(°C)".encode()) == "T(°C)"
+    assert decode_line(b"\xef\xbb\xbfx") == "x"
+
+
+def test_checksum_of_a_known_sentence() -> None:
+    assert nmea_checksum(b"GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,") == 0x47
+    assert strip_checksum(b"ab*03") == b"ab"
+    assert strip_checksum(b"ab*04") is None
+    assert strip_checksum(b"ab") is None
+
+
+@settings(deadline=None)
+@given(st.text())
+def test_readers_never_raise(text) -> None:
+    number = read_number(text)
+    assert number is None or math.isfinite(number)
+    read_time(text, FORMATS, 3)
+
+
+@settings(deadline=None)
+@given(st.binary())
+def test_bytes_never_raise(data) -> None:
+    lines, _ = split_lines(data)
+    for line in lines:
+        decode_line(line)
+        strip_checksum(line)

@@ -1,0 +1,120 @@
+import ast
+import inspect
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.configuration import config_folder
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout, plain_name
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, available_formats, load_logger_format
+
+MINIMAL = """
+title: mine
+source: here
+header: {}
+time: {columns: [t], formats: [iso8601]}
+counts: {columns: ["c{tube}"]}
+record_period: {default_s: 60}
+"""
+
+
+def test_shipped_formats_are_valid() -> None:
+    names = available_formats()
+    assert {"hydroinnova_rover", "hydroinnova_crs1000", "thorvald_crs", "finapp", "styx"} <= set(names)
+    for name in names:
+        assert load_logger_format(name).title
+
+
+def test_every_key_is_described() -> None:
+    def described(model):
+        """Keys that have a docstring below them."""
+        (body,) = ast.parse(inspect.getsource(model)).body
+        return {
+            key.target.id
+            for key, below in itertools.pairwise(body.body)
+            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr) and below.value.value
+        }
+
+    def walk(model):
+        assert model.model_fields.keys() - described(model) == set(), model.__name__
+        for field in model.model_fields.values():
+            for part in (field.annotation, *getattr(field.annotation, "__args__", ())):
+                if hasattr(part, "model_fields"):
+                    walk(part)
+
+    walk(LoggerFormat)
+
+
+def test_a_file_of_ones_own_is_a_format(tmp_path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(MINIMAL)
+    assert load_logger_format(path) == load_logger_format(str(path))
+    assert load_logger_format(path).time.marks == "end"
+
+
+def test_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"hydroinnova_crs1000.*did you mean 'hydroinnova_rover'"):
+        load_logger_format("hydroinova_rover")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("iso8601", "iso8610", "'iso8610' is not iso8601"),
+        ("iso8601", "'%Q'", "is not iso8601"),
+        ("record_period: {default_s: 60}", "", "nothing says how long a record counts"),
+        ("title: mine", "titel: mine", "did you mean 'title'"),
+        ("header: {}", "header: {}\nchecksum: crc", "'nmea'"),
+        ("header: {}", "header: {}\npressure: {sensors: [{column: p, unit: atm}]}", "'hPa'"),
+        ("header: {}", "header: {}\npressure: {range: [5, 1], sensors: [{column: p, unit: hPa}]}", "lower limit"),
+    ],
+)
+def test_mistakes_in_a_format_file_are_named(tmp_path, old, new, expected) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(MINIMAL.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        load_logger_format(path)
+    assert expected in str(caught.value)
+
+
+def test_names_are_compared_without_case_blanks_and_punctuation() -> None:
+    assert plain_name(" N1ET_sec ") == plain_name("n1etsec") == "n1etsec"
+
+
+def test_live_time_of_a_pair_of_tubes() -> None:
+    rover = load_logger_format("hydroinnova_rover")
+    names = ["RecordNum", "Date Time(UTC)", *(f"N{i}Cts" for i in range(1, 5)), "N1ETsec", "N3ETsec"]
+    layout = build_layout(rover, [*names, "LatDec", "LongDec"])
+    assert [source.name for source in layout.live if source] == ["N1ETsec", "N1ETsec", "N3ETsec", "N3ETsec"]
+    own = build_layout(rover, ["Date Time(UTC)", "N1Cts", "N2Cts", "N1ETsec", "N2ETsec", "LatDec", "LongDec"])
+    assert [source.name for source in own.live if source] == ["N1ETsec", "N2ETsec"]
+
+
+def test_missing_columns_are_all_named() -> None:
+    with pytest.raises(MissingColumnsError) as caught:
+        build_layout(load_logger_format("hydroinnova_rover"), ["RecordNum"])
+    assert len(caught.value.columns) == 3
+
+
+def test_columns_of_the_robot_are_those_of_its_format_file() -> None:
+    from soilmoist_ros.sensing.formats.robot_logger import COLUMNS, FORMAT_NAME
+
+    assert load_logger_format(FORMAT_NAME).header.columns == COLUMNS
+    assert ",".join(COLUMNS[:6]) in (config_folder() / "loggers" / f"{FORMAT_NAME}.yaml").read_text()
+
+
+ROVER = load_logger_format("hydroinnova_rover")
+
+
+@settings(deadline=None)
+@given(st.lists(st.text(max_size=12), max_size=30))
+def test_any_header_is_a_layout_or_says_what_is_missing(names) -> None:
+    missing = None
+    try:
+        build_layout(ROVER, names)
+    except MissingColumnsError as error:
+        missing = error.columns
+    assert missing is None or missing

@@ -1,0 +1,325 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.corrections.tubes import combine_tubes, tube_shares
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+from soilmoist_ros.sensing.formats.logger_reader import Kind, RecordParser, Severity, detect_format, read_log
+
+FORMATS = {
+    name: load_logger_format(name)
+    for name in ("hydroinnova_rover", "hydroinnova_crs1000", "thorvald_crs", "finapp", "styx")
+}
+ROVER_HEADER = b"""\
+//Hydroinnova CRS Probe Filename: 1.KSU
+//Logger SerialNum=4711
+
+//Recordperiod = 1 minutes.
+//RecordNum,Date Time(UTC),P4_mb,P1_mb,T1_C,RH1,N1Cts,N2Cts, N1ETsec ,
+//GpsUTC, LatDec, LongDec, Alt, Qual, HDOP
+"""
+FIELDS = {
+    "number": "7",
+    "time": "2024/05/01 10:00:00",
+    "p4": "980.5",
+    "p1": "979.9",
+    "t": "20.0",
+    "rh": "50.0",
+    "n1": "40",
+    "n2": "44",
+    "live": "60",
+    "gps": "0100000",
+    "lat": "52.5",
+    "lon": "13.4",
+    "alt": "35",
+    "quality": "1",
+    "hdop": "0.9",
+}
+
+
+def line(**changes: str) -> bytes:
+    return ", ".join({**FIELDS, **changes}.values()).encode()
+
+
+def rover(*lines: bytes, longitude="east") -> tuple[list, list]:
+    parser = RecordParser(FORMATS["hydroinnova_rover"], longitude)
+    found = [parser.feed(one) for one in [*ROVER_HEADER.splitlines(), *lines]]
+    return [record for record in found if record is not None], parser.problems
+
+
+def kinds(problems) -> list[Kind]:
+    return [problem.kind for problem in problems]
+
+
+def rover_log(shared_data: Path, longitude="west"):
+    return read_log(shared_data / "rover_gypsum_transect_2018-05-01.KSU", "hydroinnova_rover", longitude)
+
+
+# ---------------------------------------------------------------- real log
+
+
+def test_real_rover_log(shared_data) -> None:
+    log = rover_log(shared_data)
+    assert (len(log.records), log.n_lines, log.serial, log.period_s) == (201, 221, "16100724", 60)
+    assert log.metadata["DataSelect"].startswith("r1p4p1")
+    first, last = log.records[0], log.records[-1]
+    assert first.tube_counts == (24, 25, 14, 22, 16, 17, 24, 17)
+    assert first.tube_live_s == (39,) * 8
+    assert first.position is None
+    assert (first.pressure_hpa, first.temperature_degc, first.line) == (962.84, 20.8, 21)
+    assert first.relative_humidity == pytest.approx(0.726)
+    assert (last.record_number, last.stamp_s) == (201, 1525196040)
+    assert last.position is not None
+    assert (last.position.latitude_deg, last.position.longitude_deg) == (38.72526, -97.43415)
+    assert last.position.altitude_m == 371.5
+
+
+def test_tube_sums_of_the_real_log(shared_data) -> None:
+    path = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+    rows = [row.split(",") for row in path.read_text().splitlines()[20:]]
+    expected = np.array([[int(text) for text in row[10:18]] for row in rows])
+    records = rover_log(shared_data).records
+    assert np.array_equal([record.tube_counts for record in records], expected)
+    live = np.array([[float(text) for text in row[18:22]] for row in rows]).repeat(2, axis=1)
+    assert np.array_equal([record.tube_live_s for record in records], live)
+    shares = tube_shares(records)
+    rates = expected.sum(axis=0) / live.sum(axis=0)
+    np.testing.assert_allclose(shares, rates / rates.sum(), rtol=1e-4)
+    raw, exposure = np.array([combine_tubes(record, shares) for record in records]).T
+    assert raw.sum() == expected.sum()
+    np.testing.assert_allclose(exposure, live @ shares)
+
+
+def test_problems_of_the_real_log(shared_data) -> None:
+    log = rover_log(shared_data)
+    found = [(problem.kind, problem.mistake.line) for problem in log.problems]
+    assert found == [
+        (Kind.SHORT_LIVE_TIME, 21),
+        (Kind.NO_FIX, 21),
+        (Kind.SHORT_LIVE_TIME, 22),
+        (Kind.CLOCK_OFFSET, 22),
+    ]
+    assert log.records_lost == 0
+    assert log.clock_offset_s == pytest.approx(206, abs=2)
+
+
+def test_a_log_without_signs_needs_a_side(shared_data) -> None:
+    with pytest.raises(InputError, match="'longitude: west'"):
+        rover_log(shared_data, "signed")
+    assert rover_log(shared_data, "east").records[-1].position.longitude_deg == 97.43415
+
+
+def test_format_of_the_real_log_is_detected(shared_data) -> None:
+    assert detect_format(shared_data / "rover_gypsum_transect_2018-05-01.KSU") == FORMATS["hydroinnova_rover"]
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_damaged_real_lines_never_raise(data) -> None:
+    good = [*ROVER_HEADER.splitlines(), line(), line(time="2024/05/01 10:01:00", number="8")]
+    damaged = []
+    for one in good:
+        text = bytearray(one)
+        for _ in range(data.draw(st.integers(0, 3))):
+            place = data.draw(st.integers(0, len(text)))
+            text[place : place + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
+        damaged.append(bytes(text))
+    parser = RecordParser(FORMATS["hydroinnova_rover"], "west")
+    for one in damaged:
+        check_record(parser.feed(one, complete=data.draw(st.booleans())))
+
+
+# ---------------------------------------------------------------- arbitrary bytes
+
+
+def check_record(record) -> None:
+    if record is None:
+        return
+    assert math.isfinite(record.stamp_s)
+    present = [count for count in record.tube_counts if not math.isnan(count)]
+    assert present
+    assert all(count >= 0 and count == int(count) for count in present)
+    for count, live_s in zip(record.tube_counts, record.tube_live_s, strict=True):
+        assert math.isnan(live_s) if math.isnan(count) else live_s > 0
+    assert not record.relative_humidity > 1
+    if record.position:
+        assert abs(record.position.latitude_deg) <= 90
+        assert abs(record.position.longitude_deg) <= 180
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+@settings(deadline=None)
+@given(
+    st.lists(st.one_of(st.binary(max_size=80), st.text(",;\t*#/0123456789.-nN+: T", max_size=80).map(str.encode)))
+)
+def test_any_bytes_never_raise(name, lines) -> None:
+    parser = RecordParser(FORMATS[name], "west")
+    for one in lines:
+        check_record(parser.feed(one))
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.lists(st.sampled_from(["1", "", "-1", "1e300", "nan", "0", "9e9", "x", "1714557610"]), max_size=25)
+    )
+)
+def test_any_fields_never_raise(rows) -> None:
+    for name, delimiter in (("styx", "\t"), ("finapp", ",")):
+        parser = RecordParser(FORMATS[name])
+        parser.feed(b"DateTimeUTC,neutrons,integration_time,pressure,latitude,longitude")
+        for row in rows:
+            check_record(parser.feed(delimiter.join(row).encode()))
+
+
+# ---------------------------------------------------------------- one test per kind of problem
+
+
+def test_good_lines_have_no_problems() -> None:
+    records, problems = rover(line(), line(time="2024/05/01 10:01:00", number="8"))
+    assert (len(records), problems) == (2, [])
+
+
+@pytest.mark.parametrize(
+    ("damaged", "kind"),
+    [
+        (line() + b", 5", Kind.WRONG_FIELDS),
+        (line()[:40], Kind.WRONG_FIELDS),
+        (line(time="2024/05/41 10:00:00"), Kind.BAD_TIME),
+        (line(time="1980/01/06 00:00:12"), Kind.BAD_TIME),
+        (line(n1="4O"), Kind.NOT_A_NUMBER),
+        (line(live="6O"), Kind.NOT_A_NUMBER),
+        (line(n1="-3"), Kind.NEGATIVE_COUNT),
+        (line(n1="40.5"), Kind.NOT_WHOLE),
+        (line(n1="99999999"), Kind.OUT_OF_RANGE),
+        (line(live="-60"), Kind.OUT_OF_RANGE),
+        (line(n1="", n2="nan"), Kind.NO_COUNTS),
+        (line(live="0"), Kind.NO_COUNTS),
+        (line(n1="4\x000"), Kind.UNREADABLE),
+        (line() + b" " * 2_000_000, Kind.TOO_LONG),
+    ],
+)
+def test_damage_that_costs_a_record_and_only_that(damaged, kind) -> None:
+    records, problems = rover(damaged, line())
+    assert len(records) == 1
+    lost = [problem for problem in problems if problem.lost]
+    assert kinds(lost) == [kind]
+    assert lost[0].severity is Severity.ERROR
+    assert lost[0].mistake.line == 7
+
+
+@pytest.mark.parametrize(
+    ("odd", "expected"),
+    [
+        (line(p4="n/a", p1=""), [Kind.MISSING_VALUE]),
+        (line(p4="98O.5"), [Kind.NOT_A_NUMBER]),
+        (line(p4="1098.5"), [Kind.OUT_OF_RANGE]),
+        (line(p4="-99.0"), [Kind.SENTINEL]),
+        (line(n1=""), [Kind.MISSING_TUBE]),
+        (line(live="39"), [Kind.SHORT_LIVE_TIME]),
+        (line(live=""), [Kind.ASSUMED_LIVE_TIME, Kind.ASSUMED_LIVE_TIME]),
+        (line(lat="0.00000", lon="0.00000"), [Kind.NO_FIX]),
+        (line(quality="!w"), [Kind.NO_FIX]),
+        (line(lat="", lon=""), [Kind.NO_FIX]),
+        (line(lat="95"), [Kind.OUT_OF_RANGE, Kind.NO_FIX]),
+        (line(lon="-13.4"), [Kind.OUT_OF_RANGE]),
+        (line(gps="0094500"), [Kind.CLOCK_OFFSET]),
+        (line(number="x"), [Kind.NOT_A_NUMBER]),
+    ],
+)
+def test_oddities_that_are_reported_and_kept(odd, expected) -> None:
+    records, problems = rover(odd)
+    assert len(records) == 1
+    assert kinds(problems) == expected
+    assert not any(problem.lost for problem in problems)
+
+
+def test_next_sensor_stands_in() -> None:
+    records, _ = rover(line(p4="1098.5"), line(p4="-99", number="8"), line(p4="", p1="", number="9"))
+    assert [record.pressure_hpa for record in records[:2]] == [979.9, 979.9]
+    assert math.isnan(records[2].pressure_hpa)
+
+
+def test_short_record_keeps_its_live_time() -> None:
+    records, _ = rover(line(live="39"))
+    assert records[0].tube_live_s == (39, 39)
+
+
+def test_missing_tube_is_nan_in_counts_and_live_time() -> None:
+    record = rover(line(n1=""))[0][0]
+    assert math.isnan(record.tube_counts[0])
+    assert math.isnan(record.tube_live_s[0])
+    assert combine_tubes(record, [0.5, 0.5]) == (44, 30.0)
+
+
+def test_western_longitudes() -> None:
+    assert rover(line(), longitude="west")[0][0].position.longitude_deg == -13.4
+    assert rover(line(lon="-13.4"), longitude="west")[0][0].position.longitude_deg == -13.4
+
+
+def test_duplicates_are_dropped() -> None:
+    records, problems = rover(line(), line(time="2024/05/01 10:01:00", number="8"), line())
+    assert len(records) == 2
+    assert kinds(problems) == [Kind.DUPLICATE]
+    assert problems[0].severity is Severity.NOTE
+
+
+def test_same_time_and_other_counts_are_kept() -> None:
+    records, problems = rover(line(), line(n1="41"))
+    assert len(records) == 2
+    assert kinds(problems) == [Kind.SAME_TIME]
+
+
+def test_clock_backwards_is_kept() -> None:
+    records, problems = rover(line(), line(time="2024/05/01 09:00:00", number="8", gps="0090000"))
+    assert len(records) == 2
+    assert kinds(problems) == [Kind.CLOCK_BACKWARDS]
+
+
+def test_gap_in_the_numbers() -> None:
+    _, problems = rover(line(), line(time="2024/05/01 10:03:00", number="10", gps="0100300"))
+    assert kinds(problems) == [Kind.GAP]
+    assert "2 record(s)" in str(problems[0])
+
+
+def test_lines_before_a_header() -> None:
+    parser = RecordParser(FORMATS["hydroinnova_rover"], "east")
+    assert parser.feed(line()) is None
+    assert kinds(parser.problems) == [Kind.NO_HEADER]
+
+
+def test_header_without_the_columns_needed() -> None:
+    parser = RecordParser(FORMATS["hydroinnova_rover"], "east")
+    parser.feed(b"//RecordNum,Date Time(UTC),P4_mb")
+    assert parser.feed(b"1,2024/05/01 10:00:00,980") is None
+    assert kinds(parser.problems) == [Kind.BAD_HEADER, Kind.NO_HEADER]
+
+
+def test_column_of_a_quantity_is_missing() -> None:
+    parser = RecordParser(FORMATS["hydroinnova_crs1000"])
+    parser.feed(b"//RecordNum,Date Time(UTC),T1_C,RH1,N1Cts,N1ET_sec,")
+    assert parser.feed(b"38, 2023/05/31 23:39:00, 9.1, 47.6, 1225, 1200") is not None
+    assert kinds(parser.problems) == [Kind.MISSING_COLUMN]
+
+
+def test_checksum() -> None:
+    parser = RecordParser(FORMATS["thorvald_crs"])
+    assert parser.feed(b"2024-05-01T10:00:10.000Z,1,10,1013,18,55,3,5,2,4,3,3,6,2,4,3,1,5*00") is None
+    assert kinds(parser.problems) == [Kind.CHECKSUM]
+
+
+def test_problems_may_go_to_a_callback() -> None:
+    heard: list = []
+    parser = RecordParser(FORMATS["hydroinnova_rover"], "east", on_problem=heard.append)
+    parser.feed(line())
+    assert (kinds(heard), parser.problems) == ([Kind.NO_HEADER], [])
+
+
+def test_unknown_side_of_greenwich() -> None:
+    with pytest.raises(InputError, match="use signed, east or west"):
+        RecordParser("thorvald_crs", "left")  # type: ignore[arg-type]

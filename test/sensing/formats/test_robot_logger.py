@@ -1,0 +1,104 @@
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+from soilmoist_ros.sensing.formats.logger_reader import Kind, RecordParser
+from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME, TUBES, format_header, format_record
+from soilmoist_ros.sensing.records import LoggerRecord
+
+FORMAT = load_logger_format(FORMAT_NAME)
+NAN = math.nan
+RECORD = LoggerRecord(1714557610.0, (3.0,) * TUBES, (10.0,) * TUBES, 1013.25, 18.4, 0.5520, None, 1, 1)
+
+
+def hundredths(low: int, high: int):
+    return st.one_of(st.just(NAN), st.integers(low * 100, high * 100).map(lambda value: value / 100))
+
+
+@st.composite
+def records(draw) -> LoggerRecord:
+    counts = draw(st.lists(st.one_of(st.just(NAN), st.integers(0, 99_999).map(float)), min_size=12, max_size=12))
+    counts[draw(st.integers(0, 11))] = 5.0
+    live_s = draw(st.integers(1, 12_000)) / 1000
+    return LoggerRecord(
+        stamp_s=draw(st.integers(700_000_000_000, 4_000_000_000_000)) / 1000,
+        tube_counts=tuple(counts),
+        tube_live_s=tuple(NAN if math.isnan(count) else live_s for count in counts),
+        pressure_hpa=draw(hundredths(300, 1085)),
+        temperature_degc=draw(hundredths(-60, 65)),
+        relative_humidity=draw(hundredths(0, 1)),
+        line=1,
+        record_number=draw(st.integers(-1, 10**9)),
+    )
+
+
+@settings(deadline=None)
+@given(records())
+def test_what_is_written_is_read(record) -> None:
+    parser = RecordParser(FORMAT)
+    read = parser.feed(format_record(record).encode() + b"\r\n")
+    assert read is not None
+    assert read.tube_counts == pytest.approx(record.tube_counts, nan_ok=True)
+    assert read.tube_live_s == pytest.approx(record.tube_live_s, nan_ok=True, rel=1e-12)
+    assert (read.record_number, read.position) == (record.record_number, None)
+    for name in ("stamp_s", "pressure_hpa", "temperature_degc", "relative_humidity"):
+        assert getattr(read, name) == pytest.approx(getattr(record, name), nan_ok=True, rel=1e-12), name
+
+
+def test_header_tells_serial_and_period() -> None:
+    parser = RecordParser(FORMAT)
+    for line in format_header("CRS-0007", 5).split("\n"):
+        assert parser.feed(line.encode()) is None
+    assert parser.serial == "CRS-0007"
+    assert parser.period_s == 5
+    assert parser.metadata["logger"] == "thorvald_crs/1"
+    assert not parser.problems
+
+
+def test_a_stream_is_understood_from_the_middle_and_after_a_new_header() -> None:
+    parser = RecordParser(FORMAT)
+    lines = [format_record(RECORD), format_header(), format_record(replace(RECORD, stamp_s=RECORD.stamp_s + 10))]
+    found = [parser.feed(line.encode()) for line in "\r\n".join(lines).splitlines()]
+    assert sum(record is not None for record in found) == 2
+
+
+@settings(deadline=None)
+@given(st.integers(0, 60), st.integers(1, 255))
+def test_one_changed_byte_is_always_found(place, change) -> None:
+    line = bytearray(format_record(RECORD).encode())
+    line[place] ^= change
+    parser = RecordParser(FORMAT)
+    assert parser.feed(bytes(line)) is None
+    # A record that turns into a remark is not reported: its first byte became #.
+    assert [problem.kind for problem in parser.problems] == [Kind.CHECKSUM] or line.startswith(b"#")
+
+
+def test_dead_tube_is_an_empty_field() -> None:
+    counts = (NAN, *RECORD.tube_counts[1:])
+    line = format_record(replace(RECORD, tube_counts=counts))
+    assert ",55.20,,3," in line
+    parser = RecordParser(FORMAT)
+    read = parser.feed(line.encode())
+    assert read is not None
+    assert math.isnan(read.tube_counts[0])
+    assert math.isnan(read.tube_live_s[0])
+    assert [problem.kind for problem in parser.problems] == [Kind.MISSING_TUBE]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"tube_counts": (1.0,)}, {"tube_live_s": (1.0,) * 6 + (2.0,) * 6}, {"tube_live_s": (NAN,) * 12}],
+)
+def test_what_cannot_be_written(change) -> None:
+    with pytest.raises(ValueError, match="tubes"):
+        format_record(replace(RECORD, **change))
+
+
+@pytest.mark.parametrize("serial", ["", "a*b", "ä", " x", "a\nb"])
+def test_bad_serial_numbers(serial) -> None:
+    with pytest.raises(ValueError, match="serial"):
+        format_header(serial)

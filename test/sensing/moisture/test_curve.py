@@ -1,0 +1,64 @@
+import math
+
+import numpy as np
+import pytest
+from crnpy import crnpy
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, n0_from_calibration
+
+CURVE = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4, lattice_water=0.03, organic_water=0.01)
+
+
+def test_vwc_agrees_with_an_independent_implementation():
+    rate = np.linspace(2.4, 6.0, 50)
+    expected = crnpy.counts_to_vwc(rate, N0=6.0, Wlat=0.03, Wsoc=0.01, bulk_density=1.4)
+    np.testing.assert_allclose(CURVE.vwc(rate), expected, rtol=1e-12)
+
+
+@given(st.floats(0.0, 0.9))
+def test_vwc_and_rate_are_inverse(vwc):
+    assert CURVE.vwc(CURVE.rate_cps(vwc)) == pytest.approx(vwc, abs=1e-9)
+
+
+@given(st.floats(0.01, 0.7), st.floats(0.8, 1.9), st.floats(0, 0.1), st.floats(0, 0.1), st.floats(0.5, 500))
+def test_calibration_closes(vwc, density, lattice, organic, rate):
+    n0 = n0_from_calibration(rate, vwc, density, lattice, organic)
+    assert CalibrationCurve(n0, density, lattice, organic).vwc(rate) == pytest.approx(vwc, abs=1e-9)
+
+
+def test_slope_is_the_derivative():
+    rate = np.linspace(2.6, 6.0, 30)
+    step = 1e-6
+    numeric = (CURVE.vwc(rate + step) - CURVE.vwc(rate - step)) / (2 * step)
+    np.testing.assert_allclose(CURVE.slope(rate), numeric, rtol=1e-6)
+
+
+def test_first_order_uncertainty_holds_for_small_noise_and_third_order_for_larger():
+    rng = np.random.default_rng(2)
+    for rate, sd, order, tolerance in [(4.0, 0.02, 1, 0.01), (3.6, 0.22, 3, 0.04)]:
+        sampled = CURVE.vwc(rng.normal(rate, sd, 400_000)).std()
+        assert CURVE.vwc_sd(rate, sd, order=order) == pytest.approx(sampled, rel=tolerance)
+    # where the noise is large the first order is too optimistic
+    assert CURVE.vwc_sd(3.6, 0.22, order=1) < 0.95 * sampled
+
+
+def test_undefined_rates_are_told_not_only_nan():
+    rates = [CURVE.lowest_rate_cps - 1e-9, CURVE.lowest_rate_cps - 1e-15, 0.0, -1.0, 4.0]
+    np.testing.assert_array_equal(CURVE.valid(rates)[[0, 2, 3, 4]], [False, False, False, True])
+    np.testing.assert_array_equal(np.isnan(CURVE.vwc(rates)), ~CURVE.valid(rates))
+    np.testing.assert_array_equal(np.isnan(CURVE.vwc_sd(rates, 0.1)), ~CURVE.valid(rates))
+
+
+def test_values_that_cannot_be_are_refused():
+    with pytest.raises(ValueError, match="n0_cps must be positive and finite"):
+        CalibrationCurve(math.nan, 1.4)
+    with pytest.raises(ValueError, match="lattice_water must be zero or positive"):
+        CalibrationCurve(6.0, 1.4, lattice_water=-0.1)
+    with pytest.raises(ValueError, match="the calibration rate must be positive"):
+        n0_from_calibration(0.0, 0.2, 1.4)
+    with pytest.raises(ValueError, match="below what the calibration curve can express"):
+        CURVE.rate_cps(-0.5)
+    with pytest.raises(ValueError, match="order must be 1 or 3"):
+        CURVE.vwc_sd(4.0, 0.1, order=2)

@@ -1,0 +1,61 @@
+import pytest
+
+from soilmoist_ros.foundation.configuration import config_folder, resource_names
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.moisture.site import load_site
+
+
+def test_every_shipped_site_is_valid():
+    names = resource_names("sites")
+    assert names
+    for name in names:
+        load_site(config_folder() / "sites" / f"{name}.yaml")
+
+
+def test_all_mistakes_are_named_at_once_with_line_key_and_suggestion(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text(
+        "name: a\n"
+        "longitude: wst\n"
+        "soil:\n"
+        "  bulk_densty_gcm3: 1.4\n"
+        "corrections:\n"
+        "  pressure: {beta_per_hpa: -1}\n"
+        "  intensity: {reference: 150}\n"
+    )
+    with pytest.raises(InputError) as caught:
+        load_site(path)
+    found = {(mistake.line, mistake.column) for mistake in caught.value.mistakes}
+    assert (2, "longitude") in found
+    assert (4, "soil.bulk_densty_gcm3") in found
+    assert (3, "soil.bulk_density_gcm3") in found
+    assert (6, "corrections.pressure.beta_per_hpa") in found
+    assert (7, "corrections.intensity") in found
+    assert "did you mean 'bulk_density_gcm3'?" in str(caught.value)
+    assert "either as 'constant' or as 'file'" in str(caught.value)
+
+
+def test_corrections_can_be_switched_off(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("corrections: {pressure: null, humidity: null}\n")
+    site = load_site(path)
+    assert site.corrections.pressure is None
+    assert site.corrections_parameters.f_humidity(30.0, 1.0) == 1.0
+
+
+def test_a_map_of_moisture_needs_soil_and_calibration(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("soil: {bulk_density_gcm3: 1.4}\n")
+    assert load_site(path).curve is None
+    path.write_text("soil: {bulk_density_gcm3: 1.4}\ncalibration: {n0_cps: 6}\n")
+    curve = load_site(path).curve
+    assert curve is not None
+    assert curve.n0_cps == 6.0
+
+
+def test_intensity_file_is_relative_to_the_site_file(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("corrections: {intensity: {reference: 150, file: monitor.csv}}\n")
+    intensity = load_site(path).corrections.intensity
+    assert intensity is not None
+    assert intensity.file == tmp_path / "monitor.csv"

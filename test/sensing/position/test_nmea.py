@@ -1,0 +1,267 @@
+import math
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.formats.log_values import nmea_checksum
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, covariance_of_ellipse, horizontal_sd
+from soilmoist_ros.sensing.position.nmea import NmeaParser, read_nmea
+from soilmoist_ros.sensing.problems import Kind
+
+# The two sentences that every description of NMEA 0183 shows, with checksums as published.
+GGA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47"
+RMC = b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A"
+
+
+def sentence(body: str) -> bytes:
+    return f"${body}*{nmea_checksum(body.encode()):02X}".encode()
+
+
+def gga(
+    clock="100000.00", lat="5231.1000,N", lon="01324.6000,E", quality="1", hdop="0.8", altitude="35.5"
+) -> bytes:
+    return sentence(f"GNGGA,{clock},{lat},{lon},{quality},12,{hdop},{altitude},M,44.0,M,,")
+
+
+def rmc(clock="100000.00", status="A", date="010524", lat="5231.1000,N", lon="01324.6000,E", mode="A") -> bytes:
+    return sentence(f"GNRMC,{clock},{status},{lat},{lon},1.944,90.0,{date},,,{mode}")
+
+
+def gst(clock="100000.00", ellipse="0.03,0.01,30.0", axes="0.02,0.03,0.05") -> bytes:
+    return sentence(f"GNGST,{clock},0.1,{ellipse},{axes}")
+
+
+def stamp(text: str) -> float:
+    return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
+
+
+def parse(*lines: bytes, **settings) -> tuple[list[Fix], list[Kind]]:
+    parser = NmeaParser(**settings)
+    found = [*(parser.feed(line) for line in lines), parser.flush()]
+    return [fix for fix in found if fix is not None], [problem.kind for problem in parser.problems]
+
+
+def test_published_sentences() -> None:
+    (fix,), problems = parse(GGA, RMC, reference_stamp_s=stamp("2024-03-23 12:00:00"))
+    assert fix.position.latitude_deg == pytest.approx(48 + 7.038 / 60)
+    assert fix.position.longitude_deg == pytest.approx(11 + 31 / 60)
+    assert (fix.position.altitude_m, fix.geoid_separation_m) == (545.4, 46.9)
+    assert (fix.status, fix.quality, fix.satellites, fix.hdop) == (FixStatus.FIX, 1, 8, 0.9)
+    assert fix.speed_mps == pytest.approx(22.4 * 1852 / 3600)
+    assert fix.course_deg == 84.4
+    # The date is of the last century, before any receiver of this kind: the reference stands.
+    assert fix.stamp_s == stamp("2024-03-23 12:35:19")
+    assert problems == []
+
+
+def test_one_fix_per_epoch_in_any_order() -> None:
+    lines = [
+        part
+        for second in range(3)
+        for part in (gst(f"1000{second:02d}"), rmc(f"1000{second:02d}"), gga(f"1000{second:02d}"))
+    ]
+    fixes, problems = parse(*lines)
+    assert [fix.stamp_s for fix in fixes] == [stamp(f"2024-05-01 10:00:0{second}") for second in range(3)]
+    assert problems == []
+
+
+def test_a_fix_comes_without_delay_once_the_sentences_are_known() -> None:
+    parser = NmeaParser()
+    assert parser.feed(rmc("100000")) is None
+    assert parser.feed(gga("100000")) is None
+    first = parser.feed(rmc("100001"))
+    assert first is not None
+    assert first.stamp_s == stamp("2024-05-01 10:00:00")
+    second = parser.feed(gga("100001"))
+    assert second is not None
+    assert second.stamp_s == stamp("2024-05-01 10:00:01")
+    assert parser.flush() is None
+
+
+@pytest.mark.parametrize("talker", ["GP", "GN", "GL", "GA", "GB"])
+def test_talkers(talker) -> None:
+    (fix,), _ = parse(sentence(f"{talker}RMC,100000,A,5231.1,S,01324.6,W,,,010524,,,A"))
+    assert fix.position.latitude_deg == pytest.approx(-52.51833333)
+    assert fix.position.longitude_deg == pytest.approx(-13.41)
+
+
+@pytest.mark.parametrize(
+    ("quality", "status"),
+    [
+        ("1", FixStatus.FIX),
+        ("2", FixStatus.SBAS),
+        ("4", FixStatus.RTK),
+        ("5", FixStatus.RTK),
+        ("6", FixStatus.FIX),
+    ],
+)
+def test_status(quality, status) -> None:
+    (fix,), _ = parse(rmc(), gga(quality=quality))
+    assert fix.status is status
+    assert fix.position.horizontal_sd_m == pytest.approx(horizontal_sd(int(quality), 0.8))
+    assert fix.covariance_kind is CovarianceKind.APPROXIMATED
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        (rmc(status="V", lat=",", lon=",", mode="N"), gga(lat=",", lon=",", quality="0", hdop="99.9")),
+        (rmc(), gga(quality="0")),
+        (rmc(), gga(quality="7")),
+        (rmc(status="V"), gga()),
+        (rmc(lat=",", lon=","), gga(lat=",", lon=",")),
+        (rmc(lat="9531.1,N"), gga(lat="9531.1,N")),
+    ],
+)
+def test_no_fix(lines) -> None:
+    (fix,), _ = parse(*lines)
+    assert fix.status is FixStatus.NO_FIX
+    assert math.isnan(fix.position.latitude_deg)
+    assert fix.stamp_s == stamp("2024-05-01 10:00:00")
+
+
+def test_error_ellipse_in_east_and_north() -> None:
+    (fix,), _ = parse(rmc(), gga(quality="4"), gst(ellipse="0.04,0.01,90.0"))
+    np.testing.assert_allclose(fix.covariance_m2, np.diag([0.04**2, 0.01**2, 0.05**2]), atol=1e-12)
+    assert fix.covariance_kind is CovarianceKind.KNOWN
+
+
+def test_error_ellipse_at_an_angle_has_its_axes() -> None:
+    matrix = np.array(covariance_of_ellipse(3.0, 1.0, 30.0, 2.0))
+    direction = np.array([math.sin(math.radians(30)), math.cos(math.radians(30)), 0])
+    np.testing.assert_allclose(matrix @ direction, 9 * direction)
+    np.testing.assert_allclose(np.linalg.eigvalsh(matrix), [1, 4, 9])
+
+
+def test_standard_deviations_without_an_ellipse() -> None:
+    (fix,), _ = parse(rmc(), gga(), gst(ellipse=",,", axes="0.02,0.03,0.05"))
+    np.testing.assert_allclose(fix.covariance_m2, np.diag([0.03**2, 0.02**2, 0.05**2]))
+    assert fix.covariance_kind is CovarianceKind.DIAGONAL_KNOWN
+
+
+def test_nothing_said_about_the_error() -> None:
+    (fix,), _ = parse(rmc())
+    assert fix.covariance_kind is CovarianceKind.UNKNOWN
+    assert math.isnan(fix.position.horizontal_sd_m)
+
+
+def test_own_range_errors() -> None:
+    (fix,), _ = parse(rmc(), gga(hdop="2"), uere_m={1: 10.0})
+    assert fix.position.horizontal_sd_m == pytest.approx(20 / math.sqrt(2))
+
+
+def test_midnight_between_the_sentences() -> None:
+    lines = [
+        rmc("235959", date="311223"),
+        gga("235959"),
+        gga("000000"),
+        gga("000001"),
+        rmc("000001", date="010124"),
+    ]
+    fixes, _ = parse(*lines)
+    assert [fix.stamp_s - stamp("2024-01-01 00:00:00") for fix in fixes] == [-1, 0, 1]
+
+
+def test_no_date_yet() -> None:
+    fixes, problems = parse(gga("100000"), gga("100001"), rmc("100001"))
+    assert math.isnan(fixes[0].stamp_s)
+    assert fixes[1].stamp_s == stamp("2024-05-01 10:00:01")
+    assert problems == [Kind.NO_DATE]
+
+
+@pytest.mark.parametrize(
+    ("line", "kind"),
+    [
+        (b"hello", Kind.UNREADABLE),
+        (b"$", Kind.UNREADABLE),
+        (GGA[:-1] + b"8", Kind.CHECKSUM),
+        (GGA[:-3], Kind.CHECKSUM),
+        (GGA[:30], Kind.CHECKSUM),
+        (b"$" + b"A" * 5000, Kind.TOO_LONG),
+        (gga(clock="256000"), Kind.NOT_A_NUMBER),
+        (gga(lat="52x,N"), Kind.NOT_A_NUMBER),
+        (gga(lat="5275.0,N"), Kind.NOT_A_NUMBER),
+        (gga(lat="5231.1,Q"), Kind.NOT_A_NUMBER),
+        (rmc(date="320124"), Kind.NOT_A_NUMBER),
+    ],
+)
+def test_damaged_sentences(line, kind) -> None:
+    fixes, problems = parse(line, rmc())
+    assert problems == [kind]
+    assert len(fixes) == 1
+
+
+def test_other_sentences_and_empty_lines_are_no_problem() -> None:
+    lines = [sentence("GPGSV,1,1,00"), sentence("GNVTG,90.0,T,,M,1.9,N,3.6,K,A"), sentence("PUBX,00,1"), b"\r\n"]
+    fixes, problems = parse(*lines, sentence("GNXYZ,1"), rmc())
+    assert len(fixes) == 1
+    assert problems == []
+
+
+def test_a_broken_sentence_before_a_whole_one() -> None:
+    fixes, problems = parse(b"$GNRMC,1000" + rmc())
+    assert len(fixes) == 1
+    assert problems == []
+
+
+def test_checksum_may_be_waived() -> None:
+    assert parse(rmc()[:-3], require_checksum=False)[0]
+
+
+@settings(deadline=None)
+@given(st.lists(st.binary(max_size=120)))
+def test_any_bytes_never_raise(lines) -> None:
+    parse(*lines, require_checksum=False)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["GGA", "RMC", "GST"]),
+            st.lists(
+                st.sampled_from(
+                    ["", "1", "A", "N", "1e9", "-5", "100000", "9999.9", "nan", "010524", "x", "240000"]
+                ),
+                max_size=16,
+            ),
+        ),
+        max_size=8,
+    )
+)
+def test_any_fields_never_raise(rows) -> None:
+    fixes, _ = parse(*(sentence(f"GP{kind},{','.join(fields)}") for kind, fields in rows))
+    for fix in fixes:
+        assert math.isnan(fix.position.latitude_deg) == (fix.status is FixStatus.NO_FIX)
+
+
+@settings(deadline=None)
+@given(st.sampled_from([GGA, rmc(), gst()]), st.integers(0, 60), st.binary(max_size=4))
+def test_damaged_real_sentences_never_raise(line, place, data) -> None:
+    parse(line[:place] + data + line[place + len(data) :], require_checksum=False)
+
+
+def test_file(tmp_path) -> None:
+    path = tmp_path / "a.nmea"
+    path.write_bytes(b"\r\n".join([gga("095959"), b"noise", rmc(), gga(), gga("100001")]) + b"\r\n")
+    fixes, problems = read_nmea(path)
+    assert [fix.stamp_s for fix in fixes] == [
+        stamp(f"2024-05-01 {clock}") for clock in ("09:59:59", "10:00:00", "10:00:01")
+    ]
+    assert [(problem.kind, problem.mistake.line, problem.mistake.path) for problem in problems] == [
+        (Kind.UNREADABLE, 2, path)
+    ]
+
+
+@pytest.mark.parametrize("data", [b"", b"a,b,c\n1,2,3\n", b"$GPGGA,1*00\n"])
+def test_files_without_sentences(tmp_path, data) -> None:
+    path = tmp_path / "a.nmea"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"is empty|holds no NMEA sentence"):
+        read_nmea(path)
+    with pytest.raises(InputError, match="no such file"):
+        read_nmea(tmp_path / "b.nmea")

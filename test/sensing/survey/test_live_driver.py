@@ -1,0 +1,92 @@
+"""Links and evaluation together, from recordings and from a server."""
+
+import contextlib
+import math
+import socket
+import threading
+import time
+
+import pytest
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.survey.live_driver import DriverSettings, LiveDriver
+from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+
+LIMIT_S = 20.0
+FORMAT = "thorvald_crs"
+
+
+@contextlib.contextmanager
+def started(driver, wake=lambda: None):
+    driver.start(wake)
+    try:
+        yield driver
+    finally:
+        driver.stop()
+
+
+def until(driver, done):
+    """Step until a condition on all batches holds; gives the batches."""
+    batches = []
+    deadline = time.monotonic() + LIMIT_S
+    while not done(batches):
+        assert time.monotonic() < deadline, driver.health(0.0)
+        batches.append(driver.step(0.0))
+    return batches
+
+
+def records(batches):
+    return [record for batch in batches for record in batch.records]
+
+
+@pytest.mark.parametrize("speed", [0, 300])
+def test_recordings_of_logger_and_receiver_are_played_in_step(speed, tmp_path):
+    field = write_survey(tmp_path, 3, spacing_m=40.0, dwell_s=60.0)
+    uris = [f"{(tmp_path / name).as_uri()}?speed={speed}" for name in ("survey.log", "survey.nmea")]
+    settings = DriverSettings(uris[0], FORMAT, uris[1], fix_wait_s=60.0)
+    driver = LiveDriver(settings, load_site(tmp_path / "site.yaml"), field.frame)
+    log = (tmp_path / "survey.log").read_bytes().splitlines()
+    number = sum(not text.startswith(b"#") for text in log)
+    with started(driver):
+        batches = until(driver, lambda batches: len(records(batches)) == number)
+        assert {part.name: part.level for part in driver.health(0.0)}["logger link"] is Level.OK
+    assert [text for batch in batches for text in batch.logger_lines] == log
+    assert sum(len(batch.readings) for batch in batches) == number
+    assert sum(len(batch.fixes) for batch in batches) > 9 * number
+    assert not [one for one in records(batches) if math.isnan(one.x_m)]
+
+
+def test_it_is_woken_for_what_comes_and_not_for_every_line(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        host, port = server.getsockname()
+        woken = threading.Semaphore(0)
+        driver = LiveDriver(DriverSettings(f"tcp://{host}:{port}", FORMAT), Site(), LocalFrame(50, 10))
+        with started(driver, woken.release), server.accept()[0] as client:
+            client.sendall(b"a\n" * 700)
+            assert woken.acquire(timeout=LIMIT_S)
+            batches = until(driver, lambda batches: sum(len(b.logger_lines) for b in batches) == 700)
+            assert all(len(batch.logger_lines) <= 500 for batch in batches)
+            client.sendall(b"b\n")
+            deadline = time.monotonic() + LIMIT_S
+            while not (lines := driver.step(0.0).logger_lines):
+                assert time.monotonic() < deadline
+                woken.acquire(timeout=0.1)
+            assert lines == [b"b"]
+    assert [part.level for part in driver.health(0.0)] == [Level.STALE]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"logger_uri": "file:///no/such.log"}, "no such file"),
+        ({"gnss_uri": "tpc://host:1"}, "write it like tcp://"),
+        ({"logger_format": "thorvald"}, "thorvald_crs"),
+    ],
+)
+def test_what_cannot_be_used_is_told_at_once(changes, said):
+    values = {"logger_uri": "tcp://127.0.0.1:1", "logger_format": FORMAT, **changes}
+    with pytest.raises(InputError, match=said):
+        LiveDriver(DriverSettings(**values), Site(), LocalFrame(50, 10))

@@ -1,0 +1,89 @@
+"""What the operator is told of links, records and fixes."""
+
+import math
+
+import pytest
+
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.sensing.formats.robot_logger import format_record
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.sensing.survey.live_health import fix_health, link_health, records_health
+from soilmoist_ros.sensing.survey.live_survey import LiveSurvey
+
+T0 = 1.78e9
+NAN = math.nan
+
+
+@pytest.fixture
+def survey():
+    site = Site(corrections={"pressure": None, "humidity": None})
+    return LiveSurvey(site, LocalFrame(50.0, 10.0), "thorvald_crs")
+
+
+def count(survey, number, late_s=0.0):
+    record = LoggerRecord(T0 + 10 * number, (5.0,) * 12, (10.0,) * 12, record_number=number)
+    survey.take_logger_line(format_record(record).encode(), 0.0)
+    survey.compare_clocks(record.stamp_s, record.stamp_s + late_s)
+
+
+@pytest.mark.parametrize(
+    ("state", "level"),
+    [
+        (LinkState.CONNECTED, Level.OK), (LinkState.ENDED, Level.OK), (LinkState.CONNECTING, Level.ERROR),
+        (LinkState.SILENT, Level.ERROR), (LinkState.CLOSED, Level.STALE),
+    ],
+)  # fmt: skip
+def test_every_state_of_a_link_has_its_level(state, level):
+    part = link_health("logger link", LinkStatus("tcp://h:1", state, attempts=3, last_error="refused"))
+    assert (part.level, part.name) == (level, "logger link")
+    assert ("refused" in part.message) == (level is Level.ERROR)
+    assert part.values["attempts in vain"] == "3"
+
+
+def test_records_that_come_are_fine_and_those_that_do_not_are_told(survey):
+    assert records_health(survey, T0).level is Level.STALE
+    count(survey, 1)
+    count(survey, 2)
+    part = records_health(survey, T0 + 25)
+    assert (part.level, part.values["records per minute"]) == (Level.OK, "6.00")
+    part = records_health(survey, T0 + 60)
+    assert (part.level, part.message) == (Level.ERROR, "no record for 40 s: check the logger")
+
+
+def test_spoilt_lines_are_told_by_kind_and_forgotten_after_a_while(survey):
+    for _ in range(2):
+        count(survey, 1)
+        survey.take_logger_line(b"2024-05-01T10:00:10.000Z,1,10.000*00", 0.0)
+    part = records_health(survey, T0 + 10)
+    assert part.level is Level.WARN
+    assert "2 of the last 20 records are lost (the checksum" in part.message
+    assert part.values["dropped: wrong checksum"] == "2"
+    for number in range(2, 30):
+        count(survey, number)
+        survey.take_ready(math.inf)
+    assert records_health(survey, T0 + 290).level is Level.OK
+
+
+def test_clocks_that_differ_are_told_and_do_not_look_like_silence(survey):
+    count(survey, 1, late_s=100.0)
+    part = records_health(survey, T0 + 110)
+    assert part.level is Level.WARN
+    assert "differs by -100 s from ours" in part.message
+
+
+def test_fixes_are_told_by_quality_and_age(survey):
+    assert fix_health(survey, T0).level is Level.STALE
+    survey.take_fix(Fix(T0, Position(50.0, 10.0, 30.0, 0.02), FixStatus.RTK, satellites=18, hdop=0.7))
+    part = fix_health(survey, T0 + 1)
+    assert part.level is Level.OK
+    assert (part.values["status"], part.values["satellites"], part.values["hdop"]) == ("rtk", "18", "0.7")
+    assert part.values["standard deviation [m]"] == "0.020"
+    assert fix_health(survey, T0 + 20).message == "the last fix is 20 s old"
+    survey.take_fix(Fix(T0 + 21, Position(NAN, NAN), FixStatus.NO_FIX))
+    assert fix_health(survey, T0 + 21).level is Level.ERROR
+    survey.take_fix(Fix(NAN, Position(50.0, 10.0), FixStatus.FIX))
+    assert fix_health(survey, T0 + 21).message == "the last fix has no time"

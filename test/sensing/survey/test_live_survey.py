@@ -1,0 +1,358 @@
+"""Records on line: the same as from files where nothing is missing, and never worse than they must be."""
+
+import itertools
+import math
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections.running_shares import RunningShares
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+from soilmoist_ros.sensing.formats.logger_reader import read_log
+from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.position.nmea import read_nmea
+from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.sensing.survey.live_survey import OTHER_WAY_S, LiveSurvey
+from soilmoist_ros.sensing.survey.survey import process_logs
+from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
+from soilmoist_ros.simulation.robot.virtual_survey import START_S, write_survey
+
+NAN = math.nan
+T0 = datetime(2024, 5, 1, 12, tzinfo=UTC).timestamp()
+FRAME = LocalFrame(50.0, 10.0)
+UNCORRECTED = Site(corrections={"pressure": None, "humidity": None})
+FORMAT = "thorvald_crs"
+
+
+def record(number, **values):
+    weather = {"pressure_hpa": 1000.0, "temperature_degc": 20.0, "relative_humidity": 0.5}
+    values = {
+        "tube_counts": (5.0,) * 12,
+        "tube_live_s": (10.0,) * 12,
+        "record_number": number,
+        **weather,
+        **values,
+    }
+    return LoggerRecord(T0 + 10.0 * number, **values)
+
+
+def line(one):
+    return format_record(one).encode()
+
+
+def fix(elapsed_s, x_m=0.0, status=FixStatus.RTK):
+    latitude, longitude = FRAME.to_geographic((x_m, 0.0))[0].tolist()
+    place = Position(latitude, longitude, 30.0) if status is not FixStatus.NO_FIX else Position(NAN, NAN)
+    return Fix(T0 + elapsed_s, place, status)
+
+
+def survey(site=UNCORRECTED, logger=FORMAT, **options):
+    return LiveSurvey(site, FRAME, logger, **options)
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """A simulated survey: its log, its fixes, its site, and its lines in order of time."""
+    folder = tmp_path_factory.mktemp("survey")
+    field = write_survey(folder, 1, spacing_m=20.0, dwell_s=60.0)
+    logger = [(name.strip(), 1) for name in (folder / "survey.log").read_bytes().splitlines()]
+    ends = itertools.count(1)
+    lines = [
+        (START_S + (0 if text.startswith(b"#") else 10 * next(ends)), source, text) for text, source in logger
+    ]
+    nmea = (folder / "survey.nmea").read_bytes().splitlines()
+    lines += [(START_S + index // 3, 0, text) for index, text in enumerate(nmea)]
+    log = read_log(folder / "survey.log", FORMAT)
+    fixes, _ = read_nmea(folder / "survey.nmea")
+    return field.frame, load_site(folder / "site.yaml"), log, fixes, sorted(lines, key=lambda entry: entry[:2])
+
+
+def statistics(one):
+    return (one.stamp_s, one.raw_counts, one.exposure_s, one.effective_exposure_s,
+            one.f_pressure, one.f_humidity, one.f_intensity)  # fmt: skip
+
+
+@pytest.mark.parametrize("late_s", [0.0, 4.0, 6.5, 30.0])
+def test_the_same_records_as_from_the_files_however_late_the_fixes_are(simulated, late_s):
+    frame, site, log, fixes, lines = simulated
+    wanted = process_logs([log], site, frame, Track(fixes)).records
+    live = LiveSurvey(site, frame, FORMAT, fix_wait_s=60.0)
+    found = []
+    for stamp_s, source, text in sorted(lines, key=lambda entry: entry[0] + late_s * (entry[1] == 0)):
+        if source:
+            live.take_logger_line(text, stamp_s)
+        else:
+            live.take_nmea_line(text)
+        found += live.take_ready(stamp_s)
+    found += live.take_ready(math.inf)
+    assert [statistics(one) for one in found] == [statistics(one) for one in wanted]
+    np.testing.assert_allclose(
+        [(one.x_m, one.y_m, one.z_m) for one in found], [(one.x_m, one.y_m, one.z_m) for one in wanted], atol=1e-9
+    )
+    assert live.records_without_position == 0
+
+
+def test_a_record_waits_for_the_first_fix_after_its_middle():
+    live = survey()
+    live.take_fix(fix(1.0, 1.0))
+    live.take_logger_line(line(record(1)), 100.0)
+    assert (live.take_ready(100.0), live.waiting) == ([], 1)
+    live.take_fix(fix(4.9, 4.9))
+    assert live.take_ready(101.0) == []
+    live.take_fix(fix(6.0, 6.0))
+    [one] = live.take_ready(101.0)
+    assert one.x_m == pytest.approx(5.0, abs=1e-6)
+    assert one.raw_counts == 60
+
+
+def test_after_the_waiting_time_a_fix_from_within_the_interval_serves():
+    live = survey()
+    live.take_fix(fix(1.0, 1.0))
+    live.take_logger_line(line(record(1)), 100.0)
+    assert live.take_ready(101.99) == []
+    assert live.take_ready(102.0)[0].x_m == pytest.approx(1.0, abs=1e-6)
+    live.take_logger_line(line(record(2)), 110.0)
+    assert math.isnan(live.take_ready(112.0)[0].x_m)  # that fix is of the interval before
+
+
+def test_a_later_record_or_epoch_ends_the_waiting_as_the_clock_does():
+    live = survey()
+    live.take_logger_line(line(record(1)), 0.0)
+    assert live.take_ready(0.0) == []
+    live.take_logger_line(line(record(2)), 0.0)
+    assert live.take_ready(OTHER_WAY_S - 0.01) == []  # its fixes may be on their way
+    assert [one.stamp_s - T0 for one in live.take_ready(OTHER_WAY_S)] == [10.0]
+    live.take_fix(fix(21.9, status=FixStatus.NO_FIX))
+    assert live.take_ready(0.0) == []
+    live.take_fix(fix(22.0, status=FixStatus.NO_FIX))
+    [one] = live.take_ready(0.0)
+    assert math.isnan(one.x_m)
+    assert math.isnan(one.y_m)
+    assert one.raw_counts == 60
+    assert live.records_without_position == 2
+    assert live.logger_problems.noted[Kind.NO_POSITION] == 2
+    assert live.logger_problems.losses == 0
+
+
+@given(st.data())
+def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
+    live = survey()
+    found, now_s, number, epoch_s = [], 0.0, 0, 0.0
+    for event in data.draw(st.lists(st.sampled_from(["record", "fix", "no fix", "jump", "wait"]), max_size=40)):
+        if event == "record":
+            number += 1
+            live.take_logger_line(line(record(number)), now_s)
+        elif event == "wait":
+            now_s += data.draw(st.floats(0, 5))
+        elif event == "jump":
+            epoch_s += data.draw(st.floats(-1e6, 1e6))
+        else:
+            epoch_s += data.draw(st.floats(0, 20))
+            status = FixStatus.FIX if event == "fix" else FixStatus.NO_FIX
+            live.take_fix(fix(epoch_s, data.draw(st.floats(-50, 50)), status))
+        found += live.take_ready(now_s)
+    found += live.take_ready(now_s + 2.0)
+    assert [one.stamp_s for one in found] == [T0 + 10.0 * k for k in range(1, number + 1)]
+    assert all(math.isnan(one.x_m) or abs(one.x_m) <= 50.001 for one in found)
+    assert live.waiting == 0
+
+
+@given(st.lists(st.binary(max_size=80), max_size=10))
+def test_no_line_can_bring_it_down_and_each_loss_is_counted(lines):
+    live = survey()
+    for text in lines:
+        live.take_logger_line(text, 0.0)
+        live.take_nmea_line(text)
+    live.take_logger_line(line(record(1)), 0.0)
+    live.take_fix(fix(6.0))
+    assert len(live.take_ready(0.0)) == 1
+    problems = live.logger_problems
+    remarks = [text for text in lines if text.strip(b"\r\n").lstrip().startswith(b"#") and b"*" not in text]
+    empty = [text for text in lines if not text.strip(b"\r\n").strip(b" \t\x03\x04\x1a")]
+    assert problems.losses == len(lines) - len(remarks) - len(empty)
+
+
+def test_repeated_records_are_dropped_and_are_no_loss():
+    live = survey()
+    for number in (1, 1, 2):
+        live.take_logger_line(line(record(number)), 0.0)
+    assert len(live.take_ready(9.0)) == 2
+    assert live.logger_problems.lost == {Kind.DUPLICATE: 1}
+    assert (live.logger_problems.losses, live.losses_of_late) == (0, 0)
+
+
+def test_missing_weather_is_that_of_before_but_not_of_long_ago():
+    live = survey(Site())
+    live.take_logger_line(line(record(0, pressure_hpa=NAN)), 0.0)
+    live.take_logger_line(line(record(1, pressure_hpa=990.0)), 0.0)
+    live.take_logger_line(line(record(2, pressure_hpa=NAN, relative_humidity=NAN)), 0.0)
+    live.take_logger_line(line(record(400, pressure_hpa=NAN)), 0.0)
+    found = live.take_ready(9.0)
+    assert [one.stamp_s - T0 for one in found] == [10.0, 20.0]
+    assert found[0].f_pressure == found[1].f_pressure == pytest.approx(math.exp(0.0077 * (990 - 1013.25)))
+    assert found[0].f_humidity == found[1].f_humidity
+    assert live.logger_problems.lost == {Kind.NO_CORRECTION: 2}
+    assert "pressure_hpa" in str(live.logger_problems.last_loss)
+
+
+def test_the_loggers_own_positions_serve_as_from_a_file(shared_data):
+    """A real log: places at the middle of the interval, and where the logger had none the record has none."""
+    path = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+    site = Site(longitude="west", corrections={"pressure": None, "humidity": None})
+    logger = load_logger_format("hydroinnova_rover")
+    log = read_log(path, logger, "west")
+    wanted = process_logs([log], site).records
+    frame = process_logs([log], site).frame
+    live = LiveSurvey(site, frame, logger)
+    found = []
+    for text in path.read_bytes().splitlines():
+        live.take_logger_line(text, 0.0)
+        found += live.take_ready(0.0)
+    found += live.take_ready(9.0)
+    assert len(found) == len(log.records)
+    placed = {one.stamp_s: one for one in found if not math.isnan(one.x_m)}
+    assert len(placed) >= 0.98 * len(wanted)
+    far_m = [
+        math.hypot(placed[one.stamp_s].x_m - one.x_m, placed[one.stamp_s].y_m - one.y_m)
+        for one in wanted
+        if one.stamp_s in placed
+    ]
+    assert sorted(far_m)[int(0.98 * len(far_m))] < 1e-6
+    assert [one.raw_counts for one in wanted] == [
+        one.raw_counts for one in found if one.stamp_s in {w.stamp_s for w in wanted}
+    ]
+
+
+def test_a_stationary_probe_stands_where_the_site_file_says():
+    live = survey(
+        UNCORRECTED.model_copy(
+            update={"location": Site(location={"latitude_deg": 50.0, "longitude_deg": 10.0}).location}
+        )
+    )
+    live.take_logger_line(line(record(1)), 0.0)
+    [one] = live.take_ready(2.0)
+    assert (one.x_m, one.y_m) == (pytest.approx(0, abs=1e-6), pytest.approx(0, abs=1e-6))
+
+
+def test_intensity_comes_from_outside_if_it_is_good():
+    site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}})
+    live = survey(site)
+    assert [live.take_intensity(rate) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
+    live.take_logger_line(line(record(1)), 0.0)
+    assert live.take_intensity(100.0)
+    live.take_logger_line(line(record(2)), 0.0)
+    assert [one.f_intensity for one in live.take_ready(9.0)] == [1.0, 1.5]
+    assert not survey().take_intensity(100.0)  # the site says nothing of intensity
+
+
+def test_intensity_comes_from_a_monitor_file(tmp_path):
+    (tmp_path / "monitor.csv").write_text("2024-05-01 12:00:00;100\n2024-05-01 13:00:00;100\n")
+    intensity = {"reference": 150, "file": str(tmp_path / "monitor.csv")}
+    live = survey(Site(corrections={"pressure": None, "humidity": None, "intensity": intensity}))
+    live.take_logger_line(line(record(1)), 0.0)
+    live.take_logger_line(line(record(1000)), 0.0)
+    assert [one.f_intensity for one in live.take_ready(9.0)] == [1.5]
+    assert live.logger_problems.lost == {Kind.NO_CORRECTION: 1}
+
+
+def test_a_tube_that_fails_changes_the_exposure_and_not_the_rate():
+    rng = np.random.default_rng(4)
+    shares = rng.dirichlet(np.full(12, 400.0))
+    running = RunningShares()
+    for number in range(600):
+        counts = rng.poisson(6.0 * 10 * shares).astype(float)
+        running.take(record(number, tube_counts=tuple(counts.tolist())))
+    broken = record(600, tube_counts=(NAN, *[5.0] * 11), tube_live_s=(NAN, *[10.0] * 11))
+    estimate = running.take(broken)
+    assert estimate.sum() == pytest.approx(1)
+    assert estimate[0] == pytest.approx(shares[0], rel=0.15)
+    assert np.corrcoef(estimate, shares)[0, 1] > 0.5
+
+
+def test_a_tube_that_is_missing_from_the_start_is_taken_for_like_the_others():
+    live = survey()
+    broken = {"tube_counts": (NAN, *[5.0] * 11), "tube_live_s": (NAN, *[10.0] * 11)}
+    live.take_logger_line(line(record(1, **broken)), 0.0)
+    [one] = live.take_ready(9.0)
+    assert one.raw_counts == 55
+    assert one.exposure_s == pytest.approx(10 * 11 / 12, rel=0.01)
+
+
+def test_a_tube_that_is_left_out_on_purpose_does_not_matter():
+    logger = load_logger_format(FORMAT)
+    logger = logger.model_copy(update={"counts": logger.counts.model_copy(update={"left_out": (12,)})})
+    live = survey(logger=logger)
+    live.take_logger_line(line(record(1)), 0.0)
+    [one] = live.take_ready(9.0)
+    assert (one.raw_counts, one.exposure_s) == (55, 10.0)
+
+
+def test_tube_shares_of_the_site_file_must_fit_the_logger():
+    with pytest.raises(InputError, match="has 2 values, but the logger has 12 tubes"):
+        survey(UNCORRECTED.model_copy(update={"tube_shares": [0.5, 0.5]}))
+    live = survey(UNCORRECTED.model_copy(update={"tube_shares": [2.0] + [1.0] * 11}))
+    broken = {"tube_counts": (NAN, *[5.0] * 11), "tube_live_s": (NAN, *[10.0] * 11)}
+    live.take_logger_line(line(record(1, **broken)), 0.0)
+    assert live.take_ready(9.0)[0].exposure_s == pytest.approx(10 * 11 / 13)
+
+
+def test_clocks_are_compared_by_the_line_that_came_fastest():
+    live = survey()
+    assert math.isnan(live.clock_difference_s)
+    for late_s in (3.0, 0.5, 40.0):
+        live.compare_clocks(T0 + 7.0, T0 + late_s)
+    assert live.clock_difference_s == pytest.approx(4.0)
+
+
+def test_the_rate_of_records_is_by_the_loggers_time():
+    live = survey()
+    assert math.isnan(live.record_rate_hz)
+    for number in (1, 2, 3):
+        live.take_logger_line(line(record(number)), 0.0)
+    assert live.record_rate_hz == pytest.approx(0.1)
+
+
+def test_a_receiver_that_corrects_its_clock_is_followed():
+    live = survey()
+    live.take_fix(fix(1e9, 40.0))
+    for elapsed_s in range(12):
+        live.take_fix(fix(float(elapsed_s), float(elapsed_s)))
+    live.take_logger_line(line(record(1)), 0.0)
+    assert live.take_ready(0.0)[0].x_m == pytest.approx(5.0, abs=1e-6)
+
+
+def test_sentences_without_a_fix_and_without_a_date():
+    live = survey(reference_stamp_s=T0 + 3600)
+    gga = nmea_sentences(T0 + 5, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
+    later = nmea_sentences(T0 + 6, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
+    live.take_nmea_line(gga)
+    assert live.take_nmea_line(later).stamp_s == T0 + 5
+    for text in sentences_without_fix(T0 + 7) + sentences_without_fix(T0 + 8):
+        live.take_nmea_line(text.encode())
+    assert live.last_fix.status is FixStatus.NO_FIX
+
+
+def test_the_header_tells_the_serial_number_also_later_on():
+    live = survey()
+    live.take_logger_line(line(record(1)), 0.0)
+    for text in format_header("CRS-0007").splitlines():
+        live.take_logger_line(text.encode(), 0.0)
+    assert live.parser.serial == "CRS-0007"
+    assert len(live.take_ready(9.0)) == 1
+
+
+def test_a_new_number_of_tubes_starts_the_shares_again():
+    running = RunningShares()
+    assert running.take(record(1)).tolist() == pytest.approx([1 / 12] * 12)
+    two = replace(record(2), tube_counts=(5.0, NAN), tube_live_s=(10.0, NAN))
+    assert running.take(two).tolist() == pytest.approx([0.5, 0.5], abs=0.05)

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file, write_truth_file
+from soilmoist_ros.simulation.mission.simulator import mission_grid
+
+NO_GO = """
+name: "Holes: 'and' \\u00e4 \\"quotes\\""
+datum: {latitude_deg: 53.1234567891, longitude_deg: -0.000000123}
+polygon: [[0.123456789, 0], [40, 0], [40, 1234.56789], [0, 30]]
+no_go: [[[25, 20], [30, 20], [30, 26], [25, 26]]]
+cell_m: 2
+truth: {formula: {family: gradient, low: 2, high: 3, angle_deg: 30}}
+"""
+
+
+@pytest.fixture(params=["half-wet", "airfield_points", "with-holes"])
+def field(request, tmp_path):
+    if request.param != "with-holes":
+        return surrogate_field(request.param)
+    path = tmp_path / "holes.yaml"
+    path.write_text(NO_GO.replace("\\u00e4", "ä"), encoding="utf-8")
+    return surrogate_field(str(path))
+
+
+def test_the_field_file_says_all_but_the_truth(field, tmp_path):
+    path = tmp_path / "new" / "field.yaml"
+    write_field_file(field, path)
+    read = load_field(path)
+    assert read.frame == field.frame
+    assert read.cell_m == field.field.cell_m
+    assert np.array_equal(read.polygon, field.polygon)
+    for ring, other in zip(read.no_go, field.field.no_go, strict=True):
+        assert np.array_equal(ring, other)
+    assert read.name == f"{field.title} (simulated)"
+    with pytest.raises(InputError, match="has no truth"):
+        surrogate_field(str(path))
+
+
+def test_the_truth_file_is_the_same_field_again(field, tmp_path):
+    grid = mission_grid(field)
+    write_truth_file(field, grid, tmp_path / "truth.yaml")
+    read = surrogate_field(str(tmp_path / "truth.yaml"))
+    assert np.array_equal(read.rate_at(grid.cells), field.rate_at(grid.cells))
+    assert read.curve == field.curve
+    assert read.hours == field.hours
+    assert np.array_equal(load_field(tmp_path / "truth.yaml").polygon, field.polygon)
+
+
+def test_the_site_file_has_the_calibration_that_the_field_is_made_with(field, tmp_path):
+    write_site_file(field, tmp_path / "site.yaml")
+    assert load_site(tmp_path / "site.yaml").curve == field.curve
+
+
+def test_where_nothing_can_be_written_is_said(field, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_field_file(field, tmp_path / "file" / "field.yaml")

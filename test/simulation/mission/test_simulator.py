@@ -1,0 +1,210 @@
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from datetime import UTC, datetime
+from itertools import pairwise
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.mission.types import GoTo
+from soilmoist_ros.exploration.strategies.registry import STRATEGIES
+from soilmoist_ros.exploration.travel.graph_builders import open_lattice
+from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+from soilmoist_ros.exploration.travel.travel import polyline_length_m
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
+
+SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", variogram="matern32", cell_m=2.0)
+
+
+def bits(result):
+    """What a mission came to, to compare bit for bit; NaN differs from itself, so as text."""
+    return repr(result.series), repr(result.visits), result.tracks[0].tobytes(), repr(result.records)
+
+
+@pytest.mark.parametrize("strategy", ["greedy", "monte_carlo", "adaptive_sampling", "random", "lattice"])
+@pytest.mark.parametrize("preset", ["paper", "authors"])
+def test_every_strategy_maps_the_border(strategy, preset):
+    result = simulate_mission(replace(SHORT, strategy=strategy, preset=preset))
+    first, last = next(row for row in result.series if row.mse == row.mse), result.series[-1]
+    assert last.samples >= 12
+    # half the field is 2.5, half 5.0 counts/s: knowing only the mean leaves an error of about 1.3
+    assert last.mse < 0.35
+    assert last.mse < first.mse
+    assert 3600 - 150 <= last.time_s <= 3600
+    assert result.soil_map is not None
+    assert np.nanmean((result.soil_map.rate - result.truth_rate) ** 2) == pytest.approx(last.mse, rel=1e-9)
+
+
+def test_a_mission_is_determined_by_its_seed_in_any_process():
+    settings = [replace(SHORT, strategy="monte_carlo", seed=seed, hours=0.5) for seed in (1, 2)]
+    here = [bits(simulate_mission(each)) for each in settings]
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        there = [bits(result) for result in pool.map(simulate_mission, settings)]
+    assert here == there
+    assert here[0] != here[1]
+
+
+def test_time_distance_and_samples_only_grow():
+    rows = simulate_mission(SHORT).series
+    for before, after in pairwise(rows):
+        assert after.time_s > before.time_s
+        assert after.distance_m >= before.distance_m
+        assert after.samples >= before.samples
+        assert after.counting_s >= before.counting_s
+        assert after.mse_10s == pytest.approx(100 * after.mse, nan_ok=True)
+
+
+def test_stops_are_counted_for_as_long_as_the_rule_says():
+    fixed = simulate_mission(replace(SHORT, dwell="fmi:120")).visits
+    # the record under way at the arrival is not counted
+    assert all(120 <= visit.dwell_s <= 130 for visit in fixed[:-1])
+    adaptive = simulate_mission(replace(SHORT, dwell="ami:0.05", hours=1.5)).visits
+    assert all(400 <= visit.raw_counts <= 470 for visit in adaptive[:-1])
+
+
+def test_the_weather_is_applied_and_undone():
+    settings = replace(SHORT, strategy="random", hours=3.0, seed=4)
+    result = simulate_mission(settings)
+    field = surrogate_field(settings.field)
+    standing = [r for r in result.records if any(abs(r.x_m - v.x_m) < 0.3 and abs(r.y_m - v.y_m) < 0.3
+                and v.arrived_s + 10 <= r.stamp_s <= v.arrived_s + v.dwell_s for v in result.visits)]  # fmt: skip
+    factors = {round(r.effective_exposure_s, 6) for r in standing}
+    assert len(factors) > 20
+    counts = np.array([r.raw_counts for r in standing])
+    rate = field.rate_at([(r.x_m, r.y_m) for r in standing])
+    expected = rate * [r.effective_exposure_s for r in standing]
+    chi_square = ((counts - expected) ** 2 / expected).sum()
+    assert abs(chi_square - len(counts)) < 4 * np.sqrt(2 * len(counts))
+    calm = simulate_mission(replace(settings, weather=False))
+    assert {r.effective_exposure_s for r in calm.records} == {10.0}
+
+
+def test_turning_and_overhead_cost_time_but_not_distance():
+    easy = simulate_mission(replace(SHORT, strategy="lattice", stop_overhead_s=0.0))
+    hard = simulate_mission(replace(SHORT, strategy="lattice", stop_overhead_s=60.0))
+    assert len(hard.visits) < len(easy.visits)
+    assert easy.series[-1].counting_s > hard.series[-1].counting_s
+
+
+def test_a_footprint_blurs_what_the_sensor_sees():
+    base = MissionSettings(
+        strategy="lattice", hours=2.0, dwell="fmi:300", fit="reml", variogram="matern32", cell_m=2.0
+    )
+    sharp, blurred = (simulate_mission(replace(base, footprint_m=radius)).soil_map for radius in (0.0, 20.0))
+    assert np.nanstd(blurred.rate) < np.nanstd(sharp.rate)
+
+
+def test_missions_over_a_graph_stop_at_its_nodes_and_drive_its_edges(tmp_path):
+    field = surrogate_field("synthetic-high")
+    graph = open_lattice(field.field, 10.0).graph
+    path = tmp_path / "map.yaml"
+    path.write_text(make_topological_map(graph, "airfield", datetime(2026, 1, 1, tzinfo=UTC)).to_yaml())
+    result = simulate_mission(replace(SHORT, travel="graph", graph=str(path)))
+    nodes = set(graph.names)
+    assert {visit.name for visit in result.visits} <= nodes
+    corners = {tuple(np.round(xy, 3)) for xy in graph.xy}
+    assert {tuple(np.round(xy, 3)) for xy in result.tracks[0][1:-1]} <= corners
+    assert result.series[-1].mse < 0.5
+    laid = simulate_mission(replace(SHORT, travel="graph"))
+    assert laid.series[-1].samples > 8
+
+
+def test_the_cadence_of_the_sensor_is_free():
+    result = simulate_mission(replace(SHORT, cadence_s=30.0, hours=0.5))
+    assert [record.stamp_s for record in result.records] == [30.0 * k for k in range(1, len(result.records) + 1)]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"field": "synthetic-hihg"}, "synthetic-high"),
+        ({"strategy": "gredy"}, "did you mean 'greedy'"),
+        ({"dwell": "ami"}, "ami"),
+        ({"hours": 0.0}, "0.0 hours is not possible"),
+        ({"graph": "map.yaml"}, "travels freely"),
+        ({"cell_m": 500.0}, "cannot be gridded"),
+        ({"robots": 0}, "0 robots is not possible"),
+    ],
+)
+def test_bad_settings_are_named(change, message):
+    with pytest.raises(InputError, match=message):
+        simulate_mission(replace(SHORT, **change))
+
+
+def test_the_log_gives_a_reason_for_every_decision():
+    log = simulate_mission(replace(SHORT, hours=0.5)).log
+    assert any("highest kriging variance" in line for line in log)
+    assert log[-1].split("  ")[-1].startswith("end: ")
+
+
+class Watched(_Simulation):
+    """Writes down at each goal what all robots are about then."""
+
+    def __init__(self, given):
+        super().__init__(given)
+        self.held = []
+
+    def carry_out(self, robot, action):
+        super().carry_out(robot, action)
+        if isinstance(action, GoTo):
+            targets = [each.mission.status.target for each in self.robots]
+            self.held.append([target.name for target in targets if target is not None])
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    strategy=st.sampled_from(STRATEGIES),
+    robots=st.integers(2, 4),
+    seed=st.integers(0, 1000),
+    map_from=st.sampled_from(["stops", "records"]),
+    travel=st.sampled_from(["free", "graph"]),
+)
+def test_two_robots_never_hold_the_same_target(strategy, robots, seed, map_from, travel):
+    mission = Watched(
+        replace(SHORT, hours=0.2, dwell="fmi:60", strategy=strategy, robots=robots, seed=seed, map_from=map_from,
+                travel=travel, cell_m=5.0)
+    )  # fmt: skip
+    result = mission.run(lambda share: None)
+    assert mission.held
+    assert all(len(set(held)) == len(held) for held in mission.held)
+    assert {visit.robot for visit in result.visits} == set(range(1, robots + 1))
+
+
+@pytest.mark.parametrize("map_from", ["stops", "records"])
+def test_several_robots_share_one_map(map_from):
+    base = replace(SHORT, hours=0.5, map_from=map_from, strategy="ivr")
+    one, three = (simulate_mission(replace(base, robots=robots)) for robots in (1, 3))
+    assert three.series[-1].mse < one.series[-1].mse
+    assert len(three.visits) > 2 * len(one.visits)
+    # the error is that of the one map, the distance and the time are of all robots
+    assert np.nanmean((three.soil_map.rate - three.truth_rate) ** 2) == pytest.approx(three.series[-1].mse)
+    assert sum(map(polyline_length_m, three.tracks)) == pytest.approx(three.series[-1].distance_m)
+    assert sum(visit.dwell_s for visit in three.visits) == pytest.approx(three.series[-1].counting_s)
+    assert all(np.array_equal(track[0], one.tracks[0][0]) for track in three.tracks)
+    stamps = [record.stamp_s for record in three.records]
+    assert stamps == sorted(stamps)
+    assert len(stamps) > 2.9 * len(one.records)
+    assert bits(three) == bits(simulate_mission(replace(base, robots=3)))
+
+
+def test_how_each_of_several_robots_ended_is_told():
+    result = simulate_mission(replace(SHORT, hours=0.2, robots=2))
+    assert result.ended.startswith("robot 1: ")
+    assert "; robot 2: " in result.ended
+    assert any("s  robot 2: plan: " in line for line in result.log)
+
+
+def test_a_field_of_its_own_for_each_seed():
+    base = replace(SHORT, field="rough", hours=0.2)
+    same = [simulate_mission(replace(base, seed=seed)).truth_rate for seed in (1, 2)]
+    own = [simulate_mission(replace(base, seed=seed, random_field=True)).truth_rate for seed in (1, 2, 1)]
+    np.testing.assert_array_equal(same[0], same[1])
+    np.testing.assert_array_equal(own[0], own[2])
+    assert np.nanmax(np.abs(own[0] - own[1])) > 0.5
+    assert np.nanmax(np.abs(own[0] - same[0])) > 0.5

@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
+from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME, TUBES, format_record
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.simulation.robot.faulty_link import FaultyLink, Reachable, Sent
+from soilmoist_ros.simulation.robot.scenario import LinkFaults
+
+PERIOD_S = 10.0
+
+
+def line(number):
+    counts = (float(number),) * TUBES
+    return format_record(
+        LoggerRecord(
+            1.7e9 + PERIOD_S * number, counts, (PERIOD_S,) * TUBES, 1000.0, 15.0, 0.5, record_number=number
+        )
+    )
+
+
+def outputs(messages=10, **faults):
+    """What comes out when a record is sent every 10 s, with the time at which it does."""
+    link = FaultyLink("logger", LinkFaults.model_validate(faults), np.random.default_rng(1))
+    found, time_s = [], 0.0
+    for number in range(1, messages + 1):
+        while link.next_s <= PERIOD_S * number:
+            time_s = link.next_s
+            found += [(time_s, output) for output in link.receive(time_s)]
+        link.send(PERIOD_S * number, [line(number)])
+        found += [(PERIOD_S * number, output) for output in link.receive(PERIOD_S * number)]
+    while link.next_s < np.inf:
+        time_s = link.next_s
+        found += [(time_s, output) for output in link.receive(time_s)]
+    return found
+
+
+def read(found):
+    parser = RecordParser(FORMAT_NAME)
+    stream = b"".join(output.data for _, output in found if isinstance(output, Sent))
+    records = [parser.feed(piece) for piece in stream.splitlines(keepends=True)]
+    return [record.record_number for record in records if record], {problem.kind for problem in parser.problems}
+
+
+def test_a_good_link_delivers_everything_at_once():
+    found = outputs()
+    assert [time_s for time_s, _ in found] == [PERIOD_S * number for number in range(1, 11)]
+    assert read(found) == (list(range(1, 11)), set())
+
+
+@pytest.mark.parametrize(
+    ("kind", "lost", "noticed"),
+    [
+        ("missing", [4], {Kind.GAP}),
+        ("twice", [], {Kind.DUPLICATE}),
+        ("wrong_checksum", [4], {Kind.CHECKSUM, Kind.GAP}),
+        ("no_checksum", [4], {Kind.CHECKSUM, Kind.GAP}),
+        ("cut_short", [4, 5], {Kind.CHECKSUM, Kind.GAP}),
+        ("split", [], set()),
+        ("garbage", [], {Kind.CHECKSUM}),
+    ],
+)
+def test_damages_cost_what_they_say_and_never_invent_a_record(kind, lost, noticed):
+    numbers, problems = read(outputs(damages=[{"kind": kind, "nth": 4}]))
+    assert numbers == [number for number in range(1, 11) if number not in lost]
+    assert problems == noticed
+
+
+def test_damages_repeat():
+    numbers, _ = read(outputs(damages=[{"kind": "missing", "nth": 2, "every": 3}]))
+    assert numbers == [1, 3, 4, 6, 7, 9, 10]
+
+
+def test_a_split_message_comes_in_two_parts():
+    found = [(time_s, output.data) for time_s, output in outputs(damages=[{"kind": "split", "nth": 4}])]
+    assert [time_s for time_s, _ in found[3:5]] == [40.0, 40.5]
+    assert (found[3][1] + found[4][1]).decode() == line(4) + "\r\n"
+
+
+def test_a_cut_closes_the_link_and_loses_what_comes_meanwhile():
+    found = outputs(outages=[{"kind": "cut", "at_s": 25, "for_s": 20}])
+    turns = [(time_s, output.reachable) for time_s, output in found if isinstance(output, Reachable)]
+    assert turns == [(25, False), (45, True)]
+    assert read(found)[0] == [1, 2, 5, 6, 7, 8, 9, 10]
+
+
+def test_cuts_that_touch_are_one():
+    found = outputs(outages=[{"kind": "cut", "at_s": 25, "for_s": 20}, {"kind": "cut", "at_s": 35, "for_s": 30}])
+    turns = [(time_s, output.reachable) for time_s, output in found if isinstance(output, Reachable)]
+    assert turns == [(25, False), (65, True)]
+
+
+def test_silence_loses_without_a_word():
+    found = outputs(outages=[{"kind": "silence", "at_s": 25, "for_s": 20}])
+    assert all(isinstance(output, Sent) for _, output in found)
+    assert read(found) == ([1, 2, 5, 6, 7, 8, 9, 10], {Kind.GAP})
+
+
+def test_a_stall_loses_nothing():
+    found = outputs(outages=[{"kind": "stall", "at_s": 25, "for_s": 30}])
+    assert [time_s for time_s, _ in found] == [10, 20, 55, 55, 55, 60, 70, 80, 90, 100]
+    assert read(found) == (list(range(1, 11)), set())
+
+
+def test_the_line_that_is_struck_can_be_chosen():
+    link = FaultyLink("gnss", LinkFaults(damages=[{"kind": "no_checksum", "nth": 1}]), np.random.default_rng(1))
+    link.send(0.0, ["$A*00", "$B*11", "$C*22"], spoilt=1)
+    assert link.receive(0.0) == [Sent("gnss", b"$A*00\r\n$B\r\n$C*22\r\n")]
+
+
+span = st.fixed_dictionaries({"at_s": st.integers(0, 120), "for_s": st.integers(1, 60)})
+outage = st.tuples(span, st.sampled_from(["cut", "silence", "stall"])).map(lambda o: {**o[0], "kind": o[1]})
+damage = st.fixed_dictionaries(
+    {
+        "nth": st.integers(1, 10),
+        "kind": st.sampled_from(
+            ["missing", "twice", "wrong_checksum", "no_checksum", "cut_short", "split", "garbage"]
+        ),
+    }
+)
+
+
+@given(st.lists(outage, max_size=4), st.lists(damage, max_size=5))
+def test_whatever_happens_time_and_records_stay_in_order(outages, damages):
+    found = outputs(outages=outages, damages=damages)
+    times = [time_s for time_s, _ in found]
+    assert times == sorted(times)
+    turns = [output.reachable for _, output in found if isinstance(output, Reachable)]
+    assert turns == [bool(number % 2) for number in range(len(turns))]
+    assert not turns or turns[-1]
+    numbers, _ = read(found)
+    assert numbers == sorted(set(numbers))

@@ -1,0 +1,44 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
+
+
+def test_it_follows_the_wall_clock_at_its_speed():
+    time = SimulatedTime(speed=60, longest_step_s=0.1)
+    assert [time.advance(wall_s) for wall_s in (5.0, 5.05, 5.1, 5.15)] == pytest.approx([0, 3, 6, 9])
+
+
+def test_it_begins_with_the_first_call():
+    time = SimulatedTime(speed=10, longest_step_s=0.1)
+    assert time.advance(100.0) == 0.0
+    assert time.advance(100.05) == pytest.approx(0.5)
+
+
+@given(st.lists(st.floats(-1, 100), max_size=20), st.floats(0.01, 10_000), st.floats(0.001, 1))
+def test_whatever_the_machine_does_it_neither_leaps_nor_goes_back(pauses, speed, longest_s):
+    time = SimulatedTime(speed, longest_s)
+    wall_s = 0.0
+    before = time.advance(wall_s)
+    for pause_s in pauses:
+        wall_s += pause_s
+        now = time.advance(wall_s)
+        assert before <= now <= before + longest_s * speed * (1 + 1e-9)
+        before = now
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_speed_that_makes_no_sense_is_refused(bad):
+    with pytest.raises(ValueError, match="speed must be > 0"):
+        SimulatedTime(bad, 0.1)
+
+
+def test_start_times():
+    assert read_start_time("1970-01-02T00:00:00Z") == 86_400
+    assert read_start_time("1970-01-02 01:00:00+01:00") == 86_400
+    assert read_start_time("1970-01-02") == 86_400
+    for bad in ("soon", "", "1969-12-31T00:00:00Z"):
+        with pytest.raises(InputError, match="start time"):
+            read_start_time(bad)

@@ -1,0 +1,247 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.simulation.robot.scenario import NavigationFaults
+from soilmoist_ros.simulation.robot.virtual_navigation import (
+    GoalEnded,
+    Localised,
+    OnRoute,
+    Outcome,
+    ServerPresent,
+    VirtualNavigation,
+)
+from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
+
+MOTION = RobotMotion(speed_mps=1.0, stop_overhead_s=5.0)
+# A road of nodes 10 m apart: A at 0 m to E at 40 m.
+NODES = [Stop(name, 10.0 * number, 0.0) for number, name in enumerate("ABCDE")]
+ROADS = [(a.name, b.name) for a, b in pairwise(NODES)]
+GRAPH = TravelGraph.from_edges(NODES, [*ROADS, *((end, start) for start, end in ROADS)])
+
+
+class Drive:
+    """A navigation, and all that happened, with the time at which it did."""
+
+    def __init__(self, at=(0.0, 0.0), **faults):
+        self.robot = VirtualRobot(MOTION, at)
+        self.navigation = VirtualNavigation(
+            GraphTravel(GRAPH, MOTION),
+            self.robot,
+            NavigationFaults.model_validate(faults),
+            np.random.default_rng(3),
+        )
+        self.events = []
+        self.now_s = 0.0
+
+    def until(self, end_s, look_every_s=None):
+        next_look_s = self.now_s
+        while True:
+            due_s = min(self.navigation.next_s, next_look_s if look_every_s else math.inf)
+            if due_s > end_s:
+                break
+            self.now_s = max(due_s, self.now_s)
+            if look_every_s and next_look_s <= self.now_s:
+                self.navigation.look(self.now_s)
+                next_look_s += look_every_s
+            self.events += [(self.now_s, event) for event in self.navigation.happened(self.now_s)]
+        self.now_s = end_s
+        return self
+
+    def go(self, target):
+        return self.navigation.accept(self.now_s, target)
+
+    def cancel(self, goal_id):
+        return self.navigation.cancel(self.now_s, goal_id)
+
+    def of(self, kind):
+        return [(time_s, event) for time_s, event in self.events if isinstance(event, kind)]
+
+    @property
+    def ends(self):
+        return self.of(GoalEnded)
+
+    @property
+    def place(self):
+        return pytest.approx(self.robot.at(self.now_s))
+
+
+def test_a_goal_takes_the_time_of_its_way_and_the_robot_is_there():
+    drive = Drive(at=(0.0, 3.0))
+    goal = drive.go("D")
+    drive.until(100)
+    assert drive.ends == [(3 + 30 + 5, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+    assert drive.place == (30.0, 0.0)
+    assert drive.of(OnRoute) == [(3.0 + 10 * n, OnRoute(goal, name)) for n, name in enumerate("ABCD")]
+
+
+def test_a_goal_where_the_robot_is_takes_the_overhead_only():
+    drive = Drive()
+    goal = drive.go("A")
+    assert drive.until(100).ends == [(5.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+
+
+def test_cancelling_stops_the_robot():
+    drive = Drive()
+    goal = drive.go("E")
+    drive.until(12)
+    assert drive.cancel(goal)
+    assert drive.until(100).ends == [(12, GoalEnded(goal, Outcome.CANCELED, False))]
+    assert drive.place == (12.0, 0.0)
+    assert not drive.cancel(goal)
+
+
+def test_cancelling_can_look_rejected_and_works_all_the_same():
+    drive = Drive(cancel="looks_rejected")
+    goal = drive.go("E")
+    drive.until(12)
+    assert not drive.cancel(goal)
+    assert drive.until(100).ends == [(12, GoalEnded(goal, Outcome.ABORTED, False))]
+    assert drive.place == (12.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("superseded", "end"), [("aborted", (Outcome.ABORTED, False)), ("success", (Outcome.SUCCEEDED, True))]
+)
+def test_a_new_goal_replaces_the_old_one(superseded, end):
+    drive = Drive(superseded=superseded)
+    first = drive.go("E")
+    drive.until(12)
+    second = drive.go("A")
+    drive.until(100)
+    # from 12 m back to the nearest node B, and on to A
+    assert drive.ends == [
+        (12, GoalEnded(first, *end)),
+        (12 + 12 + 5, GoalEnded(second, Outcome.SUCCEEDED, True)),
+    ]
+    assert drive.place == (0.0, 0.0)
+    assert not drive.cancel(first)
+
+
+def test_unknown_targets():
+    assert Drive().go("Z") is None
+    drive = Drive(unknown_target="aborted")
+    goal = drive.go("Z")
+    assert drive.until(10).ends == [(1.0, GoalEnded(goal, Outcome.ABORTED, False))]
+
+
+def test_success_without_motion():
+    drive = Drive(goals=[{"kind": "no_motion", "nth": 2}])
+    drive.go("B")
+    drive.until(50)
+    goal = drive.go("E")
+    drive.until(100)
+    assert drive.ends[1:] == [(51.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+    assert drive.place == (10.0, 0.0)
+
+
+def test_a_failing_goal_ends_on_the_way():
+    drive = Drive(goals=[{"kind": "fails", "nth": 1, "share_of_way": 0.3}])
+    goal = drive.go("E")
+    assert drive.until(100).ends == [(12.0, GoalEnded(goal, Outcome.ABORTED, False))]
+    assert drive.place == (12.0, 0.0)
+
+
+def test_a_hanging_goal_ends_when_it_is_cancelled():
+    drive = Drive(goals=[{"kind": "hangs", "nth": 1}])
+    goal = drive.go("E")
+    assert drive.until(10_000).ends == []
+    assert drive.place == (0.0, 0.0)
+    drive.cancel(goal)
+    assert drive.until(10_001).ends == [(10_000, GoalEnded(goal, Outcome.CANCELED, False))]
+
+
+def test_an_edge_that_cannot_be_driven_stops_the_robot_where_it_begins():
+    drive = Drive(failing_edges=[["B", "C"]])
+    goal = drive.go("E")
+    assert drive.until(100).ends == [(10.0, GoalEnded(goal, Outcome.ABORTED, False))]
+    assert drive.place == (10.0, 0.0)
+    assert [event.node for _, event in drive.of(OnRoute)] == ["A", "B"]
+    drive.go("A")
+    assert drive.until(200).ends[-1][1].success
+
+
+def test_a_server_that_dies_says_nothing_and_the_robot_stops():
+    drive = Drive(absent=[{"at_s": 0, "for_s": 5}, {"at_s": 20, "for_s": 10}])
+    assert not drive.navigation.present
+    drive.until(4)
+    assert drive.go("E") is None
+    drive.until(6)
+    goal = drive.go("E")
+    drive.until(100)
+    assert drive.of(ServerPresent) == [
+        (5, ServerPresent(True)), (20, ServerPresent(False)), (30, ServerPresent(True)),
+    ]  # fmt: skip
+    assert drive.ends == []
+    assert drive.place == (14.0, 0.0)
+    assert not drive.cancel(goal)
+    assert drive.go("A") == 2
+
+
+def test_the_robot_is_localised_when_something_changes():
+    drive = Drive()
+    drive.go("B")
+    drive.until(50, look_every_s=0.5)
+    assert drive.of(Localised) == [
+        (0, Localised("A", "A")), (1.0, Localised("A", "none")),
+        (5.5, Localised("B", "none")), (9.5, Localised("B", "B")),
+    ]  # fmt: skip
+
+
+def test_localisation_can_be_late_but_keeps_its_order():
+    prompt, late = Drive(), Drive(localisation_delay_s=[0, 3])
+    for drive in (prompt, late):
+        drive.go("E")
+        drive.until(60, look_every_s=0.25)
+    assert [event for _, event in late.of(Localised)] == [event for _, event in prompt.of(Localised)]
+    delays = [b - a for (a, _), (b, _) in zip(prompt.of(Localised), late.of(Localised), strict=True)]
+    assert all(0 <= delay <= 3 for delay in delays)
+    assert max(delays) > 1
+
+
+def test_a_place_that_is_no_node_can_be_driven_to():
+    drive = Drive()
+    field = FreeTravel(MOTION, [[(-5, -5), (45, -5), (45, 5), (-5, 5)]])
+    first = drive.go("E")
+    drive.until(10)
+    assert drive.navigation.drive(10, (10.0, 4.0), field) == 10 + 4 + 5
+    assert drive.navigation.drive(10, (10.0, 99.0), field) is None
+    assert drive.until(100).ends == [(10, GoalEnded(first, Outcome.ABORTED, False))]
+    assert drive.place == (10.0, 4.0)
+
+
+action = st.one_of(st.sampled_from("ABCDEZ").map(lambda name: ("go", name)), st.just(("cancel", "")))
+fault = st.fixed_dictionaries(
+    {"nth": st.integers(1, 5), "kind": st.sampled_from(["no_motion", "fails"]), "share_of_way": st.floats(0, 1)}
+)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(action, st.floats(0, 60)), max_size=12),
+    st.lists(fault, max_size=3),
+    st.sampled_from(["accepted", "looks_rejected"]),
+    st.sampled_from(["aborted", "success"]),
+    st.sampled_from(["rejected", "aborted"]),
+)
+def test_every_accepted_goal_ends_once_and_in_order(steps, faults, cancel, superseded, unknown):
+    drive = Drive(goals=faults, cancel=cancel, superseded=superseded, unknown_target=unknown)
+    accepted = []
+    for (verb, target), pause_s in steps:
+        if verb == "go":
+            goal = drive.go(target)
+            accepted += [goal] if goal is not None else []
+        elif accepted:
+            drive.cancel(accepted[-1])
+        drive.until(drive.now_s + pause_s)
+    drive.until(drive.now_s + 1000)
+    assert [event.goal_id for _, event in drive.ends] == accepted
+    ended = {event.goal_id: time_s for time_s, event in drive.ends}
+    assert all(time_s <= ended[event.goal_id] for time_s, event in drive.of(OnRoute))

@@ -1,0 +1,159 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
+from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
+from soilmoist_ros.sensing.position.nmea import NmeaParser
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation.robot.faulty_link import Sent
+from soilmoist_ros.simulation.robot.scenario import Scenario, load_scenario
+from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded
+from soilmoist_ros.simulation.system import GNSS, LOGGER, CountedBeside, VirtualSystem
+
+START_S = 1_780_000_000.0
+SETTINGS = MissionSettings(field="half-wet", seed=5, travel="graph", cell_m=2.0)
+
+
+def stream(outputs, link):
+    return b"".join(output.data for output in outputs if isinstance(output, Sent) and output.link == link)
+
+
+def records(outputs):
+    parser = RecordParser(FORMAT_NAME)
+    found = [parser.feed(line) for line in stream(outputs, LOGGER).splitlines(keepends=True)]
+    return [record for record in found if record is not None], parser.problems
+
+
+def fixes(outputs):
+    parser = NmeaParser()
+    found = [parser.feed(line) for line in stream(outputs, GNSS).splitlines(keepends=True)]
+    return [fix for fix in [*found, parser.flush()] if fix is not None], parser.problems
+
+
+@pytest.mark.parametrize("weather", [True, False])
+def test_it_counts_what_a_mission_without_ros_counts(weather):
+    choices = {"dwell": "fmi:90", "hours": 0.5, "strategy": "random", "footprint_m": 10.0, "also": "rough"}
+    settings = replace(SETTINGS, weather=weather, **choices)
+    mission = simulate_mission(settings)
+    goals = [
+        (float(match[1]), match[2])
+        for text in mission.log
+        if (match := re.match(r" *(\d+) s  go to (\S+):", text)) is not None
+    ]
+    assert len(goals) > 8
+    system = VirtualSystem(settings, START_S)
+    outputs = []
+    for time_s, target in goals:
+        outputs += system.advance(time_s)
+        system.go_to(target)
+    outputs += system.advance(mission.records[-1].stamp_s)
+    found, problems = records(outputs)
+    assert problems == []
+    assert [sum(record.tube_counts) for record in found] == [record.raw_counts for record in mission.records]
+    assert [record.stamp_s - START_S for record in found] == [record.stamp_s for record in mission.records]
+    beside = [output.record for output in outputs if isinstance(output, CountedBeside)]
+    for here, there in zip(beside, mission.also.records, strict=True):
+        assert here.stamp_s == START_S + there.stamp_s
+        # Both noises are of 2 cm; all else is the same.
+        assert (here.x_m, here.y_m) == pytest.approx((there.x_m, there.y_m), abs=0.2)
+        assert replace(here, stamp_s=there.stamp_s, x_m=there.x_m, y_m=there.y_m) == there
+
+
+def test_a_second_property_changes_nothing_of_the_first():
+    alone, both = (VirtualSystem(replace(SETTINGS, also=also), START_S).advance(900) for also in ("", "smooth"))
+    assert [output for output in both if not isinstance(output, CountedBeside)] == alone
+    assert len(both) == len(alone) + 90
+    with pytest.raises(InputError, match="'patches' of the second property does not cover"):
+        VirtualSystem(replace(SETTINGS, also="patches"), START_S)
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.lists(st.floats(0.01, 300), min_size=1, max_size=30), st.sampled_from(["", "bad_link", "thorvald"]))
+def test_it_does_not_matter_in_how_many_steps_a_time_is_reached(steps, scenario):
+    def outputs(times):
+        system = VirtualSystem(SETTINGS, START_S, scenario=load_scenario(scenario))
+        system.go_to(system.map.graph.names[-1])
+        return [output for time_s in times for output in system.advance(time_s)]
+
+    times = np.cumsum(steps)
+    assert outputs(times) == outputs(times[-1:])
+
+
+def test_a_seed_determines_everything_and_another_changes_it():
+    def outputs(seed):
+        return VirtualSystem(replace(SETTINGS, seed=seed), START_S).advance(600)
+
+    assert outputs(1) == outputs(1)
+    assert stream(outputs(1), LOGGER) != stream(outputs(2), LOGGER)
+    assert stream(outputs(1), GNSS) != stream(outputs(2), GNSS)
+
+
+def test_the_receiver_follows_the_robot():
+    system = VirtualSystem(SETTINGS, START_S)
+    target = system.map.graph.names[-1]
+    goal = system.go_to(target)
+    outputs = system.advance(400)
+    assert next(output for output in outputs if isinstance(output, GoalEnded)).goal_id == goal
+    found, problems = fixes(outputs)
+    assert problems == []
+    assert [fix.stamp_s for fix in found] == [START_S + second for second in range(401)]
+    places = system.field.frame.to_local(
+        [fix.position.latitude_deg for fix in found], [fix.position.longitude_deg for fix in found]
+    )
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    assert steps.max() < SETTINGS.speed_mps + 6 * 0.02 * np.sqrt(2)
+    assert places[-1] == pytest.approx(system.map.graph.xy[-1], abs=0.1)
+
+
+def test_a_goal_given_up_half_way_leaves_the_counts_of_the_way_driven():
+    """A record over which the robot stops is one of the way, not of the place where it stands."""
+    split = replace(SETTINGS, field="synthetic-high", cadence_s=100.0, speed_mps=1.0, weather=False)
+    system = VirtualSystem(split, START_S)
+    seen = []
+    record = system.logger.record
+    system.logger.record = lambda end_s, path: seen.append(path.copy()) or record(end_s, path)
+    goal = system.go_to(system.map.graph.names[-1])
+    system.advance(50)
+    system.cancel(goal)
+    here = system.robot.at(50)
+    system.advance(100)
+    assert np.unique(seen[0], axis=0).shape == (6, 2)
+    assert np.all(seen[0][:5] == here)
+
+
+def test_epochs_can_come_faster_than_the_second():
+    found, problems = fixes(VirtualSystem(SETTINGS, START_S, gnss_period_s=0.2).advance(10))
+    assert problems == []
+    assert [fix.stamp_s for fix in found] == pytest.approx([START_S + 0.2 * number for number in range(51)])
+
+
+def test_a_bad_link_loses_records_but_changes_none():
+    good = {record.record_number: record for record in records(VirtualSystem(SETTINGS, START_S).advance(3600))[0]}
+    bad, problems = records(VirtualSystem(SETTINGS, START_S, scenario=load_scenario("bad_link")).advance(3600))
+    assert problems
+    assert 0.8 * len(good) < len(bad) < len(good)
+    for record in bad:
+        assert replace(record, line=0) == replace(good[record.record_number], line=0)
+
+
+def test_a_receiver_without_a_fix_says_so():
+    scenario = Scenario.model_validate({"gnss": {"no_fix": [{"at_s": 100, "for_s": 20}]}})
+    found, _ = fixes(VirtualSystem(SETTINGS, START_S, scenario=scenario).advance(200))
+    assert [fix.stamp_s - START_S for fix in found if fix.quality == 0] == list(range(100, 120))
+
+
+def test_failing_edges_have_to_be_on_the_map():
+    edge = VirtualSystem(SETTINGS, START_S).map.graph
+    start, end = (edge.names[number] for number in edge.edges[0])
+    good = Scenario.model_validate({"navigation": {"failing_edges": [[start, end]]}})
+    VirtualSystem(SETTINGS, START_S, scenario=good)
+    bad = Scenario.model_validate({"navigation": {"failing_edges": [[start, "nowhere"]]}})
+    with pytest.raises(InputError, match=f"no edge {start} -> nowhere"):
+        VirtualSystem(SETTINGS, START_S, scenario=bad)
