@@ -5,15 +5,15 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-MOST_NAMES = 12
+MAX_NAMES = 12
 """Names that a message spells out."""
 
 
 def listing(names: Iterable[str]) -> str:
     """The names, separated by commas; of many only the first ones and how many more there are."""
     every = list(names)
-    shown = ", ".join(every[:MOST_NAMES])
-    return f"{shown} and {len(every) - MOST_NAMES} more" if len(every) > MOST_NAMES else shown
+    shown = ", ".join(every[:MAX_NAMES])
+    return f"{shown} and {len(every) - MAX_NAMES} more" if len(every) > MAX_NAMES else shown
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

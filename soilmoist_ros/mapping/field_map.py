@@ -24,9 +24,9 @@ REFIT_GROWTH = 0.02
 LATER_REFIT_GROWTH, MANY_SAMPLES = 0.05, 100
 """The same from so many samples on. In 48 simulated missions of 4 h this changed the mean squared error of maps
 by (0.2 +- 0.4) % against a fit after every record, and the coverage of the 95 % interval by less than 0.1 %."""
-HIGHEST_RATE_CPS = 1e4
+MAX_RATE_CPS = 1e4
 """Rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]."""
-LONGEST_RECORD_S = 86400.0
+MAX_RECORD_S = 86400.0
 """Exposure beyond which a record is taken for a mistake [s]."""
 FACTORS = (0.01, 100.0)
 """Products of the correction factors beyond which a record is taken for a mistake."""
@@ -251,11 +251,11 @@ class OnlineMap:
         for name, seconds in (("exposure", exposure_s), ("effective exposure", effective_s)):
             if not 0 < seconds < math.inf:
                 return Skip.IMPLAUSIBLE, f"{name} of {seconds:g} s"
-        if exposure_s > LONGEST_RECORD_S:
+        if exposure_s > MAX_RECORD_S:
             return Skip.IMPLAUSIBLE, f"exposure of {exposure_s:g} s"
         if not FACTORS[0] <= exposure_s / effective_s <= FACTORS[1]:
             return Skip.IMPLAUSIBLE, f"correction by a factor of {exposure_s / effective_s:g}"
-        if not 0 <= record.raw_counts <= HIGHEST_RATE_CPS * effective_s:
+        if not 0 <= record.raw_counts <= MAX_RATE_CPS * effective_s:
             return Skip.IMPLAUSIBLE, f"{record.raw_counts} counts in {effective_s:g} s"
         if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
             return Skip.NO_POSITION, "no position"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MOST_CELLS = 4_000_000
+MAX_CELLS = 4_000_000
 """Cells of the bounding box beyond which a grid is taken for a mistake."""
 USUAL_CELLS = 70_000
 """Cells that :func:`default_cell_m` does not exceed."""
@@ -202,10 +202,10 @@ def _check_cell(polygons: Sequence[Array], cell_m: float) -> None:
             f"a cell of {cell_m:g} m is larger than the field of {width:g} m x {height:g} m; use smaller cells"
         )
     count = (width / cell_m + 1) * (height / cell_m + 1)
-    if count > MOST_CELLS:
+    if count > MAX_CELLS:
         raise ValueError(
             f"a cell of {cell_m:g} m gives {count:.3g} cells over {width:g} m x {height:g} m (at most "
-            f"{MOST_CELLS:.3g}); use larger cells, and check that the coordinates are metres of one field"
+            f"{MAX_CELLS:.3g}); use larger cells, and check that the coordinates are metres of one field"
         )
 
 

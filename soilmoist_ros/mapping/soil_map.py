@@ -22,7 +22,7 @@ from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 Array = NDArray[np.float64]
 
-MOST_EXACT_SAMPLES = 2000
+MAX_EXACT_SAMPLES = 2000
 """Up to so many samples a map is exact; beyond, each tile of it is made of the samples around."""
 
 
@@ -119,7 +119,7 @@ def make_soil_map(
     curve: CalibrationCurve | None = None,
     keep_nugget: bool = True,
     progress: Callable[[float], None] | None = None,
-    most_exact: int = MOST_EXACT_SAMPLES,
+    most_exact: int = MAX_EXACT_SAMPLES,
     compute: Compute = map,
     follower: MapFollower | None = None,
 ) -> SoilMap:

@@ -34,7 +34,7 @@ from soilmoist_ros.simulation.system import GNSS, LOGGER, CountedBeside, Output,
 
 MAP_FRAME = "map"
 TICK_S = 0.02
-LONGEST_STEP_S = 0.06
+MAX_STEP_S = 0.06
 """What a tick makes up for at most: three of them."""
 SETTLE_S = 1.0
 """Time begins so long after all devices are connected: who wants the driver's records must have found it before
@@ -50,7 +50,7 @@ class FieldSimulator(Node):
         scenario = load_scenario(given.text("scenario"))
         start_s = read_start_time(given.text("start_time"))
         self._system = VirtualSystem(mission_settings(given), start_s, given.number("gnss_period_s"), scenario)
-        self._time = SimulatedTime(given.number("speed"), LONGEST_STEP_S)
+        self._time = SimulatedTime(given.number("speed"), MAX_STEP_S)
         self._under_way = not given.flag("start_when_connected")
         self._connected_s = math.inf
         self._write_files(given)

@@ -21,7 +21,7 @@ from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.samples.merging import DrivenWays
 from soilmoist_ros.mapping.samples.spread import footprint_spread
-from soilmoist_ros.mapping.soil_map import MOST_EXACT_SAMPLES
+from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.reporting.map_run import input_file, make_run
@@ -65,7 +65,7 @@ class MapSettings:
     cell_m: float | None = None
     merge_radius_m: float | None = None
     title: str | None = None
-    most_exact: int = MOST_EXACT_SAMPLES
+    most_exact: int = MAX_EXACT_SAMPLES
 
 
 def map_logs(

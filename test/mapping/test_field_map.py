@@ -18,7 +18,7 @@ from soilmoist_ros.mapping.field_map import (
     Skip,
 )
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
-from soilmoist_ros.mapping.samples.spread import LEAST_SPREAD_M2, footprint_spread, way_spread
+from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, way_spread
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
@@ -360,7 +360,7 @@ def test_merging_conserves_the_second_moments(many, radius_m, footprint_m):
     samples = merger.samples
     x, y = samples.xy.T
     found = samples.exposure_s @ (np.column_stack([x * x, x * y, y * y]) + samples.spread)
-    np.testing.assert_allclose(found, total, rtol=1e-9, atol=LEAST_SPREAD_M2 * samples.exposure_s.sum())
+    np.testing.assert_allclose(found, total, rtol=1e-9, atol=MIN_SPREAD_M2 * samples.exposure_s.sum())
 
 
 def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():

@@ -7,14 +7,14 @@ import pytest
 
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.mapping.kriging import poisson_kriging, tile_covariances
-from soilmoist_ros.mapping.kriging.poisson_kriging import FEWEST_TILED
+from soilmoist_ros.mapping.kriging.poisson_kriging import MIN_TILED
 
 X_M, Y_M = 3.0 * np.arange(260), 2.0 * np.arange(200)
 
 
 def survey(variogram, exposure_s=200.0, keep_nugget=True):
     rng = np.random.default_rng(4)
-    xy = rng.uniform(-20, 800, (FEWEST_TILED, 2)) * [1.0, 0.5]
+    xy = rng.uniform(-20, 800, (MIN_TILED, 2)) * [1.0, 0.5]
     xy[0] = X_M[30], Y_M[100]  # exactly a cell's centre
     spread = np.zeros((len(xy), 3))
     spread[::9] = 40.0, 10.0, 20.0

@@ -14,7 +14,7 @@ from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation
-from soilmoist_ros.exploration.planning.prospect import MOST_CELLS, MOST_STOPS, Counting, Prospect
+from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel
@@ -94,7 +94,7 @@ class Explorer:
         grid = live_map.grid
         self._map_xy = grid.cells
         self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
-        self._cells = spread_cells(grid.mask, MOST_CELLS)[grid.mask]
+        self._cells = spread_cells(grid.mask, MAX_CELLS)[grid.mask]
         self._cells_xy = self._map_xy[self._cells]
         self._weighed = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
@@ -233,10 +233,10 @@ class Explorer:
         """Stops that are weighed: all, or so many that lie evenly."""
         if self._stops_are_cells:
             return self._cells
-        if len(self.stops) <= MOST_STOPS:
+        if len(self.stops) <= MAX_STOPS:
             return np.ones(len(self.stops), bool)
         chosen = np.zeros(len(self.stops), bool)
-        chosen[:: -(-len(self.stops) // MOST_STOPS)] = True
+        chosen[:: -(-len(self.stops) // MAX_STOPS)] = True
         return chosen
 
     def _variance(self, live_map: LiveMap, kept: NDArray[np.intp]) -> Array:

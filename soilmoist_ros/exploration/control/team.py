@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.types import MissionStatus
-from soilmoist_ros.exploration.planning.planning_model import LOWEST_RATE_CPS
+from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
 from soilmoist_ros.mapping.live_map import LiveMap
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def foreseen(live_map: LiveMap, errands: Sequence[Errand]) -> LiveMap:
     ahead = LiveMap(live_map.grid, live_map.model, live_map.method, live_map.keep_nugget)
     ahead.samples = live_map.samples
     for each, rate_cps in zip(pending, rate.tolist(), strict=True):
-        counts = round(max(rate_cps, LOWEST_RATE_CPS) * each.exposure_s)
+        counts = round(max(rate_cps, MIN_RATE_CPS) * each.exposure_s)
         ahead.add((each.x_m, each.y_m), counts, each.exposure_s)
     if live_map.fit is not None:
         ahead.take(ahead.samples, live_map.fit)

@@ -39,7 +39,7 @@ from soilmoist_ros.exploration.mission.types import (
 )
 from soilmoist_ros.exploration.travel.stop import Stop
 
-_MOST_AT_ONCE = 10
+_MAX_AT_ONCE = 10
 """Deadlines met in one step; more than can be due, unless limits are shorter than time can resolve."""
 
 
@@ -346,7 +346,7 @@ class Moves:
 
     def meet_deadlines(self) -> None:
         """Do what is due, the earliest first; after a gap without events that may be several things."""
-        for _ in range(_MOST_AT_ONCE):
+        for _ in range(_MAX_AT_ONCE):
             self.deadline_s, act = min(self.deadlines(), key=itemgetter(0), default=(None, None))
             if self.deadline_s is None or act is None or self.deadline_s > self.now_s:
                 break

@@ -17,10 +17,10 @@ from typing import ClassVar, Protocol
 
 from soilmoist_ros.foundation.errors import InputError
 
-LONGEST_DWELL_S = 3600.0
+MAX_DWELL_S = 3600.0
 """Default of the longest dwell [s]: a dead or drowned sensor must not hold the robot for the rest of the day."""
 
-SHORTEST_INTERVAL_S, LONGEST_INTERVAL_S = 1, 86400
+MIN_INTERVAL_S, MAX_INTERVAL_S = 1, 86400
 FINEST_THRESHOLD, COARSEST_THRESHOLD = Decimal("0.001"), Decimal("0.5")
 
 _EXAMPLES = (
@@ -74,7 +74,7 @@ class FixedInterval:
     """
 
     interval_s: float
-    longest_s: float = LONGEST_DWELL_S
+    longest_s: float = MAX_DWELL_S
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
         """Whether the interval has been counted."""
@@ -107,7 +107,7 @@ class AdaptiveInterval:
     """
 
     threshold: float
-    longest_s: float = LONGEST_DWELL_S
+    longest_s: float = MAX_DWELL_S
 
     @cached_property
     def counts_needed(self) -> int:
@@ -152,7 +152,7 @@ class Optimal:
     :param longest_s: counting ends after this time in any case [s]
     """
 
-    longest_s: float = LONGEST_DWELL_S
+    longest_s: float = MAX_DWELL_S
 
     UNKNOWN_S: ClassVar[float] = 60.0
     """Dwell without a map [s]."""
@@ -197,7 +197,7 @@ class MarginalValue:
     variance: float
     price: float
     factor: float = 1.0
-    longest_s: float = LONGEST_DWELL_S
+    longest_s: float = MAX_DWELL_S
     beside: tuple[tuple[float, float, float], ...] = ()
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
@@ -246,7 +246,7 @@ class MarginalValue:
         return f"value:{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}{beside}"
 
 
-def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
+def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
     """Read a dwell rule.
 
     ``str`` of the result is the rule in its plainest form (``ami:2.5%`` becomes ``ami:0.025``), which reads
@@ -278,9 +278,9 @@ def parse_dwell(text: str, longest_s: float = LONGEST_DWELL_S) -> DwellRule:
 
 def _fixed(number: str, longest_s: float) -> DwellRule:
     seconds = _decimal(number, "fmi")
-    if not SHORTEST_INTERVAL_S <= seconds <= LONGEST_INTERVAL_S:
+    if not MIN_INTERVAL_S <= seconds <= MAX_INTERVAL_S:
         raise InputError(
-            f"'fmi:{number}' is not between {SHORTEST_INTERVAL_S} and {LONGEST_INTERVAL_S} s",
+            f"'fmi:{number}' is not between {MIN_INTERVAL_S} and {MAX_INTERVAL_S} s",
             "give the seconds to count at each stop, for example 'fmi:600'",
         )
     interval_s = float(seconds)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-LOWEST_RATE_CPS = 1e-3
+MIN_RATE_CPS = 1e-3
 """Rates predicted lower than this are taken for this [counts/s]: kriging may undershoot."""
 _SAME_M = 1e-9
 _NO_TIME_S = 1e-15
@@ -94,7 +94,7 @@ class PlanningModel:
         self.nugget = kriging.variogram.nugget
         self.factor = factor
         self.beside = tuple(beside)
-        self.rate = np.maximum(kriging.predict(self._nodes)[0], LOWEST_RATE_CPS)
+        self.rate = np.maximum(kriging.predict(self._nodes)[0], MIN_RATE_CPS)
 
     @property
     def integrated_variance(self) -> float:

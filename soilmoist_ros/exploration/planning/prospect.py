@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.dwell import LONGEST_DWELL_S, MarginalValue
+from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Worth
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import TravelModel, polyline_length_m
@@ -18,11 +18,11 @@ from soilmoist_ros.exploration.travel.travel import TravelModel, polyline_length
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MOST_CELLS = 400
+MAX_CELLS = 400
 """About so many cells stand for the field: the variance is smooth over the range of the variogram."""
-MOST_STOPS = 500
+MAX_STOPS = 500
 """At most so many nodes of a graph are weighed."""
-MOST_PLACES = 12
+MAX_PLACES = 12
 """At most so many places stand for a way."""
 _ROUNDING = 1e-9
 
@@ -86,7 +86,7 @@ class Prospect:
         """Worth of each :attr:`reachable` candidate, in that order."""
         stops = self.reachable
         ways, exposure_s = self.ways(stops)
-        longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], LONGEST_DWELL_S)
+        longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], MAX_DWELL_S)
         return self.model.worth(stops, self._travel_s[stops], ways, exposure_s, self.overhead_s, longest_s)
 
     @property
@@ -129,7 +129,7 @@ class Prospect:
         :param travel_s: time of the trip, stop overhead included [s]
         """
         drive_s = travel_s - self._travel.motion.stop_overhead_s
-        count = min(math.ceil(drive_s / self._counting.cadence_s - _ROUNDING), MOST_PLACES)
+        count = min(math.ceil(drive_s / self._counting.cadence_s - _ROUNDING), MAX_PLACES)
         if count <= 0:
             return np.empty(0, np.intp), np.empty(0)
         places = along(self._travel.route(place, self._reachable_stops[row]), count)
@@ -140,7 +140,7 @@ class Prospect:
         if not self._counting.on_way:
             return np.empty((len(stops), 0), np.intp), np.empty((len(stops), 0))
         drive_s = self._travel_s[stops] - self._travel.motion.stop_overhead_s
-        counts = np.clip(np.ceil(drive_s / self._counting.cadence_s - _ROUNDING), 0, MOST_PLACES).astype(int)
+        counts = np.clip(np.ceil(drive_s / self._counting.cadence_s - _ROUNDING), 0, MAX_PLACES).astype(int)
         most = int(counts.max(initial=0))
         places = np.tile(np.asarray(self.position, float), (len(stops), most, 1))
         for row, number in enumerate(stops.tolist()):

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.dwell import LONGEST_DWELL_S
+from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, best_dwell
 from soilmoist_ros.exploration.planning.prospect import Prospect
 from soilmoist_ros.exploration.strategies.information import VarianceReduction
@@ -24,9 +24,9 @@ Indices = NDArray[np.intp]
 
 HORIZON = 0.5
 """The tour looks ahead for this share of the time used so far, times the share of the mission that it is."""
-MOST_ON_DETOUR_S = 60.0
+MAX_ON_DETOUR_S = 60.0
 """At most so long does the robot count near a stop while it drives there and away [s]."""
-MOST_STOPS = 12
+MAX_STOPS = 12
 """A tour has at most so many stops: it is planned anew long before the last."""
 
 
@@ -52,7 +52,7 @@ class CostBenefitTour:
         horizon_s = min(HORIZON * used_s**2 / self.begun_s, situation.time_left_s)
         best = int(np.argmax(prospect.worth.value))
         tour = _Tour(prospect, best)
-        while len(tour.stops) < MOST_STOPS and tour.insert(horizon_s):
+        while len(tour.stops) < MAX_STOPS and tour.insert(horizon_s):
             pass
         if len(tour.stops) == 1:
             return first
@@ -107,11 +107,11 @@ class _Tour:
         position = np.argmin(detour, axis=0)
         extra_s = np.maximum(detour[position, np.arange(len(position))], 1e-6)
         # What is counted on the detour is worth about as much as counts at the stop for half the time.
-        counted = np.minimum(0.5 * extra_s, MOST_ON_DETOUR_S) if prospect.counts_on_way else np.zeros(len(extra_s))
+        counted = np.minimum(0.5 * extra_s, MAX_ON_DETOUR_S) if prospect.counts_on_way else np.zeros(len(extra_s))
         on_way = gain * counted / (variance * counted + noise)
         # After these counts both A and B of the stop are smaller.
         less = noise / (variance * counted + noise)
-        longest_s = np.full(len(extra_s), LONGEST_DWELL_S)
+        longest_s = np.full(len(extra_s), MAX_DWELL_S)
         dwell_s, value = best_dwell(on_way, gain * less**2, variance * less, noise, extra_s, longest_s)
         fits = self.time_s + extra_s + dwell_s <= horizon_s
         fits[self.stops] = False

@@ -23,9 +23,9 @@ from soilmoist_ros.exploration.travel.stop import Stop
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MOST_STOPS = 200
+MAX_STOPS = 200
 """Stops beyond which a tour is not planned: it is planned anew long before they are reached."""
-MOST_CELLS = 5000
+MAX_CELLS = 5000
 """Cells that the k-means sees; of more, every n-th."""
 LLOYD_ROUNDS = 50
 """Rounds of the k-means."""
@@ -55,7 +55,7 @@ class AdaptiveSampling:
             order = self._as_time_allows(situation, kept, fresh, rng)
         else:
             size = max(int(self.preset.samples_per_hour * situation.time_left_s / 3600), 1)
-            order = self._as_expected(situation, kept, fresh, min(size, MOST_STOPS), rng)
+            order = self._as_expected(situation, kept, fresh, min(size, MAX_STOPS), rng)
         if not len(order):
             self.queue = ()
             return None
@@ -97,7 +97,7 @@ class AdaptiveSampling:
             weakest = np.argmin(situation.variance[tour.order])
             tour = _tour(situation, np.delete(tour.order, weakest), rng)
             fresh = fresh[:0]
-        while len(fresh) and len(tour.order) < MOST_STOPS:
+        while len(fresh) and len(tour.order) < MAX_STOPS:
             added = _fitting(situation, tour, fresh)
             if not added:
                 break
@@ -132,7 +132,7 @@ def _fitting(situation: Situation, tour: _Tour, fresh: Indices) -> int:
     Each is put where it lengthens the tour least, which gives an upper bound of the shortest tour.
     """
     dwell = situation.expected_dwell_s
-    most = int(min(MOST_STOPS - len(tour.order), situation.time_left_s // max(dwell, 1.0) + 1, len(fresh)))
+    most = int(min(MAX_STOPS - len(tour.order), situation.time_left_s // max(dwell, 1.0) + 1, len(fresh)))
     every = np.concatenate([tour.order, fresh[:most]])
     between = situation.travel_between_s(every)
     start = situation.travel_s[every]
@@ -185,8 +185,8 @@ def _lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, ...]
     possible = np.flatnonzero(reachable(situation))
     if not len(possible):
         return ()
-    cells = situation.map_xy[:: max(len(situation.map_xy) // MOST_CELLS, 1)]
-    most = int(min(situation.time_left_s // max(situation.expected_dwell_s, 1.0) + 1, MOST_STOPS, len(possible)))
+    cells = situation.map_xy[:: max(len(situation.map_xy) // MAX_CELLS, 1)]
+    most = int(min(situation.time_left_s // max(situation.expected_dwell_s, 1.0) + 1, MAX_STOPS, len(possible)))
     seeds = rng.integers(2**31, size=2)
     best, size = possible[[np.argmin(situation.travel_s[possible])]], 1
     low, high = 1, most

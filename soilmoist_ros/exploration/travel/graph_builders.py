@@ -19,7 +19,7 @@ from soilmoist_ros.mapping.field import Field
 
 Array = NDArray[np.float64]
 
-MOST_NODES = 100_000
+MAX_NODES = 100_000
 """Nodes beyond which a spacing is taken for a mistake."""
 
 
@@ -224,8 +224,8 @@ def _require_positive(**values: float) -> None:
 
 
 def _require_few(count: float, spacing_m: float) -> None:
-    if count > MOST_NODES:
+    if count > MAX_NODES:
         raise InputError(
-            f"a spacing of {spacing_m:g} m gives about {count:.2g} nodes (at most {MOST_NODES:,})",
+            f"a spacing of {spacing_m:g} m gives about {count:.2g} nodes (at most {MAX_NODES:,})",
             "use a larger spacing, and check that the field's coordinates are metres",
         )

@@ -28,7 +28,7 @@ _NEGLIGIBLE = TOLERANCE / 30
 _TAIL = 3
 _KEPT = 32
 """Sets of points that are kept."""
-_LEAST_GROWTH, _LARGEST_GROWTH = 1.12, 1.5
+_MIN_GROWTH, _LARGEST_GROWTH = 1.12, 1.5
 
 
 def raster_by_interpolation(
@@ -208,7 +208,7 @@ def _growth(tail: float) -> float:
         return 1.0
     if tail >= 1.0:
         return _LARGEST_GROWTH
-    return min(max(math.sqrt(math.log(TOLERANCE) / math.log(tail)), _LEAST_GROWTH), _LARGEST_GROWTH)
+    return min(max(math.sqrt(math.log(TOLERANCE) / math.log(tail)), _MIN_GROWTH), _LARGEST_GROWTH)
 
 
 def _points(degree: int, low: float, high: float) -> Array:

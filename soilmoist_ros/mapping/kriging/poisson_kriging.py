@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.chebyshev import raster_by_interpolation
-from soilmoist_ros.mapping.kriging.rows import LEAST_PIVOT
+from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT
 from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, check_raster, coincident
 from soilmoist_ros.mapping.kriging.tile_covariances import bands, tile_shape
 from soilmoist_ros.mapping.samples.samples import (
@@ -48,7 +48,7 @@ MEAN_RATE_DRIFT = 0.01
 """Relative drift of the mean rate after which :meth:`PoissonKriging.add` renews the noise variances."""
 _TILE_ELEMENTS = 400_000
 """Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
-FEWEST_TILED = 256
+MIN_TILED = 256
 """Samples from which on the cells of a large raster are kriged by tiles: about where that is a gain."""
 
 _log = logging.getLogger(__name__)
@@ -247,12 +247,12 @@ class PoissonKriging:
         from scipy.linalg.lapack import dtrtri
 
         places, (factor, ones, residual, mean) = self._places, self._solution
-        if len(places) < FEWEST_TILED or self.variogram.model == "spherical":  # whose edge meets many tiles
+        if len(places) < MIN_TILED or self.variogram.model == "spherical":  # whose edge meets many tiles
             return False
         if not all((np.diff(axis) > 0).all() for axis in (x_m, y_m)):
             return False
         shape = tile_shape(self.variogram, x_m, y_m, wanted)
-        if shape is None or (np.diag(factor) ** 2 < LEAST_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
+        if shape is None or (np.diag(factor) ** 2 < MIN_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
             return False
         inverse = np.ascontiguousarray(np.tril(dtrtri(factor, lower=1)[0]))
         samples = np.column_stack([places.xy, places.spread])

@@ -30,15 +30,15 @@ Array = NDArray[np.float64]
 
 BLOCK = 32
 """Rows of a full block."""
-LEAST_TAIL = 8
+MIN_TAIL = 8
 """Rows that stay in the tail: places where robots stand now, whose exposure grows with every record."""
-MOST_ROWS = 2000
+MAX_ROWS = 2000
 """Samples that rows are kept of."""
-MOST_ELEMENTS = 32_000_000
+MAX_ELEMENTS = 32_000_000
 """Numbers kept of covariances and sums (256 MB): 900 samples and 70,000 cells with Matern 3/2, 400 in full."""
-LEAST_PIVOT = 1e-6
+MIN_PIVOT = 1e-6
 """Share of a sample's variance that those before must leave unexplained; the inverse of L is too inexact below."""
-_LEAST_ROOM = 64
+_MIN_ROOM = 64
 """Rows and columns that there is memory for from the beginning."""
 _PART = 256
 """Elements of a row of L that are computed at a time."""
@@ -57,11 +57,11 @@ class KrigingRows:
         self._variogram: Variogram | None = None
         self._samples = np.empty((0, 7))  # x, y, spread, noise, rate of those whose rows are known
         self._kept = self._samples[:, :5]  # those whose covariances are
-        self._unit = np.zeros((_LEAST_ROOM, _LEAST_ROOM))  # L^-1, its rows times the diagonal of L
-        self._diagonal = np.empty(MOST_ROWS)  # of L
-        self._data = np.zeros((2, MOST_ROWS))  # L^-1 rate, L^-1 1
+        self._unit = np.zeros((_MIN_ROOM, _MIN_ROOM))  # L^-1, its rows times the diagonal of L
+        self._diagonal = np.empty(MAX_ROWS)  # of L
+        self._data = np.zeros((2, MAX_ROWS))  # L^-1 rate, L^-1 1
         self._blocks: list[Array] = []  # sums over the rows up to the end of each block, see _add_row
-        self._tail = np.empty((BLOCK + LEAST_TAIL, covariances.size))  # of W times the diagonal, the latest rows
+        self._tail = np.empty((BLOCK + MIN_TAIL, covariances.size))  # of W times the diagonal, the latest rows
         self._numbers = np.full(len(self._tail), -1)  # of these rows, -1 for none
         # Sums over rows, how many of these are in blocks, and how many they are
         self._sums = (np.empty((3, covariances.size)), 0, -1), (np.empty((3, covariances.size)), 0, -1)
@@ -74,7 +74,7 @@ class KrigingRows:
         :param mean_rate: mean rate m* in the noise variances m*/t [counts/s]
         :returns: rate [counts/s], and what samples and unknown mean add to the variance of a target (mostly < 0)
             [(counts/s)^2], shape (2, size), new memory; ``None`` if that is too much to keep, or if the matrix is
-            so near to singular (:data:`LEAST_PIVOT`) that its inverse must not be used
+            so near to singular (:data:`MIN_PIVOT`) that its inverse must not be used
         """
         n = len(places)
         noise = variogram.nugget + mean_rate / places.exposure_s
@@ -86,9 +86,9 @@ class KrigingRows:
             self._forget(0, samples[:0])
         first = _first_difference(self._samples, samples)
         self._forget(first, samples)
-        room = MOST_ELEMENTS - n // BLOCK * 3 * self._covariances.size
+        room = MAX_ELEMENTS - n // BLOCK * 3 * self._covariances.size
         known = _first_difference(self._kept, samples[:, :5])
-        if n > MOST_ROWS or not self._covariances.keep(samples[:, :5], known, room):
+        if n > MAX_ROWS or not self._covariances.keep(samples[:, :5], known, room):
             self._kept = self._kept[:0]
             self._forget(0, samples)
             return None
@@ -96,7 +96,7 @@ class KrigingRows:
         if not self._factorise(variogram, first, samples):
             return None
         self._samples = samples
-        full = max(0, n - LEAST_TAIL) // BLOCK * BLOCK
+        full = max(0, n - MIN_TAIL) // BLOCK * BLOCK
         for start in range(len(self._blocks) * BLOCK, full, BLOCK):
             self._add_block(start)
         self._make_tail(full, n)
@@ -136,7 +136,7 @@ class KrigingRows:
                 weights[:stop] -= (row[start:stop] / diagonal[start:stop]) @ unit[start:stop, :stop]
             total = right[i] + samples[i, 5]
             pivot = total - row @ row
-            if not pivot >= LEAST_PIVOT * total:
+            if not pivot >= MIN_PIVOT * total:
                 return False
             unit[i, :i], unit[i, i] = weights, 1.0
             diagonal[i] = math.sqrt(pivot)

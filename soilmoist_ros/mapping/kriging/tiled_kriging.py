@@ -49,7 +49,7 @@ _PILOT_TILES = 4
 _BLOCK_PLACES = 300
 """Places of a block, and at least so many before it, in the estimate of the mean."""
 _TILE_ELEMENTS = 400_000
-_MOST_HALVINGS = 40
+_MAX_HALVINGS = 40
 
 _log = logging.getLogger(__name__)
 
@@ -103,7 +103,7 @@ class _Model:
         """Tiles that hold targets, or squares of several with no more than ``most`` targets; and whether tiles."""
         margin_m = self.tree.margin_m(square.low, square.high, self.nearest)
         half_diagonal = square.side / np.sqrt(2)
-        is_tile = half_diagonal <= _TILE_RADIUS * (margin_m + half_diagonal) or depth > _MOST_HALVINGS
+        is_tile = half_diagonal <= _TILE_RADIUS * (margin_m + half_diagonal) or depth > _MAX_HALVINGS
         if is_tile or len(square.target) <= most:
             yield square, bool(is_tile)
             return

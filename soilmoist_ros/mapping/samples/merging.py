@@ -13,7 +13,7 @@ from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
 
-_SHORTEST_GAP, _LONGEST_GAP = 0.9, 2.5
+_MIN_GAP, _MAX_GAP = 0.9, 2.5
 """Times between the ends of successive records of one sensor, in exposures; the next but one if one was lost."""
 
 
@@ -34,8 +34,8 @@ class DrivenWays:
         :param record: with a place, and an exposure > 0
         """
         exposure_s = record.exposure_s
-        self._last = [one for one in self._last if record.stamp_s - one.stamp_s <= _LONGEST_GAP * exposure_s]
-        before = [one for one in self._last if record.stamp_s - one.stamp_s >= _SHORTEST_GAP * exposure_s]
+        self._last = [one for one in self._last if record.stamp_s - one.stamp_s <= _MAX_GAP * exposure_s]
+        before = [one for one in self._last if record.stamp_s - one.stamp_s >= _MIN_GAP * exposure_s]
         self._last.append(record)
         if not before:
             return np.zeros(3)

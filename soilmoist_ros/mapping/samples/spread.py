@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-LEAST_SPREAD_M2 = 1.0
+MIN_SPREAD_M2 = 1.0
 """Spreads with a smaller trace are taken for points: the noise of positions makes as much where a robot stands."""
 
 
@@ -40,5 +40,5 @@ def footprint_spread(radius_m: float) -> Array:
 
 
 def without_noise(spread: Array) -> Array:
-    """Spreads of shape (n, 3) with those set to zero that :data:`LEAST_SPREAD_M2` takes for noise."""
-    return np.where((spread[:, 0] + spread[:, 2] >= LEAST_SPREAD_M2)[:, None], spread, 0.0)
+    """Spreads of shape (n, 3) with those set to zero that :data:`MIN_SPREAD_M2` takes for noise."""
+    return np.where((spread[:, 0] + spread[:, 2] >= MIN_SPREAD_M2)[:, None], spread, 0.0)

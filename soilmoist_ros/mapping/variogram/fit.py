@@ -22,7 +22,7 @@ from soilmoist_ros.mapping.variogram.soft_l1 import fit_soft_l1
 Array = NDArray[np.float64]
 FitMethod = Literal["reml", "soft_l1"]
 
-MOST_PAIRED_PLACES = 5000
+MAX_PAIRED_PLACES = 5000
 """Of more places every k-th is paired in the empirical semivariogram."""
 UNKNOWN_EXTENT_M = 100.0
 """Extent assumed for the prior of the range when all samples are at one place and no extent is given [m]."""
@@ -174,7 +174,7 @@ class _Bins:
         if edges is None and len(places) < 2:
             return cls((nothing, nothing, nothing, nothing))
         limits = default_edges(places.xy) if edges is None else np.asarray(edges, float)
-        if (every := -(-len(places) // MOST_PAIRED_PLACES)) > 1:
+        if (every := -(-len(places) // MAX_PAIRED_PLACES)) > 1:
             places = Samples(places.xy[::every], places.counts[::every], places.exposure_s[::every])
         return cls((*semivariogram_of(places, limits), limits))
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Expansion = tuple[float, Array, Array]
 
-_LEAST_CURVATURE = 0.1
+_MIN_CURVATURE = 0.1
 _ROUNDING = 1e-11
-_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e8
+_FIRST_DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-3, 1e-6, 1e8
 
 
 class Minimum(NamedTuple):
@@ -55,10 +55,10 @@ def minimise(
         steepest = np.abs(gradient[free]).max(initial=0.0)
         if steepest <= tolerance:
             return Minimum(at, value, gradient, True)
-        if damping > _MOST_DAMPING:
+        if damping > _MAX_DAMPING:
             break
         curvature, axes = np.linalg.eigh((hessian + learned)[free[:, None], free])
-        curvature = np.maximum(curvature, _LEAST_CURVATURE)
+        curvature = np.maximum(curvature, _MIN_CURVATURE)
         tried = at.copy()
         tried[free] -= axes @ (axes.T @ gradient[free] / (curvature * (1 + damping)))
         tried = _within(tried, bound)
@@ -71,7 +71,7 @@ def minimise(
         step = tried - at
         at, change = tried, then[1] - gradient
         value, gradient, hessian = then
-        damping = max(damping / 10, _LEAST_DAMPING)
+        damping = max(damping / 10, _MIN_DAMPING)
         square = step @ step
         missing = change - (hessian + learned) @ step
         across = missing[:, None] * step

@@ -25,10 +25,10 @@ ONE_BLOCK_PLACES = 1000
 """Up to so many places the likelihood is the full one."""
 BLOCK_PLACES = 500
 """Beyond that, the largest number of places in a block."""
-MOST_BLOCKS = 16
+MAX_BLOCKS = 16
 """Largest number of blocks. Of more, a few are taken, and others that are thinned over the whole field instead."""
 
-_FEWEST_POOLS = 8
+_MIN_POOLS = 8
 _FEW_PLACES = 100
 _ONE_PEAK = ("exponential", "matern32", "matern52")
 """Models for which one start does beyond :data:`_FEW_PLACES`; the others may have a second, lower peak."""
@@ -38,11 +38,11 @@ ANGLES_DEG = tuple(22.5 * step for step in range(8))
 """Directions of the longest range among which it chooses."""
 ANISOTROPY_PENALTY = 3.0
 """By how much the logarithm of the posterior must rise for a direction to be believed in."""
-FEWEST_ANISOTROPIC = 15
+MIN_ANISOTROPIC = 15
 """With fewer places no direction is sought."""
 ISOTROPIC = (1.0, 0.0)
 """Anisotropy and angle if no direction is special."""
-_MOST_DIRECTIONS = 3
+_MAX_DIRECTIONS = 3
 _DIRECTED_PLACES = 150
 """Directions are ranked by the likelihood of so many places."""
 _LARGEST_STEP = 5.0
@@ -107,7 +107,7 @@ def _variance_without_noise(places: Samples, mean_rate: float) -> float:
         rate = np.array([places.counts[pool].sum() for pool in pools]) / exposure_s
         noise = float(np.mean(mean_rate / exposure_s))
         corrected = max(float(rate.var(ddof=1)) - noise, 0.0) if len(pools) > 1 else 0.0
-        if corrected > noise or len(pools) < 2 * _FEWEST_POOLS:
+        if corrected > noise or len(pools) < 2 * _MIN_POOLS:
             return corrected
         size *= 2
 
@@ -261,7 +261,7 @@ def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy
     exponential of a short range), most in the smoothest. Those of the mode covered
     88 to 97, 88 to 97 and 88 to 99 %.
 
-    A direction is believed in only where the data ask for it: from :data:`FEWEST_ANISOTROPIC` places on, the range
+    A direction is believed in only where the data ask for it: from :data:`MIN_ANISOTROPIC` places on, the range
     may be longer one way than across if that raises the logarithm of the posterior by more than
     :data:`ANISOTROPY_PENALTY`; the angle and the ratio are among a few. In simulated surveys that had no part in
     choosing the penalty, fields without a direction got one in at most 8 % of the fits, which raised their mean
@@ -275,7 +275,7 @@ def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy
     """
     prior = Prior.of(places, model, extent_m)
     best = _Peak.climb(places, model, prior, _starts(places, model, prior))
-    if anisotropy and len(places) >= FEWEST_ANISOTROPIC:
+    if anisotropy and len(places) >= MIN_ANISOTROPIC:
         directed = _Peak.climb(places, model, prior, [best.u], _direction(places, model, prior, best.u))
         if directed.cost < best.cost - ANISOTROPY_PENALTY:
             best = directed
@@ -348,7 +348,7 @@ def _direction(places: Samples, model: ModelName, prior: Prior, u: Array) -> tup
         return likelihood.value(prior.log_median + prior.log_sd * u)
 
     grid = [(ratio, angle) for ratio in ANISOTROPIES for angle in ANGLES_DEG]
-    few = sorted(grid, key=gain, reverse=True)[:_MOST_DIRECTIONS]
+    few = sorted(grid, key=gain, reverse=True)[:_MAX_DIRECTIONS]
     return min((_Peak.climb(some, model, prior, [u], each) for each in few), key=lambda peak: peak.cost).direction
 
 
@@ -406,11 +406,11 @@ def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
     Compact blocks tell of short distances only, so a quarter of them is spread over the whole field.
     """
     blocks = spatial_blocks(xy)
-    if len(blocks) <= MOST_BLOCKS:
+    if len(blocks) <= MAX_BLOCKS:
         return blocks
-    wide, order = MOST_BLOCKS // 4, np.concatenate(blocks)
+    wide, order = MAX_BLOCKS // 4, np.concatenate(blocks)
     step = len(order) // BLOCK_PLACES
-    picked = np.linspace(0, len(blocks) - 1, MOST_BLOCKS - wide).astype(int)
+    picked = np.linspace(0, len(blocks) - 1, MAX_BLOCKS - wide).astype(int)
     thinned = [order[k * step // wide :: step][:BLOCK_PLACES] for k in range(wide)]
     return [blocks[number] for number in picked] + thinned
 

@@ -22,9 +22,9 @@ OUTLIER = 0.25
 """Residuals above this share of the unit count as outliers."""
 RANGES = 0.01, 3.0
 """Bounds of the range in units of the largest lag."""
-MOST_NUGGET = 10.0
+MAX_NUGGET = 10.0
 """Upper bound of the nugget in units of the semivariance."""
-MOST_SILL = 20.0
+MAX_SILL = 20.0
 """Upper bound of the structured sill in units of the semivariance."""
 
 _USUAL = np.array([0.1, 1.0])
@@ -37,9 +37,9 @@ _TIES = _TIE * np.array([1.0, 0.0, 1.0, *_USUAL])
 _TRIED = np.geomspace(*RANGES, 40)
 _REWEIGHTINGS = 5
 _POLISHED = 3
-_MOST_STEPS = 100
+_MAX_STEPS = 100
 _CONVERGED = 1e-8
-_LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e12
+_MIN_DAMPING, _MAX_DAMPING = 1e-8, 1e12
 _LOG_STEP = 1e-4
 _SHORTER = np.array([[1.0], [math.exp(-2 * _LOG_STEP)]])
 """Factors of the squared lags: none, and that of a range a little longer."""
@@ -72,12 +72,12 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
     :param least_sill: lower bound of the structured sill in units of the semivariance
     """
     correlation = MODELS[model]
-    most_sill = max(MOST_SILL, 2 * least_sill)
+    most_sill = max(MAX_SILL, 2 * least_sill)
     lower = np.array([0.0, np.log(RANGES[0]), least_sill])
-    upper = np.array([MOST_NUGGET, np.log(RANGES[1]), most_sill])
+    upper = np.array([MAX_NUGGET, np.log(RANGES[1]), most_sill])
     starts = _promising(lag, gamma, correlation, lower, upper)
     descents = [_Descent(start, lag, gamma, correlation, lower, upper) for start in starts]
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         for descent in descents:
             descent.step()
         if all(descent.converged for descent in descents):
@@ -130,8 +130,8 @@ class _Descent:
         if gain > 0:
             self.at = kept
             self.cost, self._gradient, self._hessian, self._scale = then
-        self._damping = max(self._damping * (0.1 if gain > 0 else 10.0), _LEAST_DAMPING)
-        if self._damping > _MOST_DAMPING:  # no lower point is to be found
+        self._damping = max(self._damping * (0.1 if gain > 0 else 10.0), _MIN_DAMPING)
+        if self._damping > _MAX_DAMPING:  # no lower point is to be found
             self.converged = True
 
 

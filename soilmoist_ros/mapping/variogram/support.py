@@ -22,13 +22,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.samples.spread import LEAST_SPREAD_M2
+from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2
 from soilmoist_ros.mapping.variogram.model import CorrelationModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_LEAST_WIDTH_M2 = LEAST_SPREAD_M2 / 2
+_MIN_WIDTH_M2 = MIN_SPREAD_M2 / 2
 """Areas with a smaller variance across are taken for lines."""
 _LINE_WEIGHT, _LINE_ARM = 1 / 2, 1.0
 _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
@@ -57,7 +57,7 @@ class Supports:
             return
         variance, axes = np.linalg.eigh(spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2))
         arms = np.sqrt(np.maximum(variance, 0.0))[:, None] * axes  # of one standard deviation, in the columns
-        area = variance[:, 0] >= _LEAST_WIDTH_M2
+        area = variance[:, 0] >= _MIN_WIDTH_M2
         line = ~area & (variance[:, 1] > 0)
         arm = np.where(line[:, None], _LINE_ARM * arms[:, :, 1], 0.0)
         weight = np.select([area, line], [1 - 4 * _AREA_WEIGHT, 1 - _LINE_WEIGHT], 1.0)

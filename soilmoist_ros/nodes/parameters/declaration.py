@@ -19,7 +19,7 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 Value = bool | int | float | str | list[str]
 
 _HIGHEST = 1e300
-_HIGHEST_WHOLE = 2**62
+_MAX_WHOLE = 2**62
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
 
 
@@ -104,8 +104,8 @@ class Parameter:
             high = _HIGHEST if self.high is None else float(self.high)
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
         elif limited and isinstance(self.default, int):
-            low_whole = -_HIGHEST_WHOLE if self.low is None else int(self.low)
-            high_whole = _HIGHEST_WHOLE if self.high is None else int(self.high)
+            low_whole = -_MAX_WHOLE if self.low is None else int(self.low)
+            high_whole = _MAX_WHOLE if self.high is None else int(self.high)
             descriptor.integer_range = [IntegerRange(from_value=low_whole, to_value=high_whole, step=1)]
         return descriptor
 

@@ -19,7 +19,7 @@ from soilmoist_ros.recording.bag.writer import is_being_written
 _REGULAR_FROM: Final = 10
 _REGULAR_SHARE: Final = 0.8
 _GAP_FACTOR: Final = 5.0
-_SHORTEST_GAP_S: Final = 1.0
+_MIN_GAP_S: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def find_gaps(times_s: list[float]) -> tuple[Gap, ...]:
     regular = sum(0.5 * usual <= interval <= 1.5 * usual for interval in intervals)
     if regular < _REGULAR_SHARE * len(intervals):
         return ()
-    longest = max(_GAP_FACTOR * usual, _SHORTEST_GAP_S)
+    longest = max(_GAP_FACTOR * usual, _MIN_GAP_S)
     return tuple(Gap(start, length) for start, length in zip(times_s, intervals, strict=False) if length > longest)
 
 

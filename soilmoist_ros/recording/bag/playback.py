@@ -17,7 +17,7 @@ INPUTS: Final = (
 )
 """What mapper and planner take in, and what it was made of; not what they publish themselves."""
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
-_LONGEST_STEP_S: Final = 0.1
+_MAX_STEP_S: Final = 0.1
 
 
 class Playback:
@@ -113,4 +113,4 @@ class Pacer:
         :param elapsed_s: how much [s]
         """
         if not self.paused:
-            self.now_ns += round(min(elapsed_s, _LONGEST_STEP_S) * self._speed * 1e9)
+            self.now_ns += round(min(elapsed_s, _MAX_STEP_S) * self._speed * 1e9)

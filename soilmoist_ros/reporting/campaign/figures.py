@@ -60,7 +60,7 @@ LOOKS: dict[str, Look] = {
 }
 OTHER: Look = (INK, "-.", 1.5)
 ERROR = "Mean squared error [(counts/s)²]"
-MOST_EXAMPLES = 5
+MAX_EXAMPLES = 5
 KEYS_PER_ROW = 5
 KEY_IN = 0.55
 """Height of the strip below the examples [in]."""
@@ -210,7 +210,7 @@ def examples_figure(data: CampaignData, case: Case) -> Figure | None:
 def example_strategies(data: CampaignData, case: Case) -> list[str]:
     """Strategies of which a mission is shown: those that explore, the baselines only where there are no others."""
     present = strategies_in(data.final(case))
-    return ([name for name in present if name not in BASELINES] or present)[:MOST_EXAMPLES]
+    return ([name for name in present if name not in BASELINES] or present)[:MAX_EXAMPLES]
 
 
 def _lines(

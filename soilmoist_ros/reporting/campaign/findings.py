@@ -21,7 +21,7 @@ Outcome = Literal["seen", "partly", "not seen", "too few runs"]
 Verdict = Literal["confirmed", "partly", "not seen", "not tested"]
 Reasons = Mapping[FindingKey, str]
 
-FEWEST_RUNS = 3
+MIN_RUNS = 3
 LITTLE = 0.20
 """Share of the mean squared error up to which a difference is called little."""
 FAR_LESS = 0.25
@@ -138,7 +138,7 @@ def _finding(
     if judged:
         summary = f"Seen {_shares(judged)}."
     elif comparisons:
-        summary = f"Fewer than {FEWEST_RUNS} pairs of runs: nothing can be said."
+        summary = f"Fewer than {MIN_RUNS} pairs of runs: nothing can be said."
     else:
         summary = "The campaign has no missions that could tell."
     reason = reasons.get(key, "") if verdict in ("partly", "not seen") else ""
@@ -241,7 +241,7 @@ def _compared(
     difference = float((a - b).mean()) if n else float("nan")
     error = float((a - b).std(ddof=1) / np.sqrt(n)) if n > 1 else float("nan")
     value, reference = (float(x.mean()) if n else float("nan") for x in (a, b))
-    outcome: Outcome = judge(difference, error, reference) if n >= FEWEST_RUNS else "too few runs"
+    outcome: Outcome = judge(difference, error, reference) if n >= MIN_RUNS else "too few runs"
     return Comparison(where, what, quantity, value, reference, difference, error, n, outcome)
 
 

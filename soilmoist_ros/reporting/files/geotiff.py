@@ -28,7 +28,7 @@ BANDS: tuple[tuple[str, str, str], ...] = (
 )
 CELLS_AT_ONCE = 2**20
 """Many, since tiles of a large map that lie in two parts are computed twice."""
-MOST_CELLS = 25_000_000
+MAX_CELLS = 25_000_000
 
 
 def write_geotiff(
@@ -152,7 +152,7 @@ def _axes(
     first = np.floor(there.min(axis=0) / step + 1e-9)
     last = np.ceil(there.max(axis=0) / step - 1e-9)
     shape = np.maximum(last - first, 1)
-    if shape.prod() > MOST_CELLS:
+    if shape.prod() > MAX_CELLS:
         raise InputError(
             f"the raster in '{crs.name}' would have {shape[0]:.0f} x {shape[1]:.0f} cells",
             "choose larger cells, or a coordinate reference system that fits the field",

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN, HEIGHT_IN = 5.3, 3.3
-MOST_BINS = 240
+MAX_BINS = 240
 DAY_S = 86400.0
-MOST_PAIRED_SAMPLES = 3000
+MAX_PAIRED_SAMPLES = 3000
 
 
 def variogram_chart(run: MapRun) -> Figure:
@@ -79,7 +79,7 @@ def empirical_classes(run: MapRun) -> tuple[NDArray[np.float64], NDArray[np.floa
     empty = np.empty(0)
     if fit is not None and len(fit.lag_m):
         lag, gamma, weight = fit.lag_m, fit.gamma, fit.weight
-    elif 2 <= len(np.unique(samples.xy, axis=0)) <= MOST_PAIRED_SAMPLES:
+    elif 2 <= len(np.unique(samples.xy, axis=0)) <= MAX_PAIRED_SAMPLES:
         edges = default_edges(samples.xy)
         lag, gamma, weight = empirical_semivariogram(samples.xy, samples.counts, samples.exposure_s, edges)
     else:
@@ -210,9 +210,9 @@ def binned(
     time = np.array([r.stamp_s for r in track])
     counts = np.array([r.raw_counts for r in track], float)
     exposure = np.array([r.effective_exposure_s for r in track])
-    if len(track) <= MOST_BINS:
+    if len(track) <= MAX_BINS:
         return time, counts, exposure, 0.0
-    width = _round_up(float(np.ptp(time)) / MOST_BINS)
+    width = _round_up(float(np.ptp(time)) / MAX_BINS)
     index = ((time - time.min()) // width).astype(int)
     total = np.bincount(index, exposure).astype(float)
     total[total == 0] = np.nan

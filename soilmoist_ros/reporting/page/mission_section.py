@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-MOST_VISITS = 100
-MOST_NUMBERS = 80
+MAX_VISITS = 100
+MAX_NUMBERS = 80
 ROBOTS = {"blue": BLUE, "orange": ORANGE, "green": GREEN, "purple": PURPLE, "gold": GOLD, "black": INK}
 """Colours of the robots, from the first; taken again from the beginning where there are more."""
 
@@ -95,7 +95,7 @@ def mission_part(run: MapRun) -> MissionPart | None:
             )
         )  # fmt: skip
     sections += second_sections(run)
-    shown = tuple(mission.visits[:MOST_VISITS])
+    shown = tuple(mission.visits[:MAX_VISITS])
     hidden = len(mission.visits) - len(shown)
     several = len(mission.tracks) > 1
     return MissionPart(_text(mission), tuple(sections), shown, hidden, several, side_by_side(run))
@@ -248,7 +248,7 @@ def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
                 path[:1, 0], path[:1, 1], s=200, marker="s", facecolors="none", edgecolors=edge,
                 linewidths=width, zorder=6,
             )  # fmt: skip
-    numbered = len(mission.visits) <= MOST_NUMBERS
+    numbered = len(mission.visits) <= MAX_NUMBERS
     stops = np.array([(visit.x_m, visit.y_m) for visit in mission.visits]).reshape(-1, 2) / unit_m
     axes.scatter(
         stops[:, 0],

@@ -17,7 +17,7 @@ from soilmoist_ros.reporting.page.statistics import TruthScore, leave_one_out, t
 from soilmoist_ros.reporting.page.style import picture
 from soilmoist_ros.reporting.run import MapRun
 
-MOST_READOUT_CELLS = 150
+MAX_READOUT_CELLS = 150
 """Along each axis of the grid that is embedded for reading values under the pointer."""
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
@@ -70,7 +70,7 @@ def readout(run: MapRun) -> dict[str, Any]:
     The grid is thinned to at most 150 x 150 cells; rows run from south to north; ``None`` has no value.
     """
     soil_map, grid = run.soil_map, run.soil_map.grid
-    step = max(1, -(-max(soil_map.rate.shape) // MOST_READOUT_CELLS))
+    step = max(1, -(-max(soil_map.rate.shape) // MAX_READOUT_CELLS))
     names, factor = (("vwc", "vwc_sd"), 1e4) if run.calibrated else (("rate", "rate_sd"), 1e3)
     first = step // 2 if min(soil_map.rate.shape) > step // 2 else 0
     thin = slice(first, None, step)

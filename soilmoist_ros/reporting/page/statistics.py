@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
 
-MOST_SAMPLES = 1000
-MOST_CELLS = 1500
+MAX_SAMPLES = 1000
+MAX_CELLS = 1500
 INTERVAL_SD = 1.96
 """Half the width of a 95 % interval, in standard deviations."""
 
@@ -158,7 +158,7 @@ class _Kriging:
 
 def _kriging(soil_map: SoilMap) -> _Kriging | None:
     """The kriging system, or ``None`` if it is too large for a report or numerically singular."""
-    if not 1 <= len(soil_map.samples.xy) <= MOST_SAMPLES or not soil_map.variogram.sill > 0:
+    if not 1 <= len(soil_map.samples.xy) <= MAX_SAMPLES or not soil_map.variogram.sill > 0:
         return None
     try:
         return _Kriging(soil_map)
@@ -172,7 +172,7 @@ def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
     With the projected inverse ``Q = K^-1 - K^-1 1 1' K^-1 / (1' K^-1 1)`` the error of sample i is
     ``(Q y)_i / Q_ii`` and its variance ``1 / Q_ii``.
 
-    :returns: ``None`` for fewer than 5 or more than ``MOST_SAMPLES`` samples
+    :returns: ``None`` for fewer than 5 or more than ``MAX_SAMPLES`` samples
     """
     kriging = _kriging(soil_map) if len(soil_map.samples.xy) >= 5 else None
     if kriging is None:
@@ -188,7 +188,7 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
 
     Errors of neighbouring cells go together, so this is neither the mean standard deviation of the cells
     nor that divided by the root of their number: it is block kriging over a subset of at most
-    ``MOST_CELLS`` cells, for VWC with the curve's slope as weight. An error of N0 is not part of it.
+    ``MAX_CELLS`` cells, for VWC with the curve's slope as weight. An error of N0 is not part of it.
 
     :returns: ``None`` if there are too many samples, or nothing to average
     """
@@ -230,7 +230,7 @@ def _some_cells(soil_map: SoilMap) -> tuple[NDArray[np.float64], NDArray[np.floa
     mask = np.asarray(soil_map.grid.mask, bool)
     x, y = np.meshgrid(soil_map.grid.x_m, soil_map.grid.y_m)
     cells, rate = np.column_stack([x[mask], y[mask]]), np.asarray(soil_map.rate, float)[mask]
-    pick = np.unique(np.linspace(0, len(cells) - 1, min(len(cells), MOST_CELLS)).astype(int))
+    pick = np.unique(np.linspace(0, len(cells) - 1, min(len(cells), MAX_CELLS)).astype(int))
     return cells[pick], rate[pick]
 
 

@@ -19,7 +19,7 @@ from soilmoist_ros.reporting.page.statistics import (
 from soilmoist_ros.reporting.run import MapRun
 
 FEW_SAMPLES = 10
-MOST_UNUSABLE = 0.25
+MAX_UNUSABLE = 0.25
 """Share of the area with impossible or undefined moisture beyond which no average of it is told."""
 _CHECK = "check N0, the bulk density, and whether all tubes were counted"
 _CHECK_ALL = "Check N0 and whether all tubes were counted."
@@ -179,7 +179,7 @@ def headline(run: MapRun) -> list[str]:
             f"soil moisture could be computed. {_UNCERTAIN if run.simulated else _CHECK_ALL}"
         ]
     unusable = undefined_share(soil_map) + sum(implausible_shares(soil_map))
-    if unusable > MOST_UNUSABLE:
+    if unusable > MAX_UNUSABLE:
         return [
             f"{value} {unit} were mapped, but on {percent(unusable)} of the area the soil moisture is impossible "
             "or not defined: the count rate does not fit the calibration. "

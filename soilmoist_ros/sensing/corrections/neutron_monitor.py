@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 
-_LONGEST_GAP_S = 6 * 3600.0
+_MAX_GAP_S = 6 * 3600.0
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class NeutronMonitor:
             return float(self.rate[after])
         if after == 0 or after == len(self.stamp_s):
             return None
-        if self.stamp_s[after] - self.stamp_s[after - 1] > _LONGEST_GAP_S:
+        if self.stamp_s[after] - self.stamp_s[after - 1] > _MAX_GAP_S:
             return None
         return float(np.interp(stamp_s, self.stamp_s, self.rate))
 

@@ -49,9 +49,9 @@ __all__ = [
     "read_log",
 ]
 
-LONGEST_LINE = 65_536
-MOST_METADATA = 500
-LONGEST_PERIOD_S = 90_000.0
+MAX_LINE = 65_536
+MAX_METADATA = 500
+MAX_PERIOD_S = 90_000.0
 REMEMBERED_RECORDS = 100_000
 CLOCK_TOLERANCE_S = 5.0
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
@@ -139,7 +139,7 @@ class RecordParser:
         match = _LEADING_NUMBER.match(self._value_of(period.header_key))
         number = read_number(match[0]) if match else None
         period_s = units.to_seconds(period.unit)(number) if number else 0.0
-        return period_s if 0 < period_s <= LONGEST_PERIOD_S else period.default_s
+        return period_s if 0 < period_s <= MAX_PERIOD_S else period.default_s
 
     @property
     def serial(self) -> str:
@@ -165,7 +165,7 @@ class RecordParser:
         :return: the record it holds, or ``None`` if it is of the header, empty or faulty
         """
         self.line_number += 1
-        if len(line) > LONGEST_LINE:
+        if len(line) > MAX_LINE:
             self._lose(Note(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
             return None
         line = line.strip(b"\r\n")
@@ -216,7 +216,7 @@ class RecordParser:
                 self._names = self._names + names
                 self._header_is_new = True
             self._continued.add(first)
-        elif (match := _KEY_AND_VALUE.fullmatch(text)) and len(self.metadata) < MOST_METADATA:
+        elif (match := _KEY_AND_VALUE.fullmatch(text)) and len(self.metadata) < MAX_METADATA:
             self.metadata[match[1]] = match[2]
             self._values[plain_name(match[1])] = match[2]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-LONGEST_LINE = 65_536
+MAX_LINE = 65_536
 """Longer lines are noise, and are thrown away [bytes]."""
 
 
@@ -16,7 +16,7 @@ class LineBuffer:
     :param longest: longest line that is kept [bytes]
     """
 
-    def __init__(self, longest: int = LONGEST_LINE) -> None:
+    def __init__(self, longest: int = MAX_LINE) -> None:
         self.n_oversized = 0
         self._longest = longest
         self._lines: deque[bytes] = deque()

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from soilmoist_ros.sensing.links.line_source import LineSource, LinkStatus
 
-MOST_WAITING = 20_000
+MAX_WAITING = 20_000
 """Lines that may wait to be taken; when there are more the reader pauses, and the sender is held up."""
 _WAIT_S = 0.2
 _STOP_S = 5.0
@@ -26,7 +26,7 @@ class LineReader:
     def __init__(self, source: LineSource, on_line: Callable[[], None]) -> None:
         self._source = source
         self._on_line = on_line
-        self._waiting: queue.Queue[bytes] = queue.Queue(MOST_WAITING)
+        self._waiting: queue.Queue[bytes] = queue.Queue(MAX_WAITING)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="line reader", daemon=True)
         self._thread.start()

@@ -36,7 +36,7 @@ from soilmoist_ros.sensing.records import NAN, Position
 __all__ = ["Fix", "FixStatus", "NmeaParser", "Track", "interpolate_position", "parse_nmea", "read_nmea"]
 
 DAY_S = 86_400.0
-LONGEST_SENTENCE = 512  # the standard allows 82 characters; receivers take more
+MAX_SENTENCE = 512  # the standard allows 82 characters; receivers take more
 KNOTS_MPS = 1852.0 / 3600.0
 VERTICAL_PER_HORIZONTAL = 2.0  # without GST: altitude is usually about this much worse than each coordinate
 EARLIEST_DATE_S = 946_684_800.0  # 2000-01-01: receivers without a date count from 1980
@@ -242,7 +242,7 @@ class NmeaParser:
             return None
         text = line[start:].decode("latin-1").strip()
         kind = text[3:6]
-        if len(text) > LONGEST_SENTENCE:
+        if len(text) > MAX_SENTENCE:
             self._report(Kind.TOO_LONG, f"the sentence has {len(text)} bytes")
             return None
         try:

@@ -8,7 +8,7 @@ from bisect import bisect_left
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.records import Position
 
-MOST_FIXES = 20_000
+MAX_FIXES = 20_000
 """Fixes that are remembered: more than 5 h at 1 Hz, so that a receiver may be far ahead of a logger."""
 CLOCK_CORRECTED_S = 60.0
 """A time further back than this means that the receiver has corrected its clock [s]."""
@@ -48,8 +48,8 @@ class RecentTrack:
             return
         self._stamps.append(stamp_s)
         self._positions.append(position)
-        if len(self._stamps) > 2 * MOST_FIXES:
-            del self._stamps[:-MOST_FIXES], self._positions[:-MOST_FIXES]
+        if len(self._stamps) > 2 * MAX_FIXES:
+            del self._stamps[:-MAX_FIXES], self._positions[:-MAX_FIXES]
 
     def at(self, stamp_s: float, max_gap_s: float, edge_tolerance_s: float) -> Position | None:
         """Position at one moment; see :meth:`Track.at`."""

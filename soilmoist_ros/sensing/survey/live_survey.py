@@ -30,7 +30,7 @@ from soilmoist_ros.sensing.survey.record_correction import (
     place_record,
     position_gap_s,
 )
-from soilmoist_ros.sensing.survey.survey import LONGEST_WEATHER_GAP_S
+from soilmoist_ros.sensing.survey.survey import MAX_WEATHER_GAP_S
 
 LAST_RECORDS = 20
 """Records by which the present state is judged."""
@@ -241,7 +241,7 @@ class LiveSurvey:
             if math.isfinite(value):
                 self._weather[name] = (record.stamp_s, value)
             stamp_s, last = self._weather.get(name, (-math.inf, NAN))
-            values.append(last if abs(record.stamp_s - stamp_s) <= LONGEST_WEATHER_GAP_S else NAN)
+            values.append(last if abs(record.stamp_s - stamp_s) <= MAX_WEATHER_GAP_S else NAN)
         return Weather(*values)
 
     def _may_go(self, held: _Held, now_s: float) -> bool:

@@ -18,7 +18,7 @@ from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 
 _POSITION_GAP_RECORDS = 3.0
-_SHORTEST_POSITION_GAP_S = 5.0
+_MIN_POSITION_GAP_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -128,4 +128,4 @@ def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> 
 
 def position_gap_s(interval_s: float) -> float:
     """Longest time between two fixes over which the place of a record may be interpolated [s]."""
-    return max(_POSITION_GAP_RECORDS * interval_s, _SHORTEST_POSITION_GAP_S)
+    return max(_POSITION_GAP_RECORDS * interval_s, _MIN_POSITION_GAP_S)

@@ -27,7 +27,7 @@ from soilmoist_ros.sensing.survey.record_correction import (
     position_gap_s,
 )
 
-LONGEST_WEATHER_GAP_S = 1800.0
+MAX_WEATHER_GAP_S = 1800.0
 """Missing weather values are interpolated in time over gaps up to this long [s]."""
 
 
@@ -130,9 +130,9 @@ def _fill(stamps: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[n
     at = stamps[known]
     after = np.clip(np.searchsorted(at, stamps), 1, max(len(at) - 1, 1))
     before_s, after_s = at[after - 1], at[np.minimum(after, len(at) - 1)]
-    inside = (stamps >= before_s) & (stamps <= after_s) & (after_s - before_s <= LONGEST_WEATHER_GAP_S)
+    inside = (stamps >= before_s) & (stamps <= after_s) & (after_s - before_s <= MAX_WEATHER_GAP_S)
     nearest_s = np.minimum(np.abs(stamps - before_s), np.abs(stamps - after_s))
-    usable = inside | (nearest_s <= LONGEST_WEATHER_GAP_S / 2)
+    usable = inside | (nearest_s <= MAX_WEATHER_GAP_S / 2)
     return np.asarray(np.where(known, values, np.where(usable, np.interp(stamps, at, values[known]), np.nan)))
 
 

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-6
 """Share of negative eigenvalues that is cut off: the largest relative error of the field's covariances."""
-MOST_NODES = 16_000_000
+MAX_NODES = 16_000_000
 
 
 def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: np.random.Generator) -> Array:
@@ -54,7 +54,7 @@ def _torus_eigenvalues(shape: tuple[int, int], steps: tuple[float, float], model
     for enlargement in (0.0, 2.0, 4.0, 6.0, 9.0, 13.0):
         wanted = np.maximum(least, np.add(shape, np.multiply(enlargement, reach)))
         size = [next_fast_len(max(2, int(np.ceil(count)))) for count in wanted]
-        if np.prod(size) > MOST_NODES:
+        if np.prod(size) > MAX_NODES:
             break
         lags = [np.minimum(np.arange(n), n - np.arange(n)) * step for n, step in zip(size, steps, strict=True)]
         square = (lags[0][:, None] ** 2 + lags[1][None, :] ** 2) / range_m**2

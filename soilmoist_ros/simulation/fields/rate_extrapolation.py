@@ -13,7 +13,7 @@ from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 
 Array = NDArray[np.float64]
 
-MOST_POINTS = 1000
+MAX_POINTS = 1000
 """Points beyond which the dense kriging system of PyKrige takes too long."""
 NUMBERS_AT_ONCE = 4_000_000
 
@@ -48,8 +48,8 @@ def krige(xy: Array, values: Array, variogram: Variogram, x_m: Array, y_m: Array
     :raises ValueError: if there are too few or too many points, or the kriging system cannot be solved
         accurately, which happens to smooth models without a nugget when points lie close together
     """
-    if not 3 <= len(xy) <= MOST_POINTS:
-        raise ValueError(f"kriging takes 3 to {MOST_POINTS} points, got {len(xy)}")
+    if not 3 <= len(xy) <= MAX_POINTS:
+        raise ValueError(f"kriging takes 3 to {MAX_POINTS} points, got {len(xy)}")
     east, north = np.meshgrid(x_m, y_m)
     nodes = np.column_stack([east.ravel(), north.ravel()])
     estimates = _estimate(xy, values, variogram, np.concatenate([nodes, xy]))

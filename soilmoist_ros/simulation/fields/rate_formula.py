@@ -27,7 +27,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 FLOOR = 0.05
 """Random fields do not fall below this share of their mean; see :class:`RandomFieldFormula`."""
-MOST_VWC = 0.9
+MAX_VWC = 0.9
 
 
 class RateFormula(Section):
@@ -44,8 +44,8 @@ class RateFormula(Section):
     @model_validator(mode="after")
     def _fractions(self) -> RateFormula:
         for name in self.values:
-            if self.quantity == "vwc" and getattr(self, name) > MOST_VWC:
-                raise ValueError(f"{name!r} is a moisture in m3/m3 and at most {MOST_VWC}, not a percentage")
+            if self.quantity == "vwc" and getattr(self, name) > MAX_VWC:
+                raise ValueError(f"{name!r} is a moisture in m3/m3 and at most {MAX_VWC}, not a percentage")
         return self
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 MARGIN_M = 10.0
 """Width of the strip around the field's box that nodes cover: robots and footprints reach over the edge."""
-MOST_NODES = 1_000_000
+MAX_NODES = 1_000_000
 """Nodes that a grid does not exceed; the step is doubled until it fits."""
 
 
@@ -38,7 +38,7 @@ class Extent(NamedTuple):
         """
         low, high = polygon.min(axis=0), polygon.max(axis=0)
         step = cell_m / 2
-        while np.prod((high - low + 2 * MARGIN_M) / step + 2) > MOST_NODES:
+        while np.prod((high - low + 2 * MARGIN_M) / step + 2) > MAX_NODES:
             step *= 2
         return cls(low, high, step)
 

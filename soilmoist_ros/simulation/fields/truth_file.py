@@ -17,7 +17,7 @@ from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil
-from soilmoist_ros.simulation.fields.rate_extrapolation import MOST_POINTS, default_variogram, kriged_grid
+from soilmoist_ros.simulation.fields.rate_extrapolation import MAX_POINTS, default_variogram, kriged_grid
 from soilmoist_ros.simulation.fields.rate_formula import Formula, Quantity, Truth
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
@@ -153,9 +153,9 @@ def _cells(field: Field, path: Path) -> tuple[Array, Extent]:
 
 def _from_points(section: TruthSection, file: Path, path: Path, extent: Extent) -> tuple[Truth, Array, Array]:
     table = read_points(file)
-    if len(table.values) > MOST_POINTS:
+    if len(table.values) > MAX_POINTS:
         raise InputError(
-            f"has {len(table.values)} points; kriging takes at most {MOST_POINTS}",
+            f"has {len(table.values)} points; kriging takes at most {MAX_POINTS}",
             "thin them out, or give an even grid as 'grid'",
             file,
         )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.simulation.fields.rate_formula import MOST_VWC, Quantity
+from soilmoist_ros.simulation.fields.rate_formula import MAX_VWC, Quantity
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, filled
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 
 QUANTITIES: tuple[Quantity, ...] = ("rate_cps", "vwc")
 HEADER_REMEDY = "name the columns x_m, y_m and rate_cps (or vwc) in the first line, separated by commas"
-MOST_MISTAKES = 20
-MOST_PIXELS = 50_000_000
+MAX_MISTAKES = 20
+MAX_PIXELS = 50_000_000
 
 
 class Table(NamedTuple):
@@ -85,7 +85,7 @@ def read_grid(path: Path, cells: Array) -> Layer:
     """
     table = _read_table(path, gaps=True, least=4)
     x, y = (_even_axis(path, name, table.xy[:, axis]) for axis, name in enumerate(("x_m", "y_m")))
-    if len(x) * len(y) > MOST_PIXELS:
+    if len(x) * len(y) > MAX_PIXELS:
         raise InputError(f"spans {len(x)} x {len(y)} nodes", "use larger steps, or check the coordinates", path)
     raster = np.full((len(y), len(x)), np.nan)
     index = [
@@ -146,15 +146,15 @@ def _read_band(path: Path, source: DatasetReader, band: str | None) -> tuple[Arr
         known = ", ".join(repr(name) for name in names if name) or "none has a name"
         raise InputError(f"has no band {band!r}", f"its bands are: {known}; give one as 'band'", path)
     number = names.index(band) if band is not None else 0
-    if source.width * source.height > MOST_PIXELS:
+    if source.width * source.height > MAX_PIXELS:
         raise InputError(
-            f"has {source.width} x {source.height} pixels (at most {MOST_PIXELS:,})", "crop it to the field", path
+            f"has {source.width} x {source.height} pixels (at most {MAX_PIXELS:,})", "crop it to the field", path
         )
     masked = source.read(number + 1, masked=True).astype(float) * source.scales[number] + source.offsets[number]
     pixels: Array = np.asarray(masked.filled(np.nan), float)
     quantity: Quantity = "vwc" if "vwc" in names[number].lower() else "rate_cps"
     with np.errstate(invalid="ignore"):
-        wrong = np.argwhere((pixels <= 0) | ((pixels > MOST_VWC) & (quantity == "vwc")) | np.isinf(pixels))
+        wrong = np.argwhere((pixels <= 0) | ((pixels > MAX_VWC) & (quantity == "vwc")) | np.isinf(pixels))
     if len(wrong):
         row, column = wrong[0]
         reason = _out_of_range(float(pixels[row, column]), quantity)
@@ -295,7 +295,7 @@ def _numbers(
         if not math.isfinite(number):
             text = f"{cell!r} is not a number" if cell else "the value is missing"
             mistakes.append(Mistake(text, "write a decimal number such as 3.25", path, line, name))
-        elif name in QUANTITIES and not 0 < number <= (MOST_VWC if name == "vwc" else math.inf):
+        elif name in QUANTITIES and not 0 < number <= (MAX_VWC if name == "vwc" else math.inf):
             reason = _out_of_range(number, "vwc" if name == "vwc" else "rate_cps")
             mistakes.append(Mistake(f"{cell} {reason}", "correct the value", path, line, name))
         else:
@@ -305,10 +305,10 @@ def _numbers(
 
 def _out_of_range(value: float, quantity: Quantity) -> str:
     if quantity == "vwc" and value > 0:
-        return f"is no moisture in m3/m3 (0 to {MOST_VWC}); a percentage must be divided by 100"
+        return f"is no moisture in m3/m3 (0 to {MAX_VWC}); a percentage must be divided by 100"
     return f"is not positive, as a {'count rate' if quantity == 'rate_cps' else 'moisture'} must be"
 
 
 def _shortened(mistakes: list[Mistake], path: Path) -> list[Mistake]:
-    more = len(mistakes) - MOST_MISTAKES
-    return [*mistakes[:MOST_MISTAKES], Mistake(f"has {more} more mistakes", "", path)] if more > 0 else mistakes
+    more = len(mistakes) - MAX_MISTAKES
+    return [*mistakes[:MAX_MISTAKES], Mistake(f"has {more} more mistakes", "", path)] if more > 0 else mistakes

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from soilmoist_ros.exploration.planning.efficiency import least_variance
-from soilmoist_ros.exploration.planning.planning_model import LOWEST_RATE_CPS, spread_cells
+from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS, spread_cells
 from soilmoist_ros.simulation.mission.mission_run import MissionResult
 
 CELLS = 350
@@ -51,7 +51,7 @@ def mission_efficiency(mission: MissionResult) -> Efficiency | None:
     rate, variance = soil_map.kriging.predict(cells)
     if soil_map.kriging.keep_nugget:
         variance = np.maximum(variance - soil_map.variogram.nugget, 0.0)
-    rate = np.maximum(rate, LOWEST_RATE_CPS)
+    rate = np.maximum(rate, MIN_RATE_CPS)
     weight = np.full(len(cells), 1 / len(cells))
     moisture = mission.settings.target == "vwc" and soil_map.curve is not None
     if moisture:

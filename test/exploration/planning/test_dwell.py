@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.planning.dwell import (
-    LONGEST_DWELL_S,
+    MAX_DWELL_S,
     AdaptiveInterval,
     FixedInterval,
     MarginalValue,
@@ -113,7 +113,7 @@ def test_expected_dwell_counts_raw_neutrons():
     assert rule.expected_s(4.0) == 400
     assert rule.expected_s(4.0, factor=1.25) == 500, "raw rate = corrected rate / factor"
     for unknown in (0.0, -1.0, math.nan):
-        assert rule.expected_s(unknown) == LONGEST_DWELL_S
+        assert rule.expected_s(unknown) == MAX_DWELL_S
     assert parse_dwell("fmi:600").expected_s(math.nan) == 600
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.planning.dwell import LONGEST_DWELL_S, MarginalValue
+from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel
-from soilmoist_ros.exploration.planning.prospect import MOST_PLACES, Counting, Prospect, along
+from soilmoist_ros.exploration.planning.prospect import MAX_PLACES, Counting, Prospect, along
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.mapping import PoissonKriging, Variogram
@@ -51,7 +51,7 @@ def test_a_longer_cadence_takes_the_same_time_on_the_way():
     for look in (coarse, fine):
         nodes, exposure_s = look.ways(look.reachable)
         assert nodes.shape == exposure_s.shape
-        assert nodes.shape[1] <= MOST_PLACES
+        assert nodes.shape[1] <= MAX_PLACES
         np.testing.assert_allclose(exposure_s.sum(axis=1), driven_s, atol=1e-9)
 
 
@@ -65,7 +65,7 @@ def test_the_dwell_of_the_most_valuable_stop_is_its_best():
     assert rule.expected_s(float(look.worth.rate[best])) == pytest.approx(look.worth.dwell_s[best], rel=1e-6)
     worse = int(np.argmin(look.worth.value))
     other = look.dwell(STOPS[look.reachable[worse]])
-    assert 0 <= other.expected_s(4.0) <= LONGEST_DWELL_S
+    assert 0 <= other.expected_s(4.0) <= MAX_DWELL_S
     assert look.dwell(Stop("elsewhere", 0.0, 0.0)) is None
 
 

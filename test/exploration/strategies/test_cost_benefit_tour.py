@@ -6,7 +6,7 @@ from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import Optimal
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies import cost_benefit_tour
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import MOST_STOPS, CostBenefitTour, _Tour
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import MAX_STOPS, CostBenefitTour, _Tour
 from soilmoist_ros.exploration.strategies.information import VarianceReduction
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
@@ -48,7 +48,7 @@ def test_at_the_start_it_is_the_largest_fall_per_second():
 def test_later_it_plans_a_tour_within_its_horizon(graph, on_way):
     now = situation(on_way=on_way, graph=graph)
     choice = CostBenefitTour(begun_s=3600.0 + 2400.0).choose(now, rng())
-    assert 1 <= len(choice.ahead) < MOST_STOPS
+    assert 1 <= len(choice.ahead) < MAX_STOPS
     assert len({choice.stop, *choice.ahead}) == 1 + len(choice.ahead)
     assert f"a tour of {1 + len(choice.ahead)} stops" in choice.reason
     seconds = float(choice.reason.split(" in ")[1].removesuffix(" s"))

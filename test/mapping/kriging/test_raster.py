@@ -17,7 +17,7 @@ from soilmoist_ros.mapping import (
 from soilmoist_ros.mapping.kriging import covariances, tile_covariances
 from soilmoist_ros.mapping.kriging import rows as kriging_rows
 from soilmoist_ros.mapping.kriging.raster import MapFollower
-from soilmoist_ros.mapping.kriging.rows import BLOCK, LEAST_TAIL
+from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances
 from soilmoist_ros.mapping.samples.spread import way_spread
 from soilmoist_ros.mapping.variogram.model import MODELS
@@ -121,7 +121,7 @@ def check_mission(grid, model, keep_nugget, first, actions, seed):
 
 @pytest.mark.parametrize(("model", "keep_nugget"), [("matern32", True), ("exponential", False)])
 @settings(max_examples=8, deadline=None)
-@given(st.integers(1, 2 * BLOCK + LEAST_TAIL), steps, st.integers(0, 99))
+@given(st.integers(1, 2 * BLOCK + MIN_TAIL), steps, st.integers(0, 99))
 def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(model, keep_nugget, first, actions, seed):
     with mock.patch.object(covariances, "_AT_ONCE", 64), mock.patch.object(kriging_rows, "_AT_ONCE", 64):
         check_mission(SMALL, model, keep_nugget, first, actions, seed)
@@ -131,7 +131,7 @@ def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(model, keep
     ("model", "keep_nugget"), [("matern32", True), ("exponential", False), ("spherical", True)]
 )
 @settings(max_examples=5, deadline=None)
-@given(st.integers(1, 2 * BLOCK + LEAST_TAIL), steps, st.integers(0, 99))
+@given(st.integers(1, 2 * BLOCK + MIN_TAIL), steps, st.integers(0, 99))
 def test_so_are_those_of_tiles(model, keep_nugget, first, actions, seed):
     with small_tiles():
         check_mission(FINE, model, keep_nugget, first, actions, seed)
@@ -163,7 +163,7 @@ def test_so_are_those_by_interpolation(keep_nugget, first, actions, seed):
 
 def test_a_mission_in_single_steps_fills_blocks():
     follower, mission = MapFollower(FINE, True), Mission("matern32", 1)
-    for _ in range(2 * BLOCK + LEAST_TAIL + 1):
+    for _ in range(2 * BLOCK + MIN_TAIL + 1):
         mission.append(1)
         follow(follower, mission)
         mission.move(0)
@@ -213,7 +213,7 @@ def test_what_is_too_much_to_keep_is_kriged_at_once():
     follower, mission = MapFollower(SMALL, True), Mission("matern32", 3)
     mission.append(60)
     assert follow(follower, mission) is not None
-    with mock.patch.object(kriging_rows, "MOST_ELEMENTS", 40 * len(SMALL.cells)):
+    with mock.patch.object(kriging_rows, "MAX_ELEMENTS", 40 * len(SMALL.cells)):
         assert follow(follower, mission) is None
         soil_map = make_soil_map(mission.samples, SMALL, mission.variogram, follower=follower)
         assert isinstance(soil_map.made_by, PoissonKriging)

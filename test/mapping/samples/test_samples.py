@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import Samples, merge_records
 from soilmoist_ros.mapping.samples.samples import merge_exactly, noise_rate
-from soilmoist_ros.mapping.samples.spread import LEAST_SPREAD_M2, way_spread
+from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, way_spread
 
 COORDINATE = st.integers(-20, 20).map(float)
 RECORD = st.tuples(COORDINATE, COORDINATE, st.integers(0, 500), st.sampled_from([5.0, 10.0, 20.0, 640.0]))
@@ -181,7 +181,7 @@ def test_merging_conserves_the_second_moments(many, radius_m):
     found, expected = moments(merged), moments(separate)
     np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-9, atol=1e-6 * expected[0])
     scale = expected[0] * (1 + np.abs(xy).max() ** 2)
-    np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=LEAST_SPREAD_M2 * expected[0] + 1e-9 * scale)
+    np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=MIN_SPREAD_M2 * expected[0] + 1e-9 * scale)
 
 
 def test_a_drive_that_becomes_one_sample_has_its_extent():

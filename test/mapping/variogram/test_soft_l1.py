@@ -5,10 +5,10 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from soilmoist_ros.mapping.variogram.model import MODELS
-from soilmoist_ros.mapping.variogram.soft_l1 import MOST_NUGGET, MOST_SILL, OUTLIER, RANGES, fit_soft_l1
+from soilmoist_ros.mapping.variogram.soft_l1 import MAX_NUGGET, MAX_SILL, OUTLIER, RANGES, fit_soft_l1
 
 LOWER = np.array([0.0, RANGES[0]])
-UPPER = np.array([MOST_NUGGET, RANGES[1]])
+UPPER = np.array([MAX_NUGGET, RANGES[1]])
 
 
 def cost(parameters, lag, gamma, model):
@@ -24,7 +24,7 @@ def best_of_scipy(lag, gamma, model, least_sill):
         nugget, range_, structured = parameters
         return nugget + structured * (1 - MODELS[model].correlation((lag / range_) ** 2)) - gamma
 
-    bounds = np.append(LOWER, least_sill), np.append(UPPER, max(MOST_SILL, 2 * least_sill))
+    bounds = np.append(LOWER, least_sill), np.append(UPPER, max(MAX_SILL, 2 * least_sill))
     starts = [np.clip([0.1, reach / MODELS[model].practical, 1.0], *bounds) for reach in (0.3, 0.6, 1.2)]
     return min(
         (least_squares(residuals, start, bounds=bounds, loss="soft_l1", f_scale=OUTLIER) for start in starts),
@@ -56,7 +56,7 @@ def test_no_worse_than_scipy(seed, model, least_sill):
     assert found.cost == pytest.approx(cost(parameters, lag, gamma, model), rel=1e-9, abs=1e-12)
     assert found.cost <= 1.001 * best_of_scipy(lag, gamma, model, least_sill).cost + 1e-4
     assert (parameters >= np.append(LOWER, least_sill) * (1 - 1e-9)).all()
-    assert (parameters <= np.append(UPPER, max(MOST_SILL, 2 * least_sill)) * (1 + 1e-9)).all()
+    assert (parameters <= np.append(UPPER, max(MAX_SILL, 2 * least_sill)) * (1 + 1e-9)).all()
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -10,7 +10,7 @@ from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
 from soilmoist_ros.mapping.variogram.model import MODELS
 from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood
 from soilmoist_ros.mapping.variogram.support import (
-    LEAST_SPREAD_M2,
+    MIN_SPREAD_M2,
     SupportCorrelation,
     Supports,
     footprint_spread,
@@ -72,7 +72,7 @@ def test_the_footprint_has_86_percent_within_its_radius():
 
 
 def test_spreads_that_noise_may_have_made_count_as_none():
-    low, high = 0.49 * LEAST_SPREAD_M2, 0.5 * LEAST_SPREAD_M2
+    low, high = 0.49 * MIN_SPREAD_M2, 0.5 * MIN_SPREAD_M2
     found = without_noise(np.array([[low, 0, low], [high, 0, high], [0, 0, 1.0]]))
     np.testing.assert_array_equal(found, [[0, 0, 0], [high, 0, high], [0, 0, 1]])
 
@@ -88,7 +88,7 @@ def test_the_points_of_a_support_have_its_mean_and_second_moments(many):
     def squares(p):
         return np.stack([p[:, 0] ** 2, p[:, 0] * p[:, 1], p[:, 1] ** 2])
 
-    np.testing.assert_allclose(supports.average(squares) - squares(xy), spread.T, atol=LEAST_SPREAD_M2 / 2)
+    np.testing.assert_allclose(supports.average(squares) - squares(xy), spread.T, atol=MIN_SPREAD_M2 / 2)
 
 
 # -- covariances ---------------------------------------------------------------------------------------
