@@ -59,7 +59,7 @@ def main() -> None:
     type=click.FloatRange(min=0),
     help="Records within this radius become one sample [m]. Default: a quarter of the footprint.",
 )
-@click.option("--exact", "most_exact", type=click.IntRange(min=1), default=2000, show_default=True,
+@click.option("--exact", "max_exact_samples", type=click.IntRange(min=1), default=2000, show_default=True,
               help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")

@@ -119,7 +119,7 @@ def make_soil_map(
     curve: CalibrationCurve | None = None,
     keep_nugget: bool = True,
     progress: Callable[[float], None] | None = None,
-    most_exact: int = MAX_EXACT_SAMPLES,
+    max_exact_samples: int = MAX_EXACT_SAMPLES,
     compute: Compute = map,
     follower: MapFollower | None = None,
 ) -> SoilMap:
@@ -134,7 +134,7 @@ def make_soil_map(
     :param curve: calibration that turns the rate into soil moisture
     :param keep_nugget: as :class:`PoissonKriging`
     :param progress: called with the fraction done, from above 0 to 1
-    :param most_exact: number of samples beyond which it is
+    :param max_exact_samples: number of samples beyond which it is
         :class:`TiledKriging` that makes the map
     :param compute: computes the tiles, as there
     :param follower: of the same grid and nugget, makes the map if it can
@@ -145,14 +145,14 @@ def make_soil_map(
     known_rate = (fit.mean_rate or None) if fit is not None else None
     kriging: PoissonKriging | TiledKriging | None = None
     rasters = None
-    if follower is not None and 0 < len(samples) <= most_exact:
+    if follower is not None and 0 < len(samples) <= max_exact_samples:
         mean_rate = known_rate or noise_rate(samples)
         rasters = follower.follow(samples, model, mean_rate)
     if rasters is not None:
         rate, variance = rasters
         clipped = clip_negative(variance, model.sill)
     else:
-        if len(samples) <= most_exact:
+        if len(samples) <= max_exact_samples:
             kriging = PoissonKriging(model, keep_nugget, known_rate)
         else:
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)

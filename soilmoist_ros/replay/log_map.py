@@ -52,7 +52,7 @@ class MapSettings:
     :param cell_m: cell size of the map [m]
     :param merge_radius_m: records closer together than this become one sample [m]
     :param title: title of the report
-    :param most_exact: number of samples up to which the map is exact; beyond, it is made tile by tile
+    :param max_exact_samples: number of samples up to which the map is exact; beyond, it is made tile by tile
     """
 
     logger: str | None = None
@@ -65,7 +65,7 @@ class MapSettings:
     cell_m: float | None = None
     merge_radius_m: float | None = None
     title: str | None = None
-    most_exact: int = MAX_EXACT_SAMPLES
+    max_exact_samples: int = MAX_EXACT_SAMPLES
 
 
 def map_logs(
@@ -116,7 +116,7 @@ def map_logs(
         site.curve,
         settings.keep_nugget,
         lambda share: progress(kriging, share),
-        settings.most_exact,
+        settings.max_exact_samples,
         compute,
     )
     return make_run(

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.control.team import Errand, foreseen, taken
+from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
 from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
@@ -99,7 +99,9 @@ class Explorer:
         self._weighed = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
 
-    def plan(self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[Errand] = ()) -> Plan:
+    def plan(
+        self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()
+    ) -> Plan:
         """Choose the next stop.
 
         :param request: what the mission asks for
@@ -116,7 +118,7 @@ class Explorer:
         return Plan(choice, float(self.travel.travel_s(position_xy, [choice.stop])[0]))
 
     def situation(
-        self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[Errand] = ()
+        self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()
     ) -> Situation:
         """What the strategy is shown.
 
@@ -165,7 +167,7 @@ class Explorer:
             ),
         )
 
-    def _beside(self, live_map: LiveMap, others: Sequence[Errand]) -> list[Property]:
+    def _beside(self, live_map: LiveMap, others: Sequence[PendingMeasurement]) -> list[Property]:
         """The further properties that matter, as far as there are maps, weighed in units of the first's variance.
 
         What other robots are about to count seems counted.
@@ -207,7 +209,9 @@ class Explorer:
         travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)
 
-    def _dwell_at(self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[Errand]) -> str:
+    def _dwell_at(
+        self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[PendingMeasurement]
+    ) -> str:
         """Dwell rule of a stop, empty without a map."""
         assert situation.prospect is not None
         prospect = situation.prospect()

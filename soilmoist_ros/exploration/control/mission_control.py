@@ -20,7 +20,7 @@ from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
 from soilmoist_ros.exploration.control.planning_queue import PlanDesk, PlanJob, answer
-from soilmoist_ros.exploration.control.team import errand, taken
+from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
@@ -258,7 +258,7 @@ class MissionControl:
         :param goes_first: whether it keeps the stop when both have chosen the same at the same time
         """
         self._others[name] = status
-        pending = errand(status) if status is not None else None
+        pending = pending_measurement(status) if status is not None else None
         with self._desk_lock:
             self._desk.take_other(name, pending)
         state, ways = self._mission.state, self._ways

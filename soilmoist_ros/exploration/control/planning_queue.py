@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from soilmoist_ros.exploration.control.explorer import Explorer
-from soilmoist_ros.exploration.control.team import Errand
+from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.types import PlanFailed, PlanKind, Planned, RequestPlan
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation.errors import SoilmoistError
@@ -42,7 +42,7 @@ class PlanJob:
     samples: Samples | None
     fit: VariogramFit | None
     late: bool
-    others: tuple[Errand, ...] = ()
+    others: tuple[PendingMeasurement, ...] = ()
     beside: tuple[tuple[Samples, VariogramFit, float], ...] = ()
 
 
@@ -74,7 +74,7 @@ class PlanDesk:
         self._measured_s = -math.inf
         self._samples: tuple[Samples, float] | None = None
         self._fit: tuple[VariogramFit, float] | None = None
-        self._others: dict[str, Errand] = {}
+        self._others: dict[str, PendingMeasurement] = {}
         self._beside: dict[str, _Held] = {}
         self.weighed: tuple[str, ...] = ()
         """Further properties whose maps the last plan takes into account."""
@@ -125,7 +125,7 @@ class PlanDesk:
             *([f"the map of {', '.join(late)} does not follow: stops are chosen with an old one"] if late else []),
         )
 
-    def take_other(self, name: str, pending: Errand | None) -> None:
+    def take_other(self, name: str, pending: PendingMeasurement | None) -> None:
         """Another robot has told what it is about, ``None`` for nothing."""
         self._others.pop(name, None)
         if pending is not None:

@@ -23,7 +23,7 @@ SAME_CELLS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Errand:
+class PendingMeasurement:
     """Where another robot is going or counting.
 
     :param x_m: east [m]
@@ -36,8 +36,8 @@ class Errand:
     exposure_s: float
 
 
-def errand(status: MissionStatus, mapped_at_once: bool = True) -> Errand | None:
-    """Errand of a robot, ``None`` if it has none.
+def pending_measurement(status: MissionStatus, mapped_at_once: bool = True) -> PendingMeasurement | None:
+    """PendingMeasurement of a robot, ``None`` if it has none.
 
     :param status: how its mission stands
     :param mapped_at_once: whether what it has counted at the stop is in the map already
@@ -46,18 +46,18 @@ def errand(status: MissionStatus, mapped_at_once: bool = True) -> Errand | None:
     if stop is None:
         return None
     left_s = status.planned_dwell_s - (status.dwell_s if mapped_at_once else 0.0)
-    return Errand(stop.x_m, stop.y_m, max(left_s, 0.0))
+    return PendingMeasurement(stop.x_m, stop.y_m, max(left_s, 0.0))
 
 
-def foreseen(live_map: LiveMap, errands: Sequence[Errand]) -> LiveMap:
-    """The map as it will be: with a sample of each errand, at the rate that the map expects there.
+def foreseen(live_map: LiveMap, pending_measurements: Sequence[PendingMeasurement]) -> LiveMap:
+    """The map as it will be: with a sample of each pending measurement, at the rate that the map expects there.
 
     :param live_map: the map so far; without a fit only the places join its samples
-    :param errands: of the other robots
-    :returns: another map; the same without errands at which something is to be counted
+    :param pending_measurements: of the other robots
+    :returns: another map; the same without pending measurements at which something is to be counted
     :raises IllConditionedError: if the matrix cannot be factored
     """
-    pending = [each for each in errands if each.exposure_s > 0]
+    pending = [each for each in pending_measurements if each.exposure_s > 0]
     if not pending:
         return live_map
     rate = np.zeros(len(pending)) if live_map.kriging is None else live_map.kriging.predict(places(pending))[0]
@@ -71,19 +71,19 @@ def foreseen(live_map: LiveMap, errands: Sequence[Errand]) -> LiveMap:
     return ahead
 
 
-def taken(stops_xy: Array, errands: Sequence[Errand], cell_m: float) -> NDArray[np.bool_]:
+def taken(stops_xy: Array, pending_measurements: Sequence[PendingMeasurement], cell_m: float) -> NDArray[np.bool_]:
     """Which stops another robot has taken, shape (k,).
 
     :param stops_xy: places of the stops, shape (k, 2) [m]
-    :param errands: of the other robots
+    :param pending_measurements: of the other robots
     :param cell_m: size of the map's cells [m]
     """
-    if not len(errands):
+    if not len(pending_measurements):
         return np.zeros(len(stops_xy), bool)
-    away_m = np.linalg.norm(stops_xy[:, None, :] - places(errands)[None, :, :], axis=2)
+    away_m = np.linalg.norm(stops_xy[:, None, :] - places(pending_measurements)[None, :, :], axis=2)
     return np.asarray((away_m < SAME_CELLS * cell_m).any(axis=1))
 
 
-def places(errands: Sequence[Errand]) -> Array:
-    """Where the errands lead, shape (n, 2) [m]."""
-    return np.array([(each.x_m, each.y_m) for each in errands], float).reshape(-1, 2)
+def places(pending_measurements: Sequence[PendingMeasurement]) -> Array:
+    """Where the pending measurements are, shape (n, 2) [m]."""
+    return np.array([(each.x_m, each.y_m) for each in pending_measurements], float).reshape(-1, 2)

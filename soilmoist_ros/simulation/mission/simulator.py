@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.control.team import Errand, errand
+from soilmoist_ros.exploration.control.team import PendingMeasurement, pending_measurement
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
     Action,
@@ -247,7 +247,7 @@ class _Simulation:
                 pass
             case RequestPlan():
                 self.update_map()
-                plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.errands_beside(robot))
+                plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
                 self.give(robot, Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
             case GoTo():
@@ -266,11 +266,11 @@ class _Simulation:
             case _:
                 pass
 
-    def errands_beside(self, robot: _Robot) -> list[Errand]:
+    def pending_of_others(self, robot: _Robot) -> list[PendingMeasurement]:
         """What all robots but one are about."""
         at_once = self.settings.map_from == "records"
         statuses = [other.mission.status for other in self.robots if other is not robot]
-        return [found for status in statuses if (found := errand(status, at_once)) is not None]
+        return [found for status in statuses if (found := pending_measurement(status, at_once)) is not None]
 
     def take(self, robot: _Robot, done: SampleDone) -> None:
         """A stop is complete: the map follows."""

@@ -5,7 +5,7 @@ import pytest
 
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
 from soilmoist_ros.exploration.control.planning_queue import PlanDesk, PlanJob, answer
-from soilmoist_ros.exploration.control.team import Errand
+from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanFailed, PlanKind, Planned, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -109,19 +109,19 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
 
 def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(explorer):
     desk = PlanDesk(20.0)
-    desk.take_other("/robot_1", Errand(3.0, 3.0, 60.0))
-    desk.take_other("/robot_2", Errand(9.0, 3.0, 60.0))
-    desk.take_other("/robot_2", Errand(5.0, 3.0, 60.0))
-    desk.take_other("/robot_3", Errand(7.0, 7.0, 60.0))
+    desk.take_other("/robot_1", PendingMeasurement(3.0, 3.0, 60.0))
+    desk.take_other("/robot_2", PendingMeasurement(9.0, 3.0, 60.0))
+    desk.take_other("/robot_2", PendingMeasurement(5.0, 3.0, 60.0))
+    desk.take_other("/robot_3", PendingMeasurement(7.0, 7.0, 60.0))
     desk.take_other("/robot_3", None)
     desk.ask(request(), 0.0)
     job = desk.due(0.0, PLACE)
-    assert set(job.others) == {Errand(3.0, 3.0, 60.0), Errand(5.0, 3.0, 60.0)}
+    assert set(job.others) == {PendingMeasurement(3.0, 3.0, 60.0), PendingMeasurement(5.0, 3.0, 60.0)}
 
 
 def test_the_answer_keeps_away_from_other_robots(explorer):
     alone = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
-    there = Errand(alone.x_m, alone.y_m, 600.0)
+    there = PendingMeasurement(alone.x_m, alone.y_m, 600.0)
     beside = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (there,)), True).choice.stop
     assert np.hypot(beside.x_m - alone.x_m, beside.y_m - alone.y_m) > 2.0
 

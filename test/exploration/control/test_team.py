@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.control.team import Errand, errand, foreseen, taken
+from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, pending_measurement, taken
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -47,7 +47,7 @@ def request(kind=PlanKind.EXPLORE, blacklisted=()):
 
 def test_counts_to_come_lower_the_variance_as_if_they_had_come():
     before = live_map()
-    after = foreseen(before, [Errand(16.25, 6.25, 400.0)])
+    after = foreseen(before, [PendingMeasurement(16.25, 6.25, 400.0)])
     rate = before.kriging.predict([(16.25, 6.25)])[0][0]
     come = PoissonKriging(FIT.variogram, mean_rate=FIT.mean_rate).fit(
         [*SAMPLES.xy, (16.25, 6.25)], [*SAMPLES.counts, round(rate * 400)], [*SAMPLES.exposure_s, 400.0]
@@ -57,28 +57,28 @@ def test_counts_to_come_lower_the_variance_as_if_they_had_come():
     assert after.variance.mean() < 0.9 * before.variance.mean()
     np.testing.assert_allclose(after.rate, before.rate, atol=0.01)
     assert len(before.samples) == 3
-    assert foreseen(before, [Errand(16.25, 6.25, 0.0)]) is before, "nothing will be counted"
+    assert foreseen(before, [PendingMeasurement(16.25, 6.25, 0.0)]) is before, "nothing will be counted"
 
 
 def test_without_a_map_only_the_places_are_known():
-    ahead = foreseen(live_map(known=False), [Errand(16.25, 6.25, 400.0)])
+    ahead = foreseen(live_map(known=False), [PendingMeasurement(16.25, 6.25, 400.0)])
     assert ahead.kriging is None
     np.testing.assert_array_equal(ahead.samples.xy, [(16.25, 6.25)])
 
 
 def test_places_within_half_a_cell_are_the_same():
     xy = np.array([[0.0, 0.0], [2.4, 0.0], [2.6, 0.0]])
-    assert taken(xy, [Errand(0.0, 0.0, 0.0)], 5.0).tolist() == [True, True, False]
+    assert taken(xy, [PendingMeasurement(0.0, 0.0, 0.0)], 5.0).tolist() == [True, True, False]
     assert not taken(xy, [], 5.0).any()
 
 
 def test_an_errand_is_what_a_status_leaves_to_count():
     idle = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:300"))).status
-    assert errand(idle) is None
+    assert pending_measurement(idle) is None
     counting = replace(idle, target=Stop("a", 3.0, 4.0), planned_dwell_s=300.0, dwell_s=100.0)
-    assert errand(counting) == Errand(3.0, 4.0, 200.0)
-    assert errand(counting, mapped_at_once=False) == Errand(3.0, 4.0, 300.0)
-    assert errand(replace(counting, dwell_s=400.0)) == Errand(3.0, 4.0, 0.0)
+    assert pending_measurement(counting) == PendingMeasurement(3.0, 4.0, 200.0)
+    assert pending_measurement(counting, mapped_at_once=False) == PendingMeasurement(3.0, 4.0, 300.0)
+    assert pending_measurement(replace(counting, dwell_s=400.0)) == PendingMeasurement(3.0, 4.0, 0.0)
 
 
 @settings(max_examples=40, deadline=None)
@@ -92,7 +92,7 @@ def test_an_errand_is_what_a_status_leaves_to_count():
 )
 def test_no_strategy_goes_where_another_robot_is(strategy, kind, targets, exposure_s, dwell, data):
     out = data.draw(st.sampled_from(["", STOPS[0].name]))
-    others = [Errand(stop.x_m, stop.y_m, exposure_s) for stop in targets]
+    others = [PendingMeasurement(stop.x_m, stop.y_m, exposure_s) for stop in targets]
     chooses = explorer(strategy, known=kind is PlanKind.EXPLORE, dwell=dwell)
     plan = chooses.plan(request(kind, (out,)), (2.5, 2.5), others)
     free = {stop.name for stop in STOPS} - {stop.name for stop in targets} - {out}
@@ -105,14 +105,16 @@ def test_no_strategy_goes_where_another_robot_is(strategy, kind, targets, exposu
 def test_the_static_lattice_passes_over_a_place_that_is_taken():
     alone = explorer("lattice").plan(request(), (2.5, 2.5)).choice
     beside = explorer("lattice")
-    stop = beside.plan(request(), (2.5, 2.5), [Errand(alone.stop.x_m, alone.stop.y_m, 120.0)]).choice.stop
+    stop = beside.plan(
+        request(), (2.5, 2.5), [PendingMeasurement(alone.stop.x_m, alone.stop.y_m, 120.0)]
+    ).choice.stop
     assert stop != alone.stop
 
 
 @pytest.mark.parametrize("strategy", ["greedy", "ivr", "gcb"])
 def test_a_second_robot_keeps_away_from_what_the_first_will_know(strategy):
     first = explorer(strategy).plan(request(), (15.0, 10.0)).choice.stop
-    there = Errand(first.x_m, first.y_m, 600.0)
+    there = PendingMeasurement(first.x_m, first.y_m, 600.0)
     alone, beside = (
         explorer(strategy).plan(request(blacklisted=(first.name,)), (15.0, 10.0), others).choice.stop
         for others in ((), (there,))
@@ -125,6 +127,6 @@ def test_a_second_robot_keeps_away_from_what_the_first_will_know(strategy):
 def test_robots_that_begin_together_do_not_all_go_to_the_middle():
     middle = explorer("ivr", known=False).plan(request(PlanKind.WARM_UP), (0.0, 0.0)).choice.stop
     other = explorer("ivr", known=False).plan(
-        request(PlanKind.WARM_UP), (0.0, 0.0), [Errand(middle.x_m, middle.y_m, 60.0)]
+        request(PlanKind.WARM_UP), (0.0, 0.0), [PendingMeasurement(middle.x_m, middle.y_m, 60.0)]
     ).choice.stop  # fmt: skip
     assert np.hypot(other.x_m - middle.x_m, other.y_m - middle.y_m) >= 10.0

@@ -132,7 +132,7 @@ def test_many_samples_make_a_tiled_map_few_an_exact_one():
     grid = FieldGrid.from_polygon([[60, 60], [120, 60], [120, 120]], 3.0)
     done = []
     exact = make_soil_map(samples, grid, model)
-    tiled = make_soil_map(samples, grid, model, progress=done.append, most_exact=500)
+    tiled = make_soil_map(samples, grid, model, progress=done.append, max_exact_samples=500)
     assert isinstance(exact.kriging, PoissonKriging)
     assert exact.accuracy is None
     assert isinstance(tiled.kriging, TiledKriging)
