@@ -19,7 +19,7 @@ import numpy as np
 from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
-from soilmoist_ros.exploration.control.planning_queue import PlanDesk, PlanJob, answer
+from soilmoist_ros.exploration.control.planning_queue import PlanJob, PlanningQueue, answer
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
@@ -120,8 +120,8 @@ class MissionControl:
         self._resume_when_ready = False
         self._closed = False
         self._start(Mission(rules))
-        self._desk = PlanDesk(map_wait_s)
-        self._desk_lock = Lock()
+        self._queue = PlanningQueue(map_wait_s)
+        self._queue_lock = Lock()
         self._pool = ThreadPoolExecutor(1, "planning")
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
         self._explorer: tuple[float | None, Ways, Explorer] | None = None  # of the pool's thread
@@ -213,14 +213,14 @@ class MissionControl:
 
     def samples(self, samples: Samples, stamp_s: float) -> None:
         """The merged samples have come."""
-        with self._desk_lock:
-            self._desk.take_samples(samples, stamp_s)
+        with self._queue_lock:
+            self._queue.take_samples(samples, stamp_s)
         self._plan_if_due()
 
     def fit(self, fit: VariogramFit | None, stamp_s: float) -> None:
         """Their variogram has come."""
-        with self._desk_lock:
-            self._desk.take_fit(fit, stamp_s)
+        with self._queue_lock:
+            self._queue.take_fit(fit, stamp_s)
         self._plan_if_due()
 
     def expect_property(self, name: str, weight: float) -> None:
@@ -229,8 +229,8 @@ class MissionControl:
         :param name: which
         :param weight: what a share of its variation is worth, that of the first being 1
         """
-        with self._desk_lock:
-            self._desk.expect_property(name, weight)
+        with self._queue_lock:
+            self._queue.expect_property(name, weight)
 
     def records_of(self, name: str, records: Sequence[CountRecord]) -> None:
         """Records of a further property have come: they are written down, so that its map can go on, too."""
@@ -240,14 +240,14 @@ class MissionControl:
 
     def samples_of(self, name: str, samples: Samples, stamp_s: float) -> None:
         """The merged samples of a further property have come."""
-        with self._desk_lock:
-            self._desk.take_samples_of(name, samples, stamp_s)
+        with self._queue_lock:
+            self._queue.take_samples_of(name, samples, stamp_s)
         self._plan_if_due()
 
     def fit_of(self, name: str, fit: VariogramFit | None, stamp_s: float) -> None:
         """Their variogram has come."""
-        with self._desk_lock:
-            self._desk.take_fit_of(name, fit, stamp_s)
+        with self._queue_lock:
+            self._queue.take_fit_of(name, fit, stamp_s)
         self._plan_if_due()
 
     def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
@@ -259,8 +259,8 @@ class MissionControl:
         """
         self._others[name] = status
         pending = pending_measurement(status) if status is not None else None
-        with self._desk_lock:
-            self._desk.take_other(name, pending)
+        with self._queue_lock:
+            self._queue.take_other(name, pending)
         state, ways = self._mission.state, self._ways
         if not goes_first or pending is None or ways is None or state.target is None:
             return
@@ -322,8 +322,8 @@ class MissionControl:
         if navigation:
             there = Health("navigation", self._severity, f"waiting for {navigation}")
         problem = self._journal.problem
-        with self._desk_lock:
-            beside, weighed = self._desk.faults_beside, ", ".join(self._desk.weighed)
+        with self._queue_lock:
+            beside, weighed = self._queue.faults_beside, ", ".join(self._queue.weighed)
         known = [Health("properties", Level.OK, f"the last stop was chosen with the map of {weighed}")]
         unheard = [name for name, status in self._others.items() if status is None]
         return [
@@ -355,8 +355,8 @@ class MissionControl:
     def _carry_out(self, action: Action) -> None:
         match action:
             case RequestPlan():
-                with self._desk_lock:
-                    self._desk.ask(action, self._outlets.now_s())
+                with self._queue_lock:
+                    self._queue.ask(action, self._outlets.now_s())
                 self._plan_if_due()
             case GoTo():
                 self.navigator.go(action.goal_id, action.stop)
@@ -365,8 +365,8 @@ class MissionControl:
             case SampleDone():
                 measured_s = self._mission.state.last_stamp_s
                 if measured_s is not None:
-                    with self._desk_lock:
-                        self._desk.measured(measured_s)
+                    with self._queue_lock:
+                        self._queue.measured(measured_s)
             case Publish():
                 self._journal.keep(self._mission)
                 self.show()
@@ -380,10 +380,10 @@ class MissionControl:
     # Planning ------------------------------------------------------------------------------------------------
 
     def _plan_if_due(self) -> None:
-        with self._desk_lock:
-            job = self._desk.due(self._outlets.now_s(), self._feed.place)
+        with self._queue_lock:
+            job = self._queue.due(self._outlets.now_s(), self._feed.place)
             if job is not None:
-                for fault in self._desk.faults_beside if job.request.kind is PlanKind.EXPLORE else ():
+                for fault in self._queue.faults_beside if job.request.kind is PlanKind.EXPLORE else ():
                     _log.warning(fault)
                 self._pool.submit(self._plan, job, self._mission.state.started_s)
 

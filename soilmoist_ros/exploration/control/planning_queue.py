@@ -62,7 +62,7 @@ class _Held:
     late: bool = False
 
 
-class PlanDesk:
+class PlanningQueue:
     """Holds the newest plan request and the newest maps.
 
     :param wait_s: longest time to wait for the map [s]

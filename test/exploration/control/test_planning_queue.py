@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
-from soilmoist_ros.exploration.control.planning_queue import PlanDesk, PlanJob, answer
+from soilmoist_ros.exploration.control.planning_queue import PlanJob, PlanningQueue, answer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanFailed, PlanKind, Planned, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -33,46 +33,46 @@ def explorer():
 
 
 def test_before_the_first_measurement_nothing_is_waited_for():
-    desk = PlanDesk(20.0)
-    assert desk.due(0.0, PLACE) is None
-    desk.ask(request(), 0.0)
-    assert desk.due(0.0, None) is None, "without a position nothing can be planned"
-    assert desk.due(0.0, PLACE).samples is None
-    assert desk.due(1.0, PLACE) is None, "answered once"
+    queue = PlanningQueue(20.0)
+    assert queue.due(0.0, PLACE) is None
+    queue.ask(request(), 0.0)
+    assert queue.due(0.0, None) is None, "without a position nothing can be planned"
+    assert queue.due(0.0, PLACE).samples is None
+    assert queue.due(1.0, PLACE) is None, "answered once"
 
 
 @pytest.mark.parametrize(("kind", "needs_fit"), [(PlanKind.EXPLORE, True), (PlanKind.WARM_UP, False)])
 def test_waits_until_the_map_has_what_was_measured(kind, needs_fit):
-    desk = PlanDesk(20.0)
-    desk.take_samples(SAMPLES, 90.0)
-    desk.take_fit(FIT, 90.0)
-    desk.measured(100.0)
-    desk.ask(request(kind=kind), 101.0)
-    assert desk.due(101.0, PLACE) is None
-    desk.take_samples(SAMPLES, 100.0 - 1e-6)
+    queue = PlanningQueue(20.0)
+    queue.take_samples(SAMPLES, 90.0)
+    queue.take_fit(FIT, 90.0)
+    queue.measured(100.0)
+    queue.ask(request(kind=kind), 101.0)
+    assert queue.due(101.0, PLACE) is None
+    queue.take_samples(SAMPLES, 100.0 - 1e-6)
     if needs_fit:
-        assert desk.due(102.0, PLACE) is None
-        desk.take_fit(FIT, 100.0)
-    job = desk.due(102.0, PLACE)
+        assert queue.due(102.0, PLACE) is None
+        queue.take_fit(FIT, 100.0)
+    job = queue.due(102.0, PLACE)
     assert job.samples is SAMPLES
     assert job.fit is FIT
     assert not job.late
 
 
 def test_waits_no_longer_than_allowed():
-    desk = PlanDesk(20.0)
-    desk.measured(100.0)
-    desk.ask(request(), 101.0)
-    assert desk.due(120.9, PLACE) is None
-    assert desk.due(121.0, PLACE).late
+    queue = PlanningQueue(20.0)
+    queue.measured(100.0)
+    queue.ask(request(), 101.0)
+    assert queue.due(120.9, PLACE) is None
+    assert queue.due(121.0, PLACE).late
 
 
 def test_a_newer_request_replaces_the_older():
-    desk = PlanDesk(20.0)
-    desk.ask(request(1), 0.0)
-    desk.ask(request(2), 1.0)
-    assert desk.due(1.0, PLACE).request.plan_id == 2
-    assert desk.due(1.0, PLACE) is None
+    queue = PlanningQueue(20.0)
+    queue.ask(request(1), 0.0)
+    queue.ask(request(2), 1.0)
+    assert queue.due(1.0, PLACE).request.plan_id == 2
+    assert queue.due(1.0, PLACE) is None
 
 
 def test_the_answer_follows_the_map(explorer):
@@ -108,14 +108,14 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
 
 
 def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(explorer):
-    desk = PlanDesk(20.0)
-    desk.take_other("/robot_1", PendingMeasurement(3.0, 3.0, 60.0))
-    desk.take_other("/robot_2", PendingMeasurement(9.0, 3.0, 60.0))
-    desk.take_other("/robot_2", PendingMeasurement(5.0, 3.0, 60.0))
-    desk.take_other("/robot_3", PendingMeasurement(7.0, 7.0, 60.0))
-    desk.take_other("/robot_3", None)
-    desk.ask(request(), 0.0)
-    job = desk.due(0.0, PLACE)
+    queue = PlanningQueue(20.0)
+    queue.take_other("/robot_1", PendingMeasurement(3.0, 3.0, 60.0))
+    queue.take_other("/robot_2", PendingMeasurement(9.0, 3.0, 60.0))
+    queue.take_other("/robot_2", PendingMeasurement(5.0, 3.0, 60.0))
+    queue.take_other("/robot_3", PendingMeasurement(7.0, 7.0, 60.0))
+    queue.take_other("/robot_3", None)
+    queue.ask(request(), 0.0)
+    job = queue.due(0.0, PLACE)
     assert set(job.others) == {PendingMeasurement(3.0, 3.0, 60.0), PendingMeasurement(5.0, 3.0, 60.0)}
 
 
@@ -126,43 +126,43 @@ def test_the_answer_keeps_away_from_other_robots(explorer):
     assert np.hypot(beside.x_m - alone.x_m, beside.y_m - alone.y_m) > 2.0
 
 
-def held(desk, kind=PlanKind.EXPLORE, now_s=101.0):
-    desk.ask(request(kind=kind), now_s)
-    return desk.due(now_s, PLACE)
+def held(queue, kind=PlanKind.EXPLORE, now_s=101.0):
+    queue.ask(request(kind=kind), now_s)
+    return queue.due(now_s, PLACE)
 
 
 def test_a_further_property_is_left_out_until_it_has_a_map():
-    desk = PlanDesk(20.0)
-    desk.expect_property("/compaction", 0.5)
-    assert held(desk).beside == ()
-    assert desk.faults_beside == ("no map has come of /compaction: stops are chosen without it",)
-    desk.take_samples_of("/compaction", SAMPLES, 90.0)
-    assert held(desk).beside == ()
-    desk.take_fit_of("/compaction", FIT, 90.0)
-    assert held(desk).beside == ((SAMPLES, FIT, 0.5),)
-    assert desk.faults_beside == ()
-    desk.take_fit_of("/compaction", None, 91.0)
-    assert held(desk).beside == (), "its mapper has forgotten all"
+    queue = PlanningQueue(20.0)
+    queue.expect_property("/compaction", 0.5)
+    assert held(queue).beside == ()
+    assert queue.faults_beside == ("no map has come of /compaction: stops are chosen without it",)
+    queue.take_samples_of("/compaction", SAMPLES, 90.0)
+    assert held(queue).beside == ()
+    queue.take_fit_of("/compaction", FIT, 90.0)
+    assert held(queue).beside == ((SAMPLES, FIT, 0.5),)
+    assert queue.faults_beside == ()
+    queue.take_fit_of("/compaction", None, 91.0)
+    assert held(queue).beside == (), "its mapper has forgotten all"
 
 
 def test_a_map_of_a_further_property_that_does_not_follow_is_waited_for_once():
-    desk = PlanDesk(20.0)
-    desk.expect_property("/compaction", 1.0)
-    for take, what in ((desk.take_samples, SAMPLES), (desk.take_fit, FIT)):
+    queue = PlanningQueue(20.0)
+    queue.expect_property("/compaction", 1.0)
+    for take, what in ((queue.take_samples, SAMPLES), (queue.take_fit, FIT)):
         take(what, 100.0)
-    desk.take_samples_of("/compaction", SAMPLES, 80.0)
-    desk.take_fit_of("/compaction", FIT, 80.0)
-    desk.measured(100.0)
-    assert held(desk) is None
-    job = desk.due(121.0, PLACE)
+    queue.take_samples_of("/compaction", SAMPLES, 80.0)
+    queue.take_fit_of("/compaction", FIT, 80.0)
+    queue.measured(100.0)
+    assert held(queue) is None
+    job = queue.due(121.0, PLACE)
     assert not job.late
     assert len(job.beside) == 1
-    assert "does not follow" in desk.faults_beside[0]
-    assert held(desk, now_s=122.0) is not None, "it is not waited for again"
-    for take, what in ((desk.take_samples_of, SAMPLES), (desk.take_fit_of, FIT)):
+    assert "does not follow" in queue.faults_beside[0]
+    assert held(queue, now_s=122.0) is not None, "it is not waited for again"
+    for take, what in ((queue.take_samples_of, SAMPLES), (queue.take_fit_of, FIT)):
         take("/compaction", what, 92.0)  # its records end at other times
-    assert held(desk, now_s=123.0) is not None
-    assert desk.faults_beside == ()
+    assert held(queue, now_s=123.0) is not None
+    assert queue.faults_beside == ()
 
 
 def test_the_answer_goes_where_a_further_property_is_unknown(explorer):
