@@ -29,7 +29,7 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.planner import PARAMETERS, explorer_settings, mission_rules
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
-from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutlets
+from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
 
 __all__ = ["PARAMETERS", "Planner", "main"]
@@ -56,7 +56,7 @@ class Planner(Node):
             self.get_logger().warning(problem)
         self._journal = Journal.open(Path(folder)) if folder else None
         properties = property_weights(self._values.texts("properties"))
-        self._outlets = PlannerOutlets(self, self._hand_on, properties)
+        self._outputs = PlannerOutputs(self, self._hand_on, properties)
         self._control = MissionControl(
             self._field,
             settings,
@@ -64,7 +64,7 @@ class Planner(Node):
             self._values.text("home"),
             self._values.number("map_wait_s"),
             self._navigator,
-            self._outlets,
+            self._outputs,
             MissionJournal(self._journal),
         )
         self._autostart = self._values.flag("autostart")
@@ -120,11 +120,11 @@ class Planner(Node):
         self._control.tick()
         if self._autostart and not self._control.missing():
             self._autostart = not self._control.command(Verb.START).accepted
-        self.finished = self._outlets.all_done and self._values.flag("exit_when_finished")
+        self.finished = self._outputs.all_done and self._values.flag("exit_when_finished")
 
     def _show(self) -> None:
         self._control.show()
-        self._outlets.diagnose(self._control.health())
+        self._outputs.diagnose(self._control.health())
 
 
 def main() -> None:

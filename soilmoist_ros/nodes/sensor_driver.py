@@ -39,7 +39,7 @@ class SensorDriver(LifecycleNode):
         self._driver: LiveDriver | None = None
         self._fault: InputError | None = None
         text = self._given.text
-        outlets: dict[str, tuple[type, Any]] = {
+        outputs: dict[str, tuple[type, Any]] = {
             "counts": (PointCloud2, qos.RECORDS),
             "pressure": (FluidPressure, qos.SENSOR),
             "temperature": (Temperature, qos.SENSOR),
@@ -47,11 +47,11 @@ class SensorDriver(LifecycleNode):
             "raw/logger": (String, qos.RECORDS),
         }
         if text("gnss_uri"):
-            outlets |= {"fix": (NavSatFix, qos.SENSOR), "raw/gnss": (String, qos.RECORDS)}
+            outputs |= {"fix": (NavSatFix, qos.SENSOR), "raw/gnss": (String, qos.RECORDS)}
         else:
             self.create_subscription(NavSatFix, "fix", self._on_fix, qos.SENSOR)
-        self._outlets = {
-            name: self.create_publisher(kind, name, profile) for name, (kind, profile) in outlets.items()
+        self._outputs = {
+            name: self.create_publisher(kind, name, profile) for name, (kind, profile) in outputs.items()
         }
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
         if text("intensity_topic"):
@@ -134,14 +134,14 @@ class SensorDriver(LifecycleNode):
         frame, sensor, gnss = (self._given.text(name) for name in ("frame_id", "sensor_frame", "gnss_frame"))
         for name, lines in (("raw/logger", batch.logger_lines), ("raw/gnss", batch.gnss_lines)):
             for line in lines:
-                self._outlets[name].publish(line_to_message(line))
+                self._outputs[name].publish(line_to_message(line))
         for fix in batch.fixes:
-            self._outlets["fix"].publish(fix_to_message(fix, gnss))
+            self._outputs["fix"].publish(fix_to_message(fix, gnss))
         for reading in batch.readings:
             for name, message in weather_to_messages(reading, sensor).items():
-                self._outlets[name].publish(message)
+                self._outputs[name].publish(message)
         for record in batch.records:
-            self._outlets["counts"].publish(counts_to_message([record], frame))
+            self._outputs["counts"].publish(counts_to_message([record], frame))
 
     def _on_fix(self, message: NavSatFix) -> None:
         if self._driver is not None:

@@ -61,7 +61,7 @@ RECORD_OLD_S = 60.0
 _log = logging.getLogger(__name__)
 
 
-class Outlets(Protocol):
+class Outputs(Protocol):
     """Where a mission's actions go. No method waits."""
 
     def now_s(self) -> float:
@@ -94,7 +94,7 @@ class MissionControl:
     :param home: name of the stop to return to; empty to stay at the last stop
     :param map_wait_s: longest wait for the map before a stop is chosen [s]
     :param make_navigator: makes the navigator, which is given the function that takes its reports
-    :param outlets: where actions go
+    :param outputs: where actions go
     :param journal: where the mission is written down
     """
 
@@ -106,13 +106,13 @@ class MissionControl:
         home: str,
         map_wait_s: float,
         make_navigator: Callable[[Callable[[Ended], None]], Navigator],
-        outlets: Outlets,
+        outputs: Outputs,
         journal: MissionJournal | None = None,
     ) -> None:
         self._field = field
         self._settings = settings
         self._home = home
-        self._outlets = outlets
+        self._outputs = outputs
         self._ways: Ways | None = None
         self._no_ways = "the map of the navigation"
         self._journal = journal or MissionJournal(None)
@@ -144,7 +144,7 @@ class MissionControl:
         self._interrupted = f"resumable: interrupted while {doing}{f' ({stop.stop.name})' if stop else ''}"
         self._resume_when_ready = auto
         self._start(mission)
-        now_s = max(self._outlets.now_s(), mission.state.now_s or 0.0)
+        now_s = max(self._outputs.now_s(), mission.state.now_s or 0.0)
         self._feed.command(now_s, Verb.PAUSE)
         if mission.state.goal is not None:
             self.navigator.cancel(mission.state.goal.goal_id)  # the robot may still be driving there
@@ -178,7 +178,7 @@ class MissionControl:
     def missing(self) -> tuple[str, ...]:
         """What is missing before a mission can start."""
         missing = {
-            "the time (is /clock published?)": self._outlets.now_s() <= 0,
+            "the time (is /clock published?)": self._outputs.now_s() <= 0,
             self._no_ways: self._ways is None,
             "a position": self._feed.place is None,
             self.navigator.waiting_for: bool(self.navigator.waiting_for),
@@ -190,7 +190,7 @@ class MissionControl:
         sets_off = verb is Verb.RESUME or (verb is Verb.START and not self.under_way)
         if sets_off and (missing := self.missing()):
             return Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
-        answer = self._feed.command(self._outlets.now_s(), verb)
+        answer = self._feed.command(self._outputs.now_s(), verb)
         if answer.accepted and verb is not Verb.PAUSE:
             self._interrupted, self._resume_when_ready = "", False
             self.show()
@@ -198,14 +198,14 @@ class MissionControl:
 
     def fix(self, place: tuple[float, float]) -> None:
         """The robot is here [m]."""
-        now_s = self._outlets.now_s()
+        now_s = self._outputs.now_s()
         self._feed.fix(now_s, place)
         if self._feed.place is not None:
             self.navigator.moved(self._feed.place, now_s)
 
     def records(self, records: Sequence[CountRecord]) -> None:
         """Records have come."""
-        now_s = self._outlets.now_s()
+        now_s = self._outputs.now_s()
         before_s = self._feed.place_s
         self._feed.records(now_s, records)
         if self._feed.place is not None and self._feed.place_s != before_s:
@@ -236,7 +236,7 @@ class MissionControl:
         """Records of a further property have come: they are written down, so that its map can go on, too."""
         for record in records:
             if math.isfinite(record.x_m) and math.isfinite(record.y_m):
-                self._journal.note_beside(name, self._outlets.now_s(), record)
+                self._journal.note_beside(name, self._outputs.now_s(), record)
 
     def samples_of(self, name: str, samples: Samples, stamp_s: float) -> None:
         """The merged samples of a further property have come."""
@@ -266,18 +266,18 @@ class MissionControl:
             return
         place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
         if state.phase is Phase.TRAVELLING and taken(place, [pending], ways.grid.cell_m)[0]:
-            self._feed.give(Command(self._outlets.now_s(), Verb.SKIP, f"because {name} goes there"))
+            self._feed.give(Command(self._outputs.now_s(), Verb.SKIP, f"because {name} goes there"))
 
     def ended(self, ended: Ended) -> None:
         """The navigator reports the end of a goal."""
         if not self._closed:
-            self._feed.ended(self._outlets.now_s(), ended)
+            self._feed.ended(self._outputs.now_s(), ended)
 
     def tick(self) -> None:
         """Time has passed; to be called several times a second."""
         self.navigator.tick()
-        if self._outlets.now_s() > 0:
-            self._feed.give(Tick(self._outlets.now_s()))
+        if self._outputs.now_s() > 0:
+            self._feed.give(Tick(self._outputs.now_s()))
         if self._resume_when_ready and self._mission.state.phase is Phase.PAUSED and not self.missing():
             self.command(Verb.RESUME)
         self._plan_if_due()
@@ -285,7 +285,7 @@ class MissionControl:
     def hand_on(self) -> None:
         """Hand the plans that are ready to the mission."""
         while not self._answers.empty():
-            event = replace(self._answers.get(), now_s=self._outlets.now_s())
+            event = replace(self._answers.get(), now_s=self._outputs.now_s())
             if isinstance(event, Planned):
                 self._choice = event.choice
             self._feed.give(event)
@@ -312,11 +312,11 @@ class MissionControl:
         if choice is not None and choice.stop == target:
             ahead = (choice.stop, *choice.ahead)
         more = {"on_the_way": self.navigator.on_the_way, "records_without_place": str(self._records_lost)}
-        self._outlets.show(status, ahead, more)
+        self._outputs.show(status, ahead, more)
 
     def health(self) -> list[Health]:
         """How well what the mission depends on works."""
-        now_s = self._outlets.now_s()
+        now_s = self._outputs.now_s()
         navigation = self.navigator.waiting_for
         there = Health("navigation", Level.OK, self.navigator.on_the_way or "there")
         if navigation:
@@ -356,7 +356,7 @@ class MissionControl:
         match action:
             case RequestPlan():
                 with self._queue_lock:
-                    self._queue.ask(action, self._outlets.now_s())
+                    self._queue.ask(action, self._outputs.now_s())
                 self._plan_if_due()
             case GoTo():
                 self.navigator.go(action.goal_id, action.stop)
@@ -371,9 +371,9 @@ class MissionControl:
                 self._journal.keep(self._mission)
                 self.show()
             case Save(reason=reason):
-                self._outlets.save(reason)
+                self._outputs.save(reason)
             case Finish():
-                self._outlets.finish(action)
+                self._outputs.finish(action)
             case _:
                 pass  # counting is shown by the status
 
@@ -381,7 +381,7 @@ class MissionControl:
 
     def _plan_if_due(self) -> None:
         with self._queue_lock:
-            job = self._queue.due(self._outlets.now_s(), self._feed.place)
+            job = self._queue.due(self._outputs.now_s(), self._feed.place)
             if job is not None:
                 for fault in self._queue.faults_beside if job.request.kind is PlanKind.EXPLORE else ():
                     _log.warning(fault)
@@ -406,4 +406,4 @@ class MissionControl:
             _log.exception("planning failed")
             event = PlanFailed(0.0, job.request.plan_id, f"{type(error).__name__}: {error}")
         self._answers.put(event)
-        self._outlets.wake()
+        self._outputs.wake()

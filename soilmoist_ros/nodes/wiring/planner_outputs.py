@@ -25,8 +25,8 @@ SAVE_LIMIT_S: Final = 30.0
 """Longest time that the end of the process waits for the map to be saved [s]."""
 
 
-class PlannerOutlets:
-    """The :class:`Outlets` of a node.
+class PlannerOutputs:
+    """The :class:`Outputs` of a node.
 
     :param node: the node it belongs to
     :param hand_on: hands plans on, called by the executor after :meth:`wake`

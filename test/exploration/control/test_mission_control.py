@@ -53,7 +53,7 @@ class Around:
     def tick(self):
         pass
 
-    # the outlets
+    # the outputs
 
     def now_s(self):
         return self.time_s
