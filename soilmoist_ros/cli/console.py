@@ -17,7 +17,7 @@ FILE = click.Path(path_type=Path)
 MODELS = ("gaussian", "exponential", "spherical", "matern32", "matern52")
 
 
-def told_plainly(command: Callable[..., None]) -> Callable[..., None]:
+def report_errors(command: Callable[..., None]) -> Callable[..., None]:
     """Turn bad input into a message and exit code 2, other trouble into 1, and an interrupt into 130."""
 
     @wraps(command)

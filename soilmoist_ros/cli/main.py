@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros import __version__
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, told_plainly
+from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, report_errors
 from soilmoist_ros.cli.recordings import bag_group, demo_command, replay_command
 from soilmoist_ros.cli.simulate import campaign_command, simulate_command
 from soilmoist_ros.foundation.errors import InputError, Mistake
@@ -66,7 +66,7 @@ def main() -> None:
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--title", help="Title of the report.")
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
-@told_plainly
+@report_errors
 def map_command(
     logs: tuple[Path, ...],
     site: str | None,
@@ -116,7 +116,7 @@ def map_command(
 )
 @click.option("--date", help="Day of the calibration, for the site file.")
 @click.option("--dry-run", is_flag=True, help="Print the result, but leave the site file as it is.")
-@told_plainly
+@report_errors
 def calibrate_command(
     cores: Path,
     site: Path,
@@ -183,7 +183,7 @@ def calibrate_command(
               help="Distance to keep from the border and from no-go areas [m].")  # fmt: skip
 @click.option("--name", help="Name of the map. Default: the field's.")
 @click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
-@told_plainly
+@report_errors
 def graph_command(
     field: str,
     spacing: float,
@@ -224,7 +224,7 @@ def graph_command(
 @click.option("--logger", multiple=True, help="Logger format: a shipped name or a YAML file. Repeatable.")
 @click.option("--site", multiple=True, help="Site file: a shipped name or a YAML file. Repeatable.")
 @click.option("--field", multiple=True, help="Field file: a shipped name or a YAML file. Repeatable.")
-@told_plainly
+@report_errors
 def check_command(logger: tuple[str, ...], site: tuple[str, ...], field: tuple[str, ...]) -> None:
     """Check configuration files; name every mistake in all of them."""
     from soilmoist_ros.foundation.configuration import read_yaml, resource

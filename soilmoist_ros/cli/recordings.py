@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, told_plainly
+from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, report_errors
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ _SHOW_S = 0.5
 @click.option("--also-weight", type=click.FloatRange(min=0), default=1.0, show_default=True,
               help="What a share of its variation is worth to the planner.")  # fmt: skip
 @click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
-@told_plainly
+@report_errors
 def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
@@ -93,7 +93,7 @@ def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
 @click.option("--speed", type=click.FloatRange(min=0.01, max=200), help="Recorded time per time. Default: 1.")
 @click.option("--start", "start_s", type=click.FloatRange(min=0), help="Start after this time of the bag [s].")
 @click.pass_context
-@told_plainly
+@report_errors
 def replay_command(
     context: click.Context,
     bag: Path,
@@ -165,7 +165,7 @@ def bag_group() -> None:
 
 @bag_group.command("info")
 @click.argument("bag", type=FILE)
-@told_plainly
+@report_errors
 def bag_info_command(bag: Path) -> None:
     """Tell what is in a BAG. Exit code 1 if it is damaged or unfinished."""
     from rich.console import Console
@@ -183,7 +183,7 @@ def bag_info_command(bag: Path) -> None:
 @bag_group.command("recover")
 @click.argument("bag", type=FILE)
 @click.option("--out", type=FILE, required=True, help="Folder for the recovered bag; must not exist.")
-@told_plainly
+@report_errors
 def bag_recover_command(bag: Path, out: Path) -> None:
     """Make a valid bag of a BAG that was cut off at any byte. The original stays as it is."""
     from rich.console import Console

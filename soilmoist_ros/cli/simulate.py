@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, told_plainly
+from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, report_errors
 
 
 @click.command("simulate")
@@ -55,7 +55,7 @@ from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, to
               help="What a share of its variation is worth to the planner, one of the first property's being 1; "
               "0: it is mapped, not planned for.")  # fmt: skip
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
-@told_plainly
+@report_errors
 def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
@@ -105,7 +105,7 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler to run on instead, such as tcp://host:8786.")
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
-@told_plainly
+@report_errors
 def campaign_command(campaign: str, workers: int | None, scheduler: str | None, out: Path) -> None:
     """Run the many missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
 
