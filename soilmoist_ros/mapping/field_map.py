@@ -54,7 +54,7 @@ class Skip(enum.Enum):
 
 
 @dataclass(frozen=True)
-class OnlineSettings:
+class FieldMapSettings:
     """Choices of an on-line map.
 
     :param model: variogram model
@@ -119,7 +119,7 @@ class Snapshot:
     skipped: Mapping[Skip, SkippedRecords]
 
 
-class OnlineMap:
+class FieldMap:
     """Takes records in order, and makes the map of any state.
 
     :meth:`take` is quick. :meth:`compute` takes its time: 0.4 s for 300 samples and 70,000 cells after a new
@@ -142,7 +142,7 @@ class OnlineMap:
         what was left out, and why
     """
 
-    def __init__(self, grid: FieldGrid, settings: OnlineSettings) -> None:
+    def __init__(self, grid: FieldGrid, settings: FieldMapSettings) -> None:
         import shapely
 
         if not (math.isfinite(settings.margin_m) and settings.margin_m >= 0):

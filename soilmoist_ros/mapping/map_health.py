@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.field_map import OnlineMap
+from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.map_worker import MapWorker
 
 
-def map_health(online: OnlineMap, worker: MapWorker, now_s: float) -> Health:
+def map_health(online: FieldMap, worker: MapWorker, now_s: float) -> Health:
     """How a map is doing.
 
     :param online: what the map is made from
@@ -38,7 +38,7 @@ def map_health(online: OnlineMap, worker: MapWorker, now_s: float) -> Health:
     return Health("map", level, message, values)
 
 
-def _verdict(online: OnlineMap, worker: MapWorker) -> tuple[Level, str]:
+def _verdict(online: FieldMap, worker: MapWorker) -> tuple[Level, str]:
     trouble = online.trouble
     if worker.failure:
         return Level.ERROR, worker.failure

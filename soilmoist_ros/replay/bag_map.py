@@ -105,7 +105,7 @@ def replay_bag(
     :param settings: choices
     :param progress: called as the work goes on
     :raises InputError: if the bag or a file cannot be used, or no map can be made
-    :raises IllConditionedError: as :meth:`OnlineMap.compute`
+    :raises IllConditionedError: as :meth:`FieldMap.compute`
     """
     chosen = settings or ReplaySettings()
     bag = bag_of(bag)

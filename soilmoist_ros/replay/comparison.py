@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field_map import MapState, OnlineMap
+from soilmoist_ros.mapping.field_map import FieldMap, MapState
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.recording.bag.point_cloud import points
 from soilmoist_ros.replay.topics import CLOUD, RunTopics
@@ -61,7 +61,7 @@ def read_on_line(topics: RunTopics) -> OnLine | None:
     return OnLine(_stamp_s(last), cells, raw_counts, was_reset)
 
 
-def compare(online: OnlineMap, states: Sequence[MapState], last: OnLine | None) -> tuple[bool | None, str]:
+def compare(online: FieldMap, states: Sequence[MapState], last: OnLine | None) -> tuple[bool | None, str]:
     """Whether the map of the same records is the same, bit for bit, and that in words.
 
     Recorder and mapper begin and end at their own times, so the maps compared are those up to the last record

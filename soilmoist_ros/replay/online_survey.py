@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.field_map import OnlineMap, OnlineSettings, Snapshot
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.recording.journal import ENTRIES, load_journal
@@ -37,7 +37,7 @@ class OnlineSurvey:
 
     field: Field
     site: Site
-    online: OnlineMap
+    online: FieldMap
     files: tuple[tuple[str, Path], ...] = ()
     simulated: bool = False
 
@@ -45,7 +45,7 @@ class OnlineSurvey:
         """The map of a snapshot, and all that the outputs tell of it.
 
         :raises InputError: if there are not samples enough for a map
-        :raises IllConditionedError: as :meth:`OnlineMap.compute`
+        :raises IllConditionedError: as :meth:`FieldMap.compute`
         """
         from soilmoist_ros.reporting.map_run import input_file, make_run
         from soilmoist_ros.reporting.run import LossRow
@@ -111,7 +111,7 @@ def open_survey(
         the footprint and the extent of the field
     :param simulated: the counts come from a simulation
 
-    The others are those of :class:`OnlineSettings`.
+    The others are those of :class:`FieldMapSettings`.
 
     :raises InputError: if a file cannot be used or the field cannot be gridded
     """
@@ -127,7 +127,7 @@ def open_survey(
         grid = the_field.grid(cell_m or None, the_site.footprint_radius_m)
     except ValueError as error:
         raise InputError(f"the map cannot be laid out: {error}", "change the cell size", field_path) from None
-    settings = OnlineSettings(
+    settings = FieldMapSettings(
         model,
         fit,
         keep_nugget,
@@ -136,7 +136,7 @@ def open_survey(
         the_site.curve,
         the_site.support_radius_m,
     )
-    return OnlineSurvey(the_field, the_site, OnlineMap(grid, settings), tuple(files), simulated)
+    return OnlineSurvey(the_field, the_site, FieldMap(grid, settings), tuple(files), simulated)
 
 
 def read_earlier(path: Path, name: str = "") -> list[CountRecord]:

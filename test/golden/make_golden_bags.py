@@ -26,7 +26,7 @@ from msg_adapters.raw_line import line_to_message
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message
 from soilmoist_ros.exploration.mission.types import Action, MissionStatus, Publish
-from soilmoist_ros.mapping.field_map import OnlineMap
+from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.recording.bag.definitions import find_definition
 from soilmoist_ros.recording.bag.metadata import Qos, Topic
 from soilmoist_ros.recording.bag.writer import BagWriter
@@ -61,7 +61,7 @@ class Robot:
     def __init__(self, writer: BagWriter, run: Path, namespace: str = "") -> None:
         self._writer = writer
         self._namespace = namespace
-        self.online: OnlineMap = open_survey(
+        self.online: FieldMap = open_survey(
             str(run / "configuration" / "field.yaml"), str(run / "configuration" / "site.yaml"), cell_m=CELL_M
         ).online
         self._now_s = START_S

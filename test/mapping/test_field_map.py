@@ -13,8 +13,8 @@ from soilmoist_ros.mapping.field_map import (
     MANY_SAMPLES,
     RECENT,
     REFIT_GROWTH,
-    OnlineMap,
-    OnlineSettings,
+    FieldMap,
+    FieldMapSettings,
     Skip,
 )
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
@@ -45,7 +45,7 @@ def record(x_m=10.0, y_m=20.0, **changes):
 
 
 def online(**changes):
-    return OnlineMap(GRID, OnlineSettings(**{"curve": CURVE, **changes}))
+    return FieldMap(GRID, FieldMapSettings(**{"curve": CURVE, **changes}))
 
 
 def merged(places, radius_m, counts=40, exposure_s=10.0):
@@ -286,7 +286,7 @@ def test_reset_makes_it_new():
 def test_settings_out_of_range_are_refused():
     for changes, message in (({"margin_m": -1.0}, "margin_m must be >= 0"), ({"merge_radius_m": NAN}, "radius_m")):
         with pytest.raises(ValueError, match=message):
-            OnlineMap(GRID, dataclasses.replace(OnlineSettings(), **changes))
+            FieldMap(GRID, dataclasses.replace(FieldMapSettings(), **changes))
 
 
 # -- counts gathered while driving, and over a footprint --------------------------------------------------

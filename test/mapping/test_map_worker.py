@@ -5,7 +5,7 @@ import pytest
 
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import FieldGrid
-from soilmoist_ros.mapping.field_map import MapState, OnlineMap, OnlineSettings
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, MapState
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
 from soilmoist_ros.sensing.records import NAN, CountRecord
@@ -96,7 +96,7 @@ def test_closing_lets_the_map_under_way_be_finished(bench):
 
 def test_the_health_tells_what_the_map_rests_on():
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 10.0)
-    online = OnlineMap(grid, OnlineSettings(fit="soft_l1"))
+    online = FieldMap(grid, FieldMapSettings(fit="soft_l1"))
     done = threading.Semaphore(0)
     worker = MapWorker(online.compute, lambda state, soil_map: done.release())
 
@@ -132,7 +132,7 @@ def test_maps_made_beside_a_fast_stream_end_where_maps_one_by_one_do():
         CountRecord(10.0 * i, *rng.uniform(0, 50, 2).tolist(), NAN, int(rng.poisson(40)), 10.0, 9.0)
         for i in range(30)
     ]
-    online, alone = (OnlineMap(grid, OnlineSettings()) for _ in range(2))
+    online, alone = (FieldMap(grid, FieldMapSettings()) for _ in range(2))
     last = threading.Event()
     worker = MapWorker(online.compute, lambda state, soil_map: state.records == len(records) and last.set())
     for record in records:

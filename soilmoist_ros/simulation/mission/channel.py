@@ -11,7 +11,7 @@ from soilmoist_ros.exploration.mission.types import Sample
 from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.field_map import OnlineMap, OnlineSettings
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.mapping.soil_map import SoilMap
@@ -53,8 +53,8 @@ class Channel:
         self._of_stops = settings.map_from == "stops"
         # The truth is the rate at each place, and REML can tell it from what the sensor sees.
         radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
-        self._online = OnlineMap(
-            grid, OnlineSettings(settings.variogram, settings.fit, curve=curve, footprint_radius_m=radius_m)
+        self._online = FieldMap(
+            grid, FieldMapSettings(settings.variogram, settings.fit, curve=curve, footprint_radius_m=radius_m)
         )
         self.truth = field.rate_at(grid.cells)
         self._true_vwc = None if curve is None else possible_moisture(curve, self.truth)
