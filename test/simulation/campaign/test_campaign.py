@@ -13,16 +13,16 @@ import pandas as pd
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.campaign import mission_store
+from soilmoist_ros.simulation.campaign import workers as campaign_workers
 from soilmoist_ros.simulation.campaign.campaign import (
     CampaignInterrupted,
     load_campaign,
     mission_key,
-    mission_store,
     missions,
     run_campaign,
     stored_missions,
 )
-from soilmoist_ros.simulation.campaign.campaign import workers as campaign_workers
 from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, pack, unpack
 from soilmoist_ros.simulation.campaign.table import METRICS, SETTINGS, time_grid
