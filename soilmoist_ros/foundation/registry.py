@@ -1,0 +1,152 @@
+"""Things chosen by name: those of this package, and those that installed packages add through entry points."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, TypeVar
+
+from soilmoist_ros.foundation.errors import InputError, SoilmoistError
+from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+
+T = TypeVar("T")
+_log = logging.getLogger(__name__)
+
+
+class Registry(Generic[T]):
+    """Named objects of one kind.
+
+    Another package adds one with an entry point of the group in its metadata, for example
+    ``[project.entry-points."soilmoist_ros.strategies"]`` with ``spiral = "my_package:Spiral"``.
+    Entry points are read only when a name is not built in, or when all names are listed.
+    A plug-in that cannot be loaded is named in a warning and skipped.
+
+    :param group: group of the entry points, such as ``soilmoist_ros.strategies``
+    :param noun: what one of them is called in messages, such as ``strategy``
+    :param built_in: the objects of this package, or a function that returns them; called at the first use
+    :param check: returns the object of a plug-in as it is used from then on;
+        raises ``ValueError``, ``TypeError`` or :class:`InputError` if it cannot be used
+
+    >>> shapes = Registry("example.shapes", "shape", {"circle": 0, "square": 4})
+    >>> shapes.names()
+    ['circle', 'square']
+    >>> shapes.get("square")
+    4
+    >>> shapes.get("sqare")
+    Traceback (most recent call last):
+    ...
+    soilmoist_ros.foundation.errors.InputError: there is no shape 'sqare' -> use one of: circle, square (did you mean 'square'?)
+    """  # noqa: E501 - the last line of an exception must be one line
+
+    def __init__(
+        self,
+        group: str,
+        noun: str,
+        built_in: Mapping[str, T] | Callable[[], Mapping[str, T]],
+        check: Callable[[Any], T] = lambda plug_in: plug_in,
+    ) -> None:
+        self._group = group
+        self._noun = noun
+        self._built_in = built_in
+        self._check = check
+        self._own: dict[str, T] | None = None
+        self._plug_ins: dict[str, list[EntryPoint]] | None = None
+        self._loaded: dict[str, T] = {}
+        self._broken: dict[str, str] = {}
+
+    def __repr__(self) -> str:
+        return f"Registry({self._group!r}, {len(self._objects())} built in)"
+
+    def names(self) -> list[str]:
+        """Names of all objects that can be used: the built-in ones in their order, then the others, sorted."""
+        own = self._objects()
+        for name in sorted(set(self._found()) & set(own)):
+            self._skip(name, f"the name is built in, and {_providers(self._found()[name])} adds it too")
+        return [*own, *(name for name in sorted(set(self._found()) - set(own)) if self._is_usable(name))]
+
+    def get(self, name: str) -> T:
+        """The object of a name.
+
+        :raises InputError: if there is none, if it cannot be loaded, or if two packages add one of this name
+        """
+        own = self._objects()
+        if name in own:
+            return own[name]
+        if name in self._found():
+            if name not in self._loaded:
+                self._loaded[name] = self._load(name)
+            return self._loaded[name]
+        names = self.names()
+        there_is_none = f"there is no {self._noun} {name!r}" if name else f"no {self._noun} is given"
+        raise InputError(there_is_none, f"use one of: {listing(names)}{did_you_mean(name, names)}")
+
+    def add(self, name: str, item: T) -> None:
+        """Add an object at run time, for instance in a notebook.
+
+        :raises InputError: if the name is in use
+        """
+        if name in self._objects():
+            raise InputError(f"there is a {self._noun} {name!r} already", "choose another name")
+        if name in self._found():
+            raise InputError(f"{_providers(self._found()[name])} adds a {self._noun} {name!r} already", "rename it")
+        self._objects()[name] = item
+
+    def refresh(self) -> None:
+        """Read the entry points again, after a package was installed or removed."""
+        self._plug_ins = None
+        self._loaded.clear()
+        self._broken.clear()
+
+    def _objects(self) -> dict[str, T]:
+        if self._own is None:
+            self._own = dict(self._built_in() if callable(self._built_in) else self._built_in)
+        return self._own
+
+    def _found(self) -> dict[str, list[EntryPoint]]:
+        """Entry points of each name; several of one name if packages disagree about it."""
+        if self._plug_ins is None:
+            self._plug_ins = {}
+            for point in entry_points(group=self._group):
+                alike = self._plug_ins.setdefault(point.name, [])
+                if all((point.value, _provider(point)) != (other.value, _provider(other)) for other in alike):
+                    alike.append(point)
+        return self._plug_ins
+
+    def _is_usable(self, name: str) -> bool:
+        if name in self._broken:
+            return False
+        try:
+            self.get(name)
+        except InputError as error:
+            self._skip(name, error.mistakes[0].message)
+        return name not in self._broken
+
+    def _skip(self, name: str, why: str) -> None:
+        if name not in self._broken:
+            self._broken[name] = why
+            _log.warning("skipped the %s %r of another package: %s", self._noun, name, why)
+
+    def _load(self, name: str) -> T:
+        points = self._found()[name]
+        if len(points) > 1:
+            raise InputError(
+                f"the {self._noun} {name!r} is added by {_providers(points)}",
+                "uninstall one of the packages, or rename the entry point in one",
+            )
+        (point,) = points
+        try:
+            return self._check(point.load())
+        except Exception as error:  # whatever the code of another package raises
+            reason = str(error) if isinstance(error, SoilmoistError) else f"{type(error).__name__}: {error}"
+            message = f"the {self._noun} {name!r} ({point.value}) of {_provider(point)} cannot be loaded: {reason}"
+            raise InputError(message, f"repair or uninstall {_provider(point)}") from error
+
+
+def _provider(point: EntryPoint) -> str:
+    """Name of the package that declares an entry point."""
+    return point.dist.name if point.dist is not None else "an unknown package"
+
+
+def _providers(points: list[EntryPoint]) -> str:
+    return " and ".join(f"{_provider(point)} ({point.value})" for point in points)
