@@ -89,7 +89,9 @@ class Registry(Generic[T]):
         if name in self._objects():
             raise InputError(f"there is a {self._noun} {name!r} already", "choose another name")
         if name in self._found():
-            raise InputError(f"{_providers(self._found()[name])} adds a {self._noun} {name!r} already", "rename it")
+            raise InputError(
+                f"{_providers(self._found()[name])} adds a {self._noun} {name!r} already", "rename it"
+            )
         self._objects()[name] = item
 
     def refresh(self) -> None:
