@@ -103,7 +103,8 @@ def test_two_packages_that_add_one_name_are_both_named(
     with pytest.raises(InputError, match=r"first_shapes.*second_shapes|second_shapes.*first_shapes"):
         shapes.get("star")
     assert "star" not in shapes.names()
-    assert "first_shapes" in caplog.text and "second_shapes" in caplog.text
+    assert "first_shapes" in caplog.text
+    assert "second_shapes" in caplog.text
 
 
 def test_a_package_does_not_replace_a_built_in_name(
@@ -111,7 +112,8 @@ def test_a_package_does_not_replace_a_built_in_name(
 ) -> None:
     install("rude_shapes", "SQUARE = 5\n", square="SQUARE")
     assert shapes.names() == ["circle", "square"]
-    assert "'square'" in caplog.text and "rude_shapes" in caplog.text
+    assert "'square'" in caplog.text
+    assert "rude_shapes" in caplog.text
     assert shapes.get("square") == 4
 
 
