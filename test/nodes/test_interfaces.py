@@ -1,7 +1,8 @@
-"""The action type of topological navigation, as it is built beside the wheels of ROS 2."""
+"""The ROS types below interfaces/, as they are built next to the wheels of ROS 2."""
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import shutil
@@ -12,8 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from soilmoist_ros.recording.bag.definitions import find_definition
+
 ROOT = Path(__file__).resolve().parent.parent.parent
-PACKAGE = ROOT / "interfaces" / "topological_navigation_msgs"
+PACKAGES = sorted(folder for folder in (ROOT / "interfaces").iterdir() if folder.is_dir())
 TYPE_HASH = "RIHS01_97efcb9cbd4eed92186f675fe1a7417bc263a0737bc1b503107614ae3ebf88c2"
 """Type hash of the robot's own package: nodes of both understand each other only if it is the same."""
 
@@ -75,9 +78,25 @@ def test_a_goal_goes_to_another_process_and_its_result_comes_back(ros, goto_node
     client.destroy()
 
 
-def test_package_xml_is_of_an_interface_package():
-    root = ET.parse(PACKAGE / "package.xml").getroot()
-    assert root.findtext("name") == PACKAGE.name
+def test_every_package_is_built_into_the_environment(goto_node):
+    assert {package.name for package in PACKAGES} == {"soilmoist_msgs", "topological_navigation_msgs"}
+    for package in PACKAGES:
+        for file in (*package.glob("msg/*.msg"), *package.glob("action/*.action")):
+            kind = getattr(importlib.import_module(f"{package.name}.{file.parent.name}"), file.stem)
+            share = Path(sys.prefix) / "share" / package.name / file.parent.name / file.name
+            assert share.read_text() == file.read_text(), f"{kind} is not of today: scripts/build_interfaces"
+
+
+def test_the_recorder_finds_the_definition_of_a_visit(goto_node):
+    found = find_definition("soilmoist_msgs/msg/Visit")
+    assert found.type_hash.startswith("RIHS01_")
+    assert "MSG: geometry_msgs/Point" in found.text
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_package_xml_is_of_an_interface_package(package):
+    root = ET.parse(package / "package.xml").getroot()
+    assert root.findtext("name") == package.name
     assert root.findtext("member_of_group") == "rosidl_interface_packages"
     assert root.find("export").findtext("build_type") == "ament_cmake"
 
@@ -104,7 +123,7 @@ def test_without_a_compiler_the_script_says_so_and_goes_on(project):
     run = build(project, CXX="no-such-compiler")
     assert run.returncode == 0, run.stderr
     assert "there is no C++ compiler (no-such-compiler" in run.stdout
-    assert "goal_pose is used instead" in run.stdout
+    assert "the planner uses goal_pose and publishes no visits" in run.stdout
     assert not (project / ".venv" / "interfaces.stamp").exists()
 
 
