@@ -40,6 +40,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         *shared("config"),
         *shared("launch"),
+        *shared("examples"),
     ],
     install_requires=[
         "setuptools",

@@ -15,9 +15,12 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="session")
-def shared_data() -> Path:
-    """Folder with real logs and reference answers that are not part of the project."""
-    folder = Path(os.environ.get("SOILMOIST_SHARED_DATA", ROOT.parent / "shared" / "data"))
-    if not folder.is_dir():
-        pytest.skip(f"reference data not found in {folder}; set SOILMOIST_SHARED_DATA to their folder")
-    return folder
+def roving_record() -> Path:
+    """A real log with positions: one-minute records of a Hydroinnova probe on a car."""
+    return ROOT / "examples" / "rover_gypsum_transect_2018-05-01.KSU"
+
+
+@pytest.fixture(scope="session")
+def reference_data() -> Path:
+    """Folder of answers that other programs computed."""
+    return ROOT / "test" / "data"

@@ -65,8 +65,24 @@ def test_the_ament_index_has_the_marker_of_the_package():
 
 def test_every_file_of_the_configuration_is_installed():
     text = (ROOT / "setup.py").read_text()
-    assert '*shared("config")' in text
+    assert all(f'*shared("{folder}")' in text for folder in ("config", "launch", "examples"))
     assert config_folder() == ROOT / "config"
+
+
+def test_no_tracked_file_names_a_path_outside_the_clone():
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    outside = []
+    for name in listed.split("\0"):
+        path = ROOT / name
+        content = path.read_bytes() if path.is_file() else b""
+        if b"\0" in content:  # a picture or a bag
+            continue
+        text = content.decode()
+        upwards = [up for up in re.findall(r"(?:\.\./)+[\w./-]*", text)
+                   if not (path.parent / up).resolve().is_relative_to(ROOT)]  # fmt: skip
+        absolute = re.findall(r"(?<![\w.:/])/(?:home|Users|root|work|mnt)/[\w./-]+", text)
+        outside += [(name, found) for found in (*upwards, *absolute, *re.findall(r"\bROOT\.parent\b", text))]
+    assert outside == []
 
 
 @pytest.mark.parametrize(

@@ -80,8 +80,8 @@ def test_the_field_may_be_left_out(survey, tmp_path):
         assert raster.crs.to_epsg() == 3857
 
 
-def test_the_real_roving_record_is_mapped_by_the_documented_command(shared_data, tmp_path):
-    log = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_record, tmp_path):
+    log = roving_record
     result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -147,8 +147,8 @@ def test_a_missing_log_is_named(tmp_path):
     assert "nothing.log: there is no such file -> check the path" in result.output
 
 
-def test_unsigned_longitudes_ask_for_the_hemisphere(shared_data, tmp_path):
-    log = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+def test_unsigned_longitudes_ask_for_the_hemisphere(roving_record, tmp_path):
+    log = roving_record
     result = run("map", log, "--out", tmp_path / "out")
     assert result.exit_code == 2
     assert "west" in result.output

@@ -27,8 +27,8 @@ def targets(g=25, seed=99, side=200.0):
 # -- answers computed elsewhere --------------------------------------------------------------------------
 
 
-def test_against_fifty_digits(shared_data):
-    data = json.loads((shared_data / "reference" / "poisson_kriging_cases.json").read_text())
+def test_against_fifty_digits(reference_data):
+    data = json.loads((reference_data / "poisson_kriging_cases.json").read_text())
     parameters = [float(data[key]) for key in ("nugget_p0", "range_p1", "sill_p2")]
     assert len(data["cases"]) == 20
     for case in data["cases"]:

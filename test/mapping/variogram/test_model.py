@@ -81,8 +81,8 @@ def test_variogram_refuses(arguments, message):
         Variogram(*arguments)
 
 
-def test_empirical_semivariogram_against_reference(shared_data):
-    case = json.loads((shared_data / "reference" / "variogram30.json").read_text())
+def test_empirical_semivariogram_against_reference(reference_data):
+    case = json.loads((reference_data / "variogram30.json").read_text())
     lag_m, gamma, weight = empirical_semivariogram(case["points"], case["counts"], case["t"], case["edges"])
     for row, (lag, value, total) in zip(case["bins"], zip(lag_m, gamma, weight, strict=True), strict=True):
         assert value == pytest.approx(float(row["gamma"]), rel=1e-12)

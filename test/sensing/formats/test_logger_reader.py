@@ -56,15 +56,15 @@ def kinds(problems) -> list[Kind]:
     return [problem.kind for problem in problems]
 
 
-def rover_log(shared_data: Path, longitude="west"):
-    return read_log(shared_data / "rover_gypsum_transect_2018-05-01.KSU", "hydroinnova_rover", longitude)
+def rover_log(roving_record: Path, longitude="west"):
+    return read_log(roving_record, "hydroinnova_rover", longitude)
 
 
 # ---------------------------------------------------------------- real log
 
 
-def test_real_rover_log(shared_data) -> None:
-    log = rover_log(shared_data)
+def test_real_rover_log(roving_record) -> None:
+    log = rover_log(roving_record)
     assert (len(log.records), log.n_lines, log.serial, log.period_s) == (201, 221, "16100724", 60)
     assert log.metadata["DataSelect"].startswith("r1p4p1")
     first, last = log.records[0], log.records[-1]
@@ -79,11 +79,11 @@ def test_real_rover_log(shared_data) -> None:
     assert last.position.altitude_m == 371.5
 
 
-def test_tube_sums_of_the_real_log(shared_data) -> None:
-    path = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+def test_tube_sums_of_the_real_log(roving_record) -> None:
+    path = roving_record
     rows = [row.split(",") for row in path.read_text().splitlines()[20:]]
     expected = np.array([[int(text) for text in row[10:18]] for row in rows])
-    records = rover_log(shared_data).records
+    records = rover_log(roving_record).records
     assert np.array_equal([record.tube_counts for record in records], expected)
     live = np.array([[float(text) for text in row[18:22]] for row in rows]).repeat(2, axis=1)
     assert np.array_equal([record.tube_live_s for record in records], live)
@@ -95,8 +95,8 @@ def test_tube_sums_of_the_real_log(shared_data) -> None:
     np.testing.assert_allclose(exposure, live @ shares)
 
 
-def test_problems_of_the_real_log(shared_data) -> None:
-    log = rover_log(shared_data)
+def test_problems_of_the_real_log(roving_record) -> None:
+    log = rover_log(roving_record)
     found = [(problem.kind, problem.mistake.line) for problem in log.problems]
     assert found == [
         (Kind.SHORT_LIVE_TIME, 21),
@@ -108,14 +108,14 @@ def test_problems_of_the_real_log(shared_data) -> None:
     assert log.clock_offset_s == pytest.approx(206, abs=2)
 
 
-def test_a_log_without_signs_needs_a_side(shared_data) -> None:
+def test_a_log_without_signs_needs_a_side(roving_record) -> None:
     with pytest.raises(InputError, match="'longitude: west'"):
-        rover_log(shared_data, "signed")
-    assert rover_log(shared_data, "east").records[-1].position.longitude_deg == 97.43415
+        rover_log(roving_record, "signed")
+    assert rover_log(roving_record, "east").records[-1].position.longitude_deg == 97.43415
 
 
-def test_format_of_the_real_log_is_detected(shared_data) -> None:
-    assert detect_format(shared_data / "rover_gypsum_transect_2018-05-01.KSU") == FORMATS["hydroinnova_rover"]
+def test_format_of_the_real_log_is_detected(roving_record) -> None:
+    assert detect_format(roving_record) == FORMATS["hydroinnova_rover"]
 
 
 @settings(deadline=None)

@@ -205,9 +205,9 @@ def test_missing_weather_is_that_of_before_but_not_of_long_ago():
     assert "pressure_hpa" in str(live.logger_problems.last_loss)
 
 
-def test_the_loggers_own_positions_serve_as_from_a_file(shared_data):
+def test_the_loggers_own_positions_serve_as_from_a_file(roving_record):
     """A real log: places at the middle of the interval, and where the logger had none the record has none."""
-    path = shared_data / "rover_gypsum_transect_2018-05-01.KSU"
+    path = roving_record
     site = Site(longitude="west", corrections={"pressure": None, "humidity": None})
     logger = load_logger_format("hydroinnova_rover")
     log = read_log(path, logger, "west")

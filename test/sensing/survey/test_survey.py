@@ -41,8 +41,8 @@ def track(*corners):
     return Track.from_positions((T0 + stamp, Position(latitude, 10.0)) for stamp, latitude in points)
 
 
-def test_real_roving_record_agrees_with_crnpy(shared_data):
-    log = read_log(shared_data / "rover_gypsum_transect_2018-05-01.KSU", "hydroinnova_rover", "west")
+def test_real_roving_record_agrees_with_crnpy(roving_record):
+    log = read_log(roving_record, "hydroinnova_rover", "west")
     site = Site(
         longitude="west",
         corrections={"pressure": {"beta_per_hpa": 1 / 130, "reference_hpa": 976.0}, "humidity": {}},
