@@ -9,7 +9,8 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.point_cloud import FRAME, check_fields, points_to_message
-from soilmoist_ros.recording.bag.point_cloud import count_records
+from msg_adapters.stamps import to_seconds, to_time
+from soilmoist_ros.recording.bag.point_cloud import STAMP_OFFSET, count_records
 from soilmoist_ros.sensing.records import CountRecord
 
 # Viewers take x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
@@ -28,16 +29,20 @@ _POINT: Final = np.dtype(
         ("f_intensity", "<f8"),
     ]
 )
+_STAMPED: Final = np.dtype([*_POINT.descr, (STAMP_OFFSET, "<f8")])
 
 
 def counts_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> PointCloud2:
     """Message of records; its stamp is the end of the last one's counting interval.
+
+    The field ``stamp_offset_s`` of a point is the stamp of its record minus the stamp of the message [s].
 
     :param records: at least one
     :raises ValueError: without records
     """
     if not records:
         raise ValueError("a counts message needs at least one record")
+    stamp_s = to_seconds(to_time(records[-1].stamp_s))
     points = np.array(
         [
             (
@@ -51,18 +56,19 @@ def counts_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> 
                 record.f_pressure,
                 record.f_humidity,
                 record.f_intensity,
+                record.stamp_s - stamp_s,
             )
             for record in records
         ],
-        dtype=_POINT,
+        dtype=_STAMPED,
     )
-    return points_to_message(points, records[-1].stamp_s, frame_id)
+    return points_to_message(points, stamp_s, frame_id)
 
 
 def counts_from_message(message: PointCloud2) -> list[CountRecord]:
     """Records of a message; fields are found by name, others are ignored.
 
-    Every record gets the stamp of the message.
+    Records of a message without ``stamp_offset_s`` get the stamp of the message.
 
     :raises ValueError: if a field is missing or of another type, or the data are shorter than announced
     """

@@ -1,4 +1,5 @@
 import platform
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ if platform.machine() != "x86_64":
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.stamps import to_seconds
 from soilmoist_ros.sensing.records import CountRecord
 
 coordinates = st.floats(-5e4, 5e4, width=32)
@@ -33,6 +35,20 @@ records = st.builds(
 @given(records)
 def test_a_record_comes_back_exactly(record):
     assert counts_from_message(counts_to_message([record])) == [record]
+
+
+@given(st.lists(records, min_size=2, max_size=5))
+def test_several_records_keep_their_stamps(many):
+    message = counts_to_message(many)
+    assert counts_from_message(message) == many
+    assert to_seconds(message.header.stamp) == many[-1].stamp_s
+
+
+def test_a_message_from_before_the_offsets_is_read():
+    many = [CountRecord(stamp_s, 1.0, 2.0, 3.0, 4, 10.0, 9.0) for stamp_s in (1.78e9, 1.78e9 + 10.1)]
+    message = counts_to_message(many)
+    assert message.fields.pop().name == "stamp_offset_s"
+    assert counts_from_message(message) == [replace(record, stamp_s=many[-1].stamp_s) for record in many]
 
 
 @given(st.lists(records, min_size=2, max_size=5))

@@ -10,6 +10,8 @@ from soilmoist_ros.sensing.records import CountRecord
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Numbers of PointField's datatypes."""
+STAMP_OFFSET: Final = "stamp_offset_s"
+"""Field of ``counts``: stamp of the record minus stamp of the message [s]; older messages do not have it."""
 
 
 class PointCloud(Protocol):
@@ -53,7 +55,9 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
 
 
 def count_records(cloud: PointCloud) -> list[CountRecord]:
-    """Counted records of a message of ``counts``; every record gets the stamp of the message.
+    """Counted records of a message of ``counts``.
+
+    Records of a message without ``stamp_offset_s`` get the stamp of the message.
 
     :raises ValueError: if it has not all the fields of counted records
     """
@@ -64,9 +68,10 @@ def count_records(cloud: PointCloud) -> list[CountRecord]:
             f"the points have no field {', '.join(missing)}, only: {', '.join(table.dtype.names or ())}"
         )
     stamp_s = cloud.header.stamp.sec + cloud.header.stamp.nanosec * 1e-9
+    offsets = table[STAMP_OFFSET] if STAMP_OFFSET in (table.dtype.names or ()) else np.zeros(len(table))
     return [
         CountRecord(
-            stamp_s=stamp_s,
+            stamp_s=stamp_s + float(offset),
             x_m=float(point["x"]),
             y_m=float(point["y"]),
             z_m=float(point["z"]),
@@ -77,7 +82,7 @@ def count_records(cloud: PointCloud) -> list[CountRecord]:
             f_humidity=float(point["f_humidity"]),
             f_intensity=float(point["f_intensity"]),
         )
-        for point in table
+        for point, offset in zip(table, offsets, strict=True)
     ]
 
 
