@@ -13,7 +13,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
+from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.types import Verb
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
@@ -68,7 +68,9 @@ class Planner(Node):
             MissionJournal(self._journal),
         )
         self._autostart = self._values.flag("autostart")
-        mission = interrupted_mission(rules, found.snapshot, (entry.payload for entry in found.entries))
+        mission = interrupted_mission(
+            rules, found.snapshot, (entry.payload for entry in found.entries if entry.kind == EVENT)
+        )
         if mission is not None:
             self._control.take_up(mission, resume == "auto")
             self._autostart = False

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.recording.run_folder import read_parameters
@@ -19,7 +20,7 @@ from soilmoist_ros.replay.topics import STATUS, RunTopics
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.map_errors import map_errors
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow
 
 Array = NDArray[np.float64]
 Status = Mapping[str, str]

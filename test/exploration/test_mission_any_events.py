@@ -26,11 +26,11 @@ from soilmoist_ros.exploration.mission.types import (
     Publish,
     RecordArrived,
     RequestPlan,
-    SampleDone,
     StartCounting,
     StopCounting,
     Tick,
     Verb,
+    VisitDone,
 )
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
@@ -93,9 +93,9 @@ class AnyEvents(RuleBasedStateMachine):
             case StopCounting():
                 assert self.counting
                 self.counting = False
-            case SampleDone(sample=sample):
-                assert sample.raw_counts > 0
-                assert before.counting is not None or self.rules.dwell.enough(sample.raw_counts, sample.exposure_s)
+            case VisitDone(visit=visit):
+                assert visit.raw_counts > 0
+                assert before.counting is not None or self.rules.dwell.enough(visit.raw_counts, visit.exposure_s)
             case Finish(reason=reason):
                 assert self.no_goal_moves_the_robot(), "a goal outlives the mission"
                 assert reason

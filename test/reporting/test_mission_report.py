@@ -58,7 +58,7 @@ def test_all_files(mission, tmp_path):
 
 def test_several_robots_are_told_apart(mission, tmp_path):
     half = len(mission.visits) // 2
-    visits = [visit._replace(robot=1 + (n >= half)) for n, visit in enumerate(mission.visits)]
+    visits = [dataclasses.replace(visit, robot=1 + (n >= half)) for n, visit in enumerate(mission.visits)]
     tracks = (np.array([(0.0, 0.0), (3.0, 4.0)]), np.array([(0.0, 0.0), (0.0, 6.0), (8.0, 6.0)]))
     settings = dataclasses.replace(mission.settings, robots=2)
     team = dataclasses.replace(mission, settings=settings, visits=visits, tracks=tracks)

@@ -38,11 +38,12 @@ from soilmoist_ros.exploration.mission.types import (
     Planned,
     Publish,
     RequestPlan,
-    SampleDone,
     Save,
     Tick,
     Verb,
+    VisitDone,
 )
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -70,6 +71,10 @@ class Outputs(Protocol):
 
     def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
         """Show the mission and the stops ahead, the next one first."""
+        ...
+
+    def visit(self, visit: Visit) -> None:
+        """A stop is complete."""
         ...
 
     def save(self, reason: str) -> None:
@@ -362,7 +367,9 @@ class MissionControl:
                 self.navigator.go(action.goal_id, action.stop)
             case CancelGoal():
                 self.navigator.cancel(action.goal_id)
-            case SampleDone():
+            case VisitDone(visit=visit):
+                self._journal.visit(visit)
+                self._outputs.visit(visit)
                 measured_s = self._mission.state.last_stamp_s
                 if measured_s is not None:
                     with self._queue_lock:

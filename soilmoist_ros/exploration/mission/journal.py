@@ -7,12 +7,20 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict, state_from_json
+from soilmoist_ros.exploration.mission.state import (
+    event_from_dict,
+    event_to_dict,
+    state_from_json,
+    visit_to_dict,
+)
 from soilmoist_ros.exploration.mission.types import Command, Event, MissionRules, Moved, RecordArrived, Tick, Verb
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.sensing.records import CountRecord
 
 EVENT = "event"
 """Kind of the entries that hold events."""
+VISIT = "visit"
+"""Kind of the entries that hold visits; they follow from the events, for those who read only the results."""
 PROPERTY = "property"
 """Key by which the record of a further property is known: it is no event of the mission."""
 
@@ -56,11 +64,15 @@ class MissionJournal:
         """
         self._append({**event_to_dict(RecordArrived(now_s, record)), PROPERTY: name}, durable=True)
 
-    def _append(self, payload: Mapping[str, Any], durable: bool) -> None:
+    def visit(self, visit: Visit) -> None:
+        """Write a visit down."""
+        self._append(visit_to_dict(visit), durable=True, kind=VISIT)
+
+    def _append(self, payload: Mapping[str, Any], durable: bool, kind: str = EVENT) -> None:
         if self._journal is None:
             return
         try:
-            self._journal.append(EVENT, payload, durable=durable)
+            self._journal.append(kind, payload, durable=durable)
             self.problem = ""
         except OSError as error:
             self._fail(error)

@@ -54,6 +54,7 @@ from soilmoist_ros.exploration.mission.types import (
     Tick,
     Verb,
 )
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.sensing.records import CountRecord
 
 _RESUMES = {
@@ -250,7 +251,9 @@ class _Turn(Moves):
         self.state = replace(self.state, counting=counting, reason=reason)
         dwell = dwell_rule(self.rules, self.state)
         if dwell.enough(counting.raw_counts, counting.exposure_s):
-            self.complete(dwell.outcome(counting.raw_counts, counting.exposure_s))
+            longest = counting.exposure_s >= dwell.longest_s
+            code = VisitEnd.LONGEST_DWELL if longest else VisitEnd.ENOUGH
+            self.complete(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
 
     # Commands ------------------------------------------------------------------------------------------------
 
@@ -303,7 +306,7 @@ class _Turn(Moves):
         if self.state.phase is Phase.FINISHED:
             self.enter(Phase.IDLE, "waiting for start")
         if self.state.phase is not Phase.IDLE:
-            self.abandon("aborted by the operator")
+            self.abandon(VisitEnd.ABORTED, "aborted by the operator")
         return True, self.state.reason
 
     def skip(self, cause: str) -> tuple[bool, str]:
@@ -312,7 +315,7 @@ class _Turn(Moves):
             return False, f"there is no stop to skip: {self.state.reason}"
         reason = f"{target.stop.name} skipped {cause}"
         self.rule_out(target.stop)
-        self.leave_stop(reason)
+        self.leave_stop(VisitEnd.SKIPPED, reason)
         if self.state.resume is not None:
             self.hold(Todo.PLAN, f"{reason}; still paused")
         else:

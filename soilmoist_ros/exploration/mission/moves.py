@@ -31,12 +31,12 @@ from soilmoist_ros.exploration.mission.types import (
     Phase,
     PlanKind,
     RequestPlan,
-    Sample,
-    SampleDone,
     Save,
     StartCounting,
     StopCounting,
+    VisitDone,
 )
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 
 _MAX_AT_ONCE = 10
@@ -211,13 +211,13 @@ class Moves:
 
     def end(self, reason: str) -> None:
         """Measure no more: go home if wanted, then finish."""
-        self.leave_stop(reason)
+        self.leave_stop(VisitEnd.TIME_UP, reason)
         self.state = replace(self.state, ending=reason, returns=0)
         self.then(Todo.RETURN, reason)
 
-    def abandon(self, reason: str) -> None:
+    def abandon(self, code: VisitEnd, reason: str) -> None:
         """Abort the mission where the robot is, as soon as it has stopped."""
-        self.leave_stop(reason)
+        self.leave_stop(code, reason)
         self.state = replace(self.state, ending=reason)
         self.then(Todo.IDLE, reason)
 
@@ -275,12 +275,12 @@ class Moves:
         assert counting is not None
         moved_m = math.dist(self.place, (counting.x_m, counting.y_m))
         if moved_m > self.rules.arrival_radius_m:
-            self.complete(f"{reason}, but the robot was moved by {moved_m:.1f} m in the pause")
+            self.complete(VisitEnd.MOVED, f"{reason}, but the robot was moved by {moved_m:.1f} m in the pause")
         else:
             self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False))
 
-    def leave_stop(self, reason: str) -> int:
-        """Close the stop, keeping what was counted as a sample; gives the counts."""
+    def leave_stop(self, code: VisitEnd, reason: str) -> int:
+        """Close the stop; returns the counts. What was counted becomes a visit."""
         self.suspend(reason)
         target, counting = self.state.target, self.state.counting
         self.state = replace(self.state, target=None, counting=None)
@@ -289,14 +289,37 @@ class Moves:
         self.state = replace(self.state, counting_s=self.state.counting_s + counting.before_s)
         if counting.raw_counts > 0:
             self.state = replace(self.state, samples=self.state.samples + 1, failures=0)
-            self.do(SampleDone(_sample(target, counting, reason)))
+            self.do(VisitDone(self.visit(target, counting, code, reason)))
         return counting.raw_counts
 
-    def complete(self, reason: str) -> None:
+    def visit(self, target: Target, counting: Counting, code: VisitEnd, reason: str) -> Visit:
+        """What was counted at a stop."""
+        assert self.state.started_s is not None
+        return Visit(
+            name=target.stop.name,
+            x_m=counting.x_m,
+            y_m=counting.y_m,
+            arrived_s=counting.arrived_s - self.state.started_s,
+            dwell_s=counting.before_s,
+            raw_counts=counting.raw_counts,
+            reason=target.reason,
+            records=counting.records,
+            exposure_s=counting.exposure_s,
+            effective_exposure_s=counting.effective_exposure_s,
+            ended=code,
+            outcome=reason,
+            dwell=self.dwell_name,
+            arrival_stamp_s=counting.arrived_s,
+            end_stamp_s=self.now_s,
+            stop_x_m=target.stop.x_m,
+            stop_y_m=target.stop.y_m,
+        )
+
+    def complete(self, code: VisitEnd, reason: str) -> None:
         """Counting is over; nothing counted at all is a failure."""
         assert self.state.target is not None
         stop = self.state.target.stop
-        if self.leave_stop(reason) > 0:
+        if self.leave_stop(code, reason) > 0:
             self.then(Todo.PLAN, f"{stop.name} is done: {reason}")
         else:
             self.rule_out(stop)
@@ -363,7 +386,7 @@ class Moves:
         if self.rules.way_home_s(self.place) == 0:
             self.end(reason)
             return
-        self.leave_stop(reason)
+        self.leave_stop(VisitEnd.TIME_UP, reason)
         self.state = replace(self.state, ending=reason, returns=0)
         self.hold(Todo.RETURN, f"{reason}: resume to go home, or abort")
 
@@ -385,7 +408,7 @@ class Moves:
 
     def dwell_late(self) -> None:
         """The dwell rule did not end counting in time."""
-        self.complete(f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
+        self.complete(VisitEnd.LONGEST_DWELL, f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
 
     def silence(self) -> None:
         """No record counted for this stop for some time."""
@@ -399,7 +422,7 @@ class Moves:
             case OnSilence.PAUSE:
                 self.hold(Todo.COUNT, f"{reason}; then resume or abort")
             case OnSilence.ABORT:
-                self.abandon(reason)
+                self.abandon(VisitEnd.SILENT_SENSOR, reason)
 
 
 def xy(stop: Stop) -> tuple[float, float]:
@@ -410,19 +433,3 @@ def xy(stop: Stop) -> tuple[float, float]:
 def after_colon(reason: str) -> str:
     """A reason to add to a text; nothing if it is empty."""
     return f": {reason}" if reason else ""
-
-
-def _sample(target: Target, counting: Counting, ended: str) -> Sample:
-    return Sample(
-        stop=target.stop,
-        x_m=counting.x_m,
-        y_m=counting.y_m,
-        arrived_s=counting.arrived_s,
-        dwell_s=counting.before_s,
-        records=counting.records,
-        raw_counts=counting.raw_counts,
-        exposure_s=counting.exposure_s,
-        effective_exposure_s=counting.effective_exposure_s,
-        reason=target.reason,
-        ended=ended,
-    )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from pydantic import TypeAdapter, ValidationError
 
 from soilmoist_ros.exploration.mission.types import Event, MissionRules, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
@@ -301,8 +302,23 @@ def event_from_dict(content: dict[str, Any]) -> Event:
     return event
 
 
+def visit_to_dict(visit: Visit) -> dict[str, Any]:
+    """A visit as plain data, fit for JSON."""
+    return _plain(visit)
+
+
+def visit_from_dict(content: object) -> Visit:
+    """The visit that :func:`visit_to_dict` wrote.
+
+    :raises InputError: if it is not one
+    """
+    visit = _read("Visit", content, "a visit")
+    assert isinstance(visit, Visit)
+    return visit
+
+
 _EVENTS: dict[str, Any] = {kind.__name__: kind for kind in get_args(Event)}
-_KINDS: dict[str, Any] = {"MissionState": MissionState, **_EVENTS}
+_KINDS: dict[str, Any] = {"MissionState": MissionState, "Visit": Visit, **_EVENTS}
 
 
 @cache

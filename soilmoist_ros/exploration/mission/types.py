@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
 
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -291,40 +292,10 @@ class StopCounting:
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
-    """What was counted at a stop, for logs and reports: the mapper has its records already.
-
-    :param stop: where, as planned
-    :param x_m: where the robot stood: east of the field's datum [m]
-    :param y_m: north [m]
-    :param arrived_s: time of arrival [s]
-    :param dwell_s: time spent counting, pauses left out [s]
-    :param records: number of records that lie wholly within it
-    :param raw_counts: their counts
-    :param exposure_s: their exposure [s]
-    :param effective_exposure_s: their effective exposure [s]
-    :param reason: why the stop was chosen
-    :param ended: why counting ended
-    """
-
-    stop: Stop
-    x_m: float
-    y_m: float
-    arrived_s: float
-    dwell_s: float
-    records: int
-    raw_counts: int
-    exposure_s: float
-    effective_exposure_s: float
-    reason: str
-    ended: str
-
-
-@dataclass(frozen=True, slots=True)
-class SampleDone:
+class VisitDone:
     """A stop is complete: bring the map up to date. A new plan is requested right after it."""
 
-    sample: Sample
+    visit: Visit
 
 
 @dataclass(frozen=True, slots=True)
@@ -392,5 +363,5 @@ class Finish:
 
 
 Action = (
-    Answer | RequestPlan | GoTo | CancelGoal | StartCounting | StopCounting | SampleDone | Publish | Save | Finish
+    Answer | RequestPlan | GoTo | CancelGoal | StartCounting | StopCounting | VisitDone | Publish | Save | Finish
 )

@@ -17,6 +17,7 @@ from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.plan import plan_to_markers, plan_to_path
 from soilmoist_ros.exploration.mission.types import Finish, MissionStatus
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED
@@ -68,6 +69,10 @@ class PlannerOutputs:
             self._shown = ahead, status.planned_dwell_s
             self._path.publish(plan_to_path(ahead, self.now_s()))
             self._markers.publish(plan_to_markers(ahead, status.planned_dwell_s, self.now_s()))
+
+    def visit(self, visit: Visit) -> None:
+        """Log a visit."""
+        self._node.get_logger().info(f"visit: {visit.name}, {visit.raw_counts} counts in {visit.exposure_s:.0f} s")
 
     def diagnose(self, parts: list[Health]) -> None:
         """Publish the planner's health."""

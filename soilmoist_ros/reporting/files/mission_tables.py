@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import astuple, fields
 from pathlib import Path
 
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow, Visit
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow
 
 
 def write_series(path: Path, mission: MissionResult) -> Path:
@@ -20,8 +22,8 @@ def write_series(path: Path, mission: MissionResult) -> Path:
 
 
 def write_visits(path: Path, mission: MissionResult) -> Path:
-    """Write the measurements in order; returns ``path``."""
-    return _write(path, Visit._fields, mission.visits)
+    """Write the visits in order, one column for each field of :class:`Visit`; returns ``path``."""
+    return _write(path, [field.name for field in fields(Visit)], map(astuple, mission.visits))
 
 
 def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.geometry import map_extent
 from soilmoist_ros.reporting.page import maps
@@ -30,7 +31,7 @@ from soilmoist_ros.reporting.page.style import (
 from soilmoist_ros.reporting.page.wording import duration, length, number, percent
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow, Visit
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

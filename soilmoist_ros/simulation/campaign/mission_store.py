@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros import __version__
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow
 
 Array = NDArray[np.float64]
-SCHEMA = 2
+SCHEMA = 3
 SUFFIX = ".npz"
 COMPUTING = ("sensing", "mapping", "exploration", "simulation")
 """Sub-packages whose code determines a mission."""
@@ -92,9 +93,8 @@ def pack(result: MissionResult, key: str) -> bytes:
         "settings": asdict(result.settings),
         "field_title": result.field_title,
         "ended": result.ended,
-        "visit_names": [[visit.name, visit.reason] for visit in result.visits],
+        "visits": [asdict(visit) for visit in result.visits],
     }
-    visits = [(v.x_m, v.y_m, v.arrived_s, v.dwell_s, v.raw_counts, v.robot) for v in result.visits]
     empty: Array = np.empty(0)
     shown: Sequence[Array] = (
         (empty, empty, empty, empty, empty)
@@ -108,7 +108,6 @@ def pack(result: MissionResult, key: str) -> bytes:
         stream,
         about=np.array(json.dumps(about)),
         series=np.array(result.series, float).reshape(-1, len(SeriesRow._fields)),
-        visits=np.array(visits, float).reshape(-1, 6),
         tracks=np.concatenate([np.empty((0, 2)), *result.tracks]),
         track_lengths=np.array([len(track) for track in result.tracks], int),
         x_m=x_m,
@@ -133,12 +132,7 @@ def unpack(content: bytes) -> StoredMission:
         about = json.loads(str(arrays["about"]))
         if about["schema"] != SCHEMA:
             raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
-        visits = tuple(
-            Visit(name, x, y, arrived, dwell, int(counts), reason, int(robot))
-            for (name, reason), (x, y, arrived, dwell, counts, robot) in zip(
-                about["visit_names"], arrays["visits"].astype(float).tolist(), strict=True
-            )
-        )
+        visits = tuple(Visit(**{**visit, "ended": VisitEnd(visit["ended"])}) for visit in about["visits"])
         series = tuple(
             SeriesRow._make([*row[:2], int(row[2]), *row[3:]]) for row in arrays["series"].astype(float).tolist()
         )

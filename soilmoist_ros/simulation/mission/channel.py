@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soilmoist_ros.exploration.mission.types import Sample
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
@@ -67,16 +67,16 @@ class Channel:
         if not self._of_stops:
             self._online.take(record)
 
-    def take_stop(self, sample: Sample, counted: Sequence[CountRecord], warmed_up: bool) -> None:
+    def take_stop(self, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
         """A stop is complete; for maps of stops only.
 
-        :param sample: the stop
+        :param visit: the stop
         :param counted: the records counted there
         :param warmed_up: whether there are stops enough for a map
         """
         raw_counts = sum(record.raw_counts for record in counted)
         exposure_s = sum(record.effective_exposure_s for record in counted)
-        self.live_map.add((sample.x_m, sample.y_m), raw_counts, exposure_s)
+        self.live_map.add((visit.x_m, visit.y_m), raw_counts, exposure_s)
         if self.live_map.ready and warmed_up:
             self.live_map.update()
             self._compare()

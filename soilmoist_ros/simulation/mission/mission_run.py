@@ -14,6 +14,7 @@ from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
 
 if TYPE_CHECKING:
+    from soilmoist_ros.exploration.mission.visit import Visit
     from soilmoist_ros.foundation.geodesy import LocalFrame
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.sensing.records import CountRecord
@@ -110,29 +111,6 @@ class SeriesRow(NamedTuple):
     counting_s: float
     also_mse: float = math.nan
     also_coverage95: float = math.nan
-
-
-class Visit(NamedTuple):
-    """One measurement of a mission.
-
-    :param name: name of the stop
-    :param x_m: east [m]
-    :param y_m: north [m]
-    :param arrived_s: mission time of arrival [s]
-    :param dwell_s: time spent counting [s]
-    :param raw_counts: counts collected
-    :param reason: why the stop was chosen
-    :param robot: number of the robot, from 1
-    """
-
-    name: str
-    x_m: float
-    y_m: float
-    arrived_s: float
-    dwell_s: float
-    raw_counts: int
-    reason: str
-    robot: int = 1
 
 
 @dataclass(frozen=True, eq=False)

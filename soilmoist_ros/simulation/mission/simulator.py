@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -30,10 +31,11 @@ from soilmoist_ros.exploration.mission.types import (
     Publish,
     RecordArrived,
     RequestPlan,
-    SampleDone,
     Tick,
     Verb,
+    VisitDone,
 )
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.prospect import Counting
@@ -52,7 +54,7 @@ from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow, Visit
+from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow
 from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 
@@ -258,8 +260,8 @@ class _Simulation:
                 robot.body.stop(self.now_s)
                 robot.goal = None
                 self.give(robot, GoalFailed(self.now_s, action.goal_id, "cancelled"))
-            case SampleDone():
-                self.take(robot, action)
+            case VisitDone(visit=visit):
+                self.take(robot, replace(visit, robot=robot.number))
             case Finish(reason=reason):
                 robot.ended = reason
                 self.note(robot, f"end: {reason}")
@@ -272,31 +274,17 @@ class _Simulation:
         statuses = [other.mission.status for other in self.robots if other is not robot]
         return [found for status in statuses if (found := pending_measurement(status, at_once)) is not None]
 
-    def take(self, robot: _Robot, done: SampleDone) -> None:
+    def take(self, robot: _Robot, visit: Visit) -> None:
         """A stop is complete: the map follows."""
-        sample = done.sample
-        self.note(robot, f"sample at {sample.stop.name}: {sample.ended}")
-        if sample.records == 0:
-            return
-        self.visits.append(
-            Visit(
-                sample.stop.name,
-                sample.x_m,
-                sample.y_m,
-                sample.arrived_s,
-                sample.dwell_s,
-                sample.raw_counts,
-                sample.reason,
-                robot.number,
-            )
-        )
+        self.note(robot, f"sample at {visit.name}: {visit.outcome}")
+        self.visits.append(visit)
         if self.settings.map_from == "records":
             return
         warmed_up = len(self.visits) >= min(3, max(robot.mission.rules.warm_up_stops, 2))
         for channel, counted in zip(
-            self.channels, zip(*robot.records[-sample.records :], strict=True), strict=True
+            self.channels, zip(*robot.records[-visit.records :], strict=True), strict=True
         ):
-            channel.take_stop(sample, counted, warmed_up)
+            channel.take_stop(visit, counted, warmed_up)
         self.enter_series()
 
     def update_map(self) -> None:

@@ -27,6 +27,7 @@ class Around:
 
     def __init__(self, home="", **rules):
         self.time_s, self.goals, self.shown, self.saved, self.finished = 0.0, [], [], [], None
+        self.visits = []
         self.waiting_for, self.on_the_way, self.measured = "", "", []
         square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
         dwell, motion = parse_dwell("fmi:30"), RobotMotion()
@@ -60,6 +61,9 @@ class Around:
 
     def show(self, status, ahead, more):
         self.shown.append((status, ahead))
+
+    def visit(self, visit):
+        self.visits.append(visit)
 
     def save(self, reason):
         self.saved.append(reason)
@@ -129,6 +133,7 @@ def test_a_whole_mission():
             around.planned()
     assert "home" in around.finished.reason
     assert around.status.samples == stops >= 3
+    assert [(visit.raw_counts, visit.exposure_s) for visit in around.visits] == [(120, 30.0)] * stops
     assert around.saved
     assert around.shown[-1][1] == (), "nothing is ahead any more"
     assert around.time_s - 1000.0 <= 900.0

@@ -3,8 +3,14 @@
 import json
 from dataclasses import replace
 
-from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission, interrupted_records
+from soilmoist_ros.exploration.mission.journal import (
+    VISIT,
+    MissionJournal,
+    interrupted_mission,
+    interrupted_records,
+)
 from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import (
     Command,
     MissionRules,
@@ -15,6 +21,7 @@ from soilmoist_ros.exploration.mission.types import (
     Tick,
     Verb,
 )
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -25,11 +32,12 @@ class Pages:
     """A journal in memory; a full one takes nothing."""
 
     def __init__(self):
-        self.state, self.events, self.full = None, [], False
+        self.state, self.events, self.kinds, self.full = None, [], [], False
 
     def append(self, kind, payload, *, durable=True):
         if self.full:
             raise OSError(28, "No space left on device")
+        self.kinds.append(kind)
         self.events.append(json.loads(json.dumps(payload)))
         return len(self.events)
 
@@ -106,6 +114,14 @@ def test_the_records_of_a_further_property_do_not_touch_the_mission():
     journal.note_beside("salt", mission.state.now_s + 50.0, record)
     found = interrupted_mission(mission.rules, pages.state, pages.events)
     assert found.state == mission.state
+
+
+def test_a_visit_in_the_journal_is_no_event_of_the_mission():
+    pages = Pages()
+    visit = Visit("east", 30.0, 0.5, 20.0, 60.0, 180, "far", records=6, ended=VisitEnd.ENOUGH)
+    MissionJournal(pages).visit(visit)
+    assert pages.kinds == [VISIT]
+    assert repr(visit_from_dict(pages.events[0])) == repr(visit)
 
 
 def test_nothing_was_under_way():

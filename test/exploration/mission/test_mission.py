@@ -26,13 +26,14 @@ from soilmoist_ros.exploration.mission.types import (
     Publish,
     RecordArrived,
     RequestPlan,
-    SampleDone,
     Save,
     StartCounting,
     StopCounting,
     Tick,
     Verb,
+    VisitDone,
 )
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -131,11 +132,12 @@ def test_a_mission_from_start_to_end():
     for _ in range(5):
         assert driver.record().kinds() == [Publish]
     assert driver.mission.status.progress == pytest.approx(5 / 6)
-    assert driver.record().kinds() == [StopCounting, SampleDone, RequestPlan, Publish]
-    sample = driver.last(SampleDone).sample
-    assert (sample.stop, sample.raw_counts, sample.exposure_s, sample.records) == (EAST, 180, 60.0, 6)
-    assert (sample.arrived_s, sample.dwell_s) == (1020.0, 60.0)
-    assert sample.effective_exposure_s == pytest.approx(48.0)
+    assert driver.record().kinds() == [StopCounting, VisitDone, RequestPlan, Publish]
+    visit = driver.last(VisitDone).visit
+    assert (visit.name, visit.raw_counts, visit.exposure_s, visit.records) == ("east", 180, 60.0, 6)
+    assert (visit.arrived_s, visit.arrival_stamp_s, visit.dwell_s) == (20.0, 1020.0, 60.0)
+    assert visit.effective_exposure_s == pytest.approx(48.0)
+    assert (visit.reason, visit.ended, visit.dwell) == ("it is the least known place", VisitEnd.ENOUGH, "fmi:60")
     assert driver.last(RequestPlan).kind is PlanKind.EXPLORE
     assert driver.plan(None, reason="all is known well").kinds() == [GoTo, Publish]
     assert driver.phase is Phase.RETURNING
@@ -179,7 +181,7 @@ def test_a_stop_has_its_own_dwell_rule_and_the_next_the_missions():
     assert driver.mission.status.planned_dwell_s == 20.0
     driver.record().record()
     assert driver.mission.status.samples == 1
-    assert driver.last(SampleDone).sample.ended.endswith("in 20 of 20 s")
+    assert driver.last(VisitDone).visit.outcome.endswith("in 20 of 20 s")
     driver.plan(NORTH).reach(after=60.0)
     assert driver.mission.status.planned_dwell_s == Optimal.UNKNOWN_S
 
@@ -385,8 +387,8 @@ def test_the_end_of_the_time_closes_the_sample_and_sends_the_robot_home():
     driver.record().record()
     assert driver.mission.next_deadline_s == 1000.0 + 200.0 - (10.0 + 30.0 + 60.0)
     driver.send(Tick, after=60.0)
-    assert driver.kinds() == [StopCounting, SampleDone, GoTo, Publish]
-    assert driver.last(SampleDone).sample.raw_counts == 60
+    assert driver.kinds() == [StopCounting, VisitDone, GoTo, Publish]
+    assert driver.last(VisitDone).visit.raw_counts == 60
     assert driver.reason == "going home: the time left is needed for the way home"
     driver.reach(after=40.0)
     assert driver.phase is Phase.FINISHED
@@ -396,7 +398,7 @@ def test_the_end_of_the_time_closes_the_sample_and_sends_the_robot_home():
 def test_a_record_that_arrives_as_the_time_ends_still_counts():
     driver = Driver(budget_s=100.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")).counting()
     driver.record(after=80.0)
-    assert driver.last(SampleDone).sample.raw_counts == 30
+    assert driver.last(VisitDone).visit.raw_counts == 30
     assert driver.phase is Phase.FINISHED
     assert driver.reason == "the mission time is used up"
 
@@ -437,7 +439,7 @@ def test_a_dead_sensor_ends_with_the_longest_dwell_and_rules_the_stop_out():
         driver.record(raw_counts=0)
     assert driver.phase is Phase.COUNTING
     driver.record(raw_counts=0)
-    assert driver.count_of(SampleDone) == 0
+    assert driver.count_of(VisitDone) == 0
     assert driver.last(RequestPlan).blacklisted == ("east",)
     assert "nothing was counted at east" in driver.reason
 
@@ -453,7 +455,36 @@ def test_silence_is_reported_and_waited_out_until_the_longest_dwell():
     assert driver.mission.next_deadline_s == 1020.0 + 300.0
     driver.now_s = 1320.0
     driver.send(Tick)
-    assert driver.last(SampleDone).sample.ended == "the longest dwell of 300 s is over"
+    assert driver.last(VisitDone).visit.outcome == "the longest dwell of 300 s is over"
+
+
+@pytest.mark.parametrize(
+    ("end", "rules", "act"),
+    [
+        (VisitEnd.ENOUGH, {"dwell": parse_dwell("fmi:20")}, lambda driver: driver.record()),
+        (VisitEnd.LONGEST_DWELL, {"dwell": parse_dwell("ami:3%", 20.0)}, lambda driver: driver.record()),
+        (
+            VisitEnd.LONGEST_DWELL,
+            {"dwell": parse_dwell("ami:3%", 40.0)},
+            lambda driver: driver.send(Tick, after=30.0),
+        ),
+        (VisitEnd.TIME_UP, {"budget_s": 400.0}, lambda driver: driver.send(Tick, after=400.0)),
+        (
+            VisitEnd.TIME_UP,
+            {"home": HOME, "budget_s": 400.0},
+            lambda driver: driver.command("pause").send(Tick, after=400.0),
+        ),
+        (VisitEnd.MOVED, {}, lambda driver: driver.command("pause").send(Moved, 35.0, 0.0).command("resume")),
+        (VisitEnd.SKIPPED, {}, lambda driver: driver.command("skip")),
+        (VisitEnd.ABORTED, {}, lambda driver: driver.command("abort")),
+        (VisitEnd.SILENT_SENSOR, {"on_silence": OnSilence.ABORT}, lambda driver: driver.send(Tick, after=60.0)),
+    ],
+)
+def test_a_visit_has_a_code_for_its_end(end, rules, act):
+    driver = Driver(**rules).counting().record()
+    act(driver)
+    assert driver.last(VisitDone).visit.ended is end
+    assert driver.last(VisitDone).visit.outcome
 
 
 def test_a_pause_does_not_shorten_or_lengthen_the_longest_dwell():
@@ -465,7 +496,7 @@ def test_a_pause_does_not_shorten_or_lengthen_the_longest_dwell():
 def test_several_things_that_are_due_after_a_gap_are_all_done():
     driver = Driver(budget_s=400.0).counting().record().send(Tick, after=5000.0)
     assert driver.phase is Phase.FINISHED
-    assert driver.last(SampleDone).sample.raw_counts == 30
+    assert driver.last(VisitDone).visit.raw_counts == 30
 
 
 def test_silence_can_pause_or_abort():
@@ -522,13 +553,13 @@ def test_pause_while_counting_keeps_what_was_counted():
     assert driver.record(after=4.0).mission.state.counting.records == 2, "begun in the pause"
     for _ in range(4):
         driver.record()
-    sample = driver.last(SampleDone).sample
-    assert (sample.raw_counts, sample.dwell_s) == (180, 20.0 + 44.0)
+    visit = driver.last(VisitDone).visit
+    assert (visit.raw_counts, visit.dwell_s) == (180, 20.0 + 44.0)
 
 
 def test_a_robot_that_was_moved_in_the_pause_does_not_count_on():
     driver = Driver().counting().record().command("pause").send(Moved, 35.0, 0.0).command("resume")
-    assert driver.last(SampleDone).sample.raw_counts == 30
+    assert driver.last(VisitDone).visit.raw_counts == 30
     assert driver.phase is Phase.PLANNING
     assert "moved by 5.0 m in the pause" in driver.reason
 
@@ -548,7 +579,7 @@ def test_pause_while_planning_asks_for_a_new_plan_afterwards():
 def test_a_pause_uses_the_budget_but_never_drives_home_by_itself():
     driver = Driver(home=HOME, budget_s=400.0).counting().record().command("pause").send(Tick, after=400.0)
     assert driver.phase is Phase.PAUSED
-    assert driver.kinds() == [SampleDone, Publish]
+    assert driver.kinds() == [VisitDone, Publish]
     assert driver.reason == "the mission time was used up in a pause: resume to go home, or abort"
     assert driver.mission.next_deadline_s is None
     assert driver.command("resume").phase is Phase.RETURNING
@@ -557,14 +588,14 @@ def test_a_pause_uses_the_budget_but_never_drives_home_by_itself():
 def test_without_a_way_home_the_mission_ends_in_the_pause():
     driver = Driver(budget_s=400.0).counting().record().command("pause").send(Tick, after=400.0)
     assert driver.phase is Phase.FINISHED
-    assert driver.last(SampleDone).sample.raw_counts == 30
+    assert driver.last(VisitDone).visit.raw_counts == 30
 
 
 def test_skip_keeps_what_was_counted_and_rules_the_stop_out():
     driver = Driver().counting().record().command("skip")
-    assert driver.kinds() == [StopCounting, SampleDone, RequestPlan, Answer, Publish]
+    assert driver.kinds() == [StopCounting, VisitDone, RequestPlan, Answer, Publish]
     assert driver.last(RequestPlan).blacklisted == ("east",)
-    assert driver.last(SampleDone).sample.ended == "east skipped by the operator"
+    assert driver.last(VisitDone).visit.outcome == "east skipped by the operator"
     nothing = Driver().counting().command("skip")
     assert nothing.kinds() == [StopCounting, RequestPlan, Answer, Publish]
 
@@ -590,7 +621,7 @@ def test_abort_on_the_way_waits_for_the_robot_to_stop():
 
 def test_abort_while_counting_keeps_the_sample():
     driver = Driver().counting().record().command("abort")
-    assert driver.kinds() == [StopCounting, SampleDone, Save, Finish, Answer, Publish]
+    assert driver.kinds() == [StopCounting, VisitDone, Save, Finish, Answer, Publish]
     assert driver.command("abort").phase is Phase.IDLE
 
 
@@ -686,21 +717,21 @@ def test_a_simulator_drives_it_from_record_to_record():
     rng = np.random.default_rng(1)
     stops = [Stop(f"s{k}", *rng.uniform(0, 60, 2)) for k in range(40)]
     mission, place, trip, queue = Mission(rules), (0.0, 0.0), None, []  # trip: goal, start time and place
-    samples, finish, now_s = [], None, 0.0
+    visits, finish, now_s = [], None, 0.0
 
     def carry_out(actions):
         nonlocal trip, finish
         for action in actions:
             match action:
                 case RequestPlan(plan_id=plan_id):
-                    queue.append(Planned(now_s, plan_id, Choice(stops[len(samples)], "next in the list")))
+                    queue.append(Planned(now_s, plan_id, Choice(stops[len(visits)], "next in the list")))
                 case GoTo(goal_id=goal_id, stop=stop):
                     trip = (goal_id, stop, now_s, place)
                 case CancelGoal(goal_id=goal_id):
                     trip = None
                     queue.append(GoalFailed(now_s, goal_id, "cancelled"))
-                case SampleDone(sample=sample):
-                    samples.append(sample)
+                case VisitDone(visit=visit):
+                    visits.append(visit)
                 case Finish():
                     finish = action
         while queue:
@@ -729,5 +760,5 @@ def test_a_simulator_drives_it_from_record_to_record():
     assert not finish.aborted
     assert finish.reason.endswith("the robot is back home")
     assert 3400 < mission.status.time_used_s <= 3600
-    assert mission.status.samples == len(samples) > 15
-    assert all(sample.raw_counts >= 400 for sample in samples[:-1])
+    assert mission.status.samples == len(visits) > 15
+    assert all(visit.raw_counts >= 400 for visit in visits[:-1])

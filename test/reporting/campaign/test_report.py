@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.campaign import figures as campaign_figures
 from soilmoist_ros.reporting.campaign import report as campaign_report
@@ -21,7 +22,7 @@ from soilmoist_ros.reporting.page.style import Picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, load_campaign, missions, run_campaign
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.mission.mission_run import SeriesRow, Visit
+from soilmoist_ros.simulation.mission.mission_run import SeriesRow
 
 FAKE = Path(__file__).resolve().parents[2] / "simulation"
 CAMPAIGN = Campaign.model_validate(
