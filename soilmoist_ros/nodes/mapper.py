@@ -26,7 +26,8 @@ from soilmoist_ros.mapping.map_worker import MapWorker
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
-from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, other_namespaces
+from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
+from soilmoist_ros.nodes.parameters.parameter import Parameter
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.replay.online_survey import open_survey, read_earlier

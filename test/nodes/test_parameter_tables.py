@@ -20,7 +20,8 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, check_values
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.parameter import Parameter, check_values
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SCRIPT = ROOT / "scripts" / "parameter_tables"
@@ -80,7 +81,7 @@ def test_defaults_are_allowed_and_every_row_is_explained(node):
 
 
 ROWS = (
-    Parameter(name="radius_m", default=2.0, description="radius", unit="m", low=0.0, changeable=True),
+    Parameter(name="radius_m", default=2.0, description="radius", unit="m", low=0.0),
     Parameter(name="fit", default="reml", description="how it is | fitted", choices=("reml", "")),
     Parameter(name="topics", default=[], description="topics"),
 )
@@ -89,7 +90,7 @@ ROWS = (
 def test_the_file_explains_each_parameter():
     text = tables.yaml_file("example", "shows.", ROWS)
     assert text.startswith("# example: shows.\n")
-    assert "    # Radius [m]. At least 0. Changeable while running.\n    radius_m: 2.0\n" in text
+    assert "    # Radius [m]. At least 0.\n    radius_m: 2.0\n" in text
     assert '    # How it is | fitted. One of: reml, (empty).\n    fit: "reml"\n' in text
     assert "    # Topics.\n    # topics: []\n" in text
     assert yaml.safe_load(text) == {"/**": {"ros__parameters": {"radius_m": 2.0, "fit": "reml"}}}
@@ -105,7 +106,7 @@ def test_ranges_are_said_in_words(low, high, said):
 
 def test_the_table_has_a_row_for_each_parameter():
     lines = tables.markdown_table(ROWS).splitlines()
-    assert lines[2] == "| `radius_m` * | double | `2.0` | m | >= 0 | radius |"
+    assert lines[2] == "| `radius_m` | double | `2.0` | m | >= 0 | radius |"
     assert lines[3] == '| `fit` | string | `"reml"` |  | `reml`, `""` | how it is \\| fitted |'
 
 

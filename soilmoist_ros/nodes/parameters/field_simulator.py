@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.parameter import Parameter
 from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 
 PARAMETERS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.nodes.parameters.declaration import Parameter
+from soilmoist_ros.nodes.parameters.parameter import Parameter
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 
 PARAMETERS: Final = (

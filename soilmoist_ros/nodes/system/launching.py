@@ -9,7 +9,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.nodes.parameters.declaration import Value, check_values
+from soilmoist_ros.nodes.parameters.parameter import Value, check_values
 
 
 def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:

@@ -1,4 +1,4 @@
-"""Tables of parameters: only what is in them is accepted."""
+"""Tables of parameters: the rows (parameter.py), and that nodes accept nothing else (declaration.py)."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, check_values
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.parameter import Parameter, check_values
 
 TABLE = (
     Parameter(name="field", default="", description="field file"),
-    Parameter(name="speed_mps", default=0.6, description="speed", unit="m/s", low=0.1, high=3.0, changeable=True),
+    Parameter(
+        name="speed_mps", default=0.6, description="speed", unit="m/s", low=0.1, high=3.0, old_names=("pace",)
+    ),
     Parameter(name="retries", default=1, description="retries", low=0),
     Parameter(name="fit", default="reml", description="variogram fit", choices=("reml", "soft_l1")),
     Parameter(name="autostart", default=True, description="start at once"),
-    Parameter(name="topics", default=["a"], description="topics"),
+    Parameter(name="topics", default=["a"], description="topics", old_names=("topic",)),
 )
 
 
@@ -47,33 +50,36 @@ def test_every_mistake_is_named_at_once(ros):
         assert part in said
 
 
-def test_descriptors_tell_tools_range_unit_and_what_may_change(ros):
+def test_descriptors_show_range_and_unit(ros):
     node = make(ros)
     Parameters(node, TABLE)
     speed = node.describe_parameter("speed_mps")
     assert speed.type == ParameterType.PARAMETER_DOUBLE
     assert speed.description == "speed [m/s]"
     assert (speed.floating_point_range[0].from_value, speed.floating_point_range[0].to_value) == (0.1, 3.0)
-    assert not speed.read_only
-    assert node.describe_parameter("field").read_only
+    assert speed.read_only
     assert node.describe_parameter("fit").additional_constraints == "one of: reml, soft_l1"
 
 
-def test_changes_at_run_time_are_checked_and_told(ros):
+def test_no_parameter_may_change_while_the_node_runs(ros):
     node = make(ros)
     parameters = Parameters(node, TABLE)
-    told = []
-    parameters.on_change(told.append)
-    good, bad, fixed = node.set_parameters(
-        [
-            RosParameter("speed_mps", value=1.0),
-            RosParameter("speed_mps", value=0.0),
-            RosParameter("field", value="x"),
-        ]
-    )
-    assert (good.successful, bad.successful, fixed.successful) == (True, False, False)
-    assert told == [{"speed_mps"}]
-    assert parameters.number("speed_mps") == 1.0
+    (result,) = node.set_parameters([RosParameter("speed_mps", value=1.0)])
+    assert not result.successful
+    assert node.get_parameter("speed_mps").value == parameters.number("speed_mps") == 0.6
+
+
+def test_old_names_are_read_with_a_warning(ros, capfd):
+    parameters = Parameters(make(ros, pace=2.0, topic="x"), TABLE)
+    assert parameters.number("speed_mps") == 2.0
+    assert parameters.texts("topics") == ["x"]
+    said = capfd.readouterr().err
+    assert "parameter pace is called speed_mps now" in said
+    assert "parameter topic is called topics now" in said
+    with pytest.raises(InputError, match="pace is the old name of speed_mps, and both are given"):
+        Parameters(make(ros, pace=2.0, speed_mps=1.0), TABLE)
+    with pytest.raises(InputError, match=r"speed_mps must be 0\.1 \.\. 3 m/s, got 9"):
+        Parameters(make(ros, pace=9.0), TABLE)
 
 
 def test_values_without_a_node():

@@ -1,0 +1,155 @@
+"""A row of a node's parameter table, and the check of given values against a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+from soilmoist_ros.foundation.errors import Mistake
+from soilmoist_ros.foundation.suggestions import did_you_mean
+
+Value = bool | int | float | str | list[str]
+
+_HIGHEST = 1e300
+_MAX_WHOLE = 2**62
+_KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A row of a node's parameter table.
+
+    :param name: name; dots group
+    :param default: default; its type is the parameter's type
+    :param description: what it sets, without its unit
+    :param unit: unit, empty without one
+    :param low: smallest value allowed
+    :param high: largest value allowed
+    :param choices: texts allowed, any if empty
+    :param old_names: earlier names, which are read for one release with a warning
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    old_names: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """Name of the type, as ROS has it."""
+        names = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
+        return names[type(self.default)]
+
+    @property
+    def limits(self) -> str:
+        """Values allowed, for tables and messages; empty if all of the type are."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if self.low is not None and self.high is not None:
+            return f"{self.low:g} .. {self.high:g}"
+        if self.low is not None:
+            return f">= {self.low:g}"
+        return f"<= {self.high:g}" if self.high is not None else ""
+
+    def checked(self, value: Any) -> Value:
+        """The value in the parameter's own type.
+
+        :raises ValueError: if it is of another type or not allowed; says what is
+        """
+        wanted: Any = type(self.default)
+        if wanted is float and type(value) is int:
+            value = float(value)
+        if wanted is list and isinstance(value, Iterable) and not isinstance(value, str | bytes):
+            value = list(value)
+        if type(value) is not wanted or (wanted is list and not all(isinstance(item, str) for item in value)):
+            raise ValueError(f"must be {_KINDS[wanted]}, got {value!r}")
+        if wanted is float and not math.isfinite(value):
+            raise ValueError(f"must be finite, got {value!r}")
+        if self.choices and value not in self.choices:
+            raise ValueError(
+                f"must be one of: {', '.join(self.choices)}; got {value!r}{did_you_mean(str(value), self.choices)}"
+            )
+        outside = isinstance(value, int | float) and (
+            (self.low is not None and value < self.low) or (self.high is not None and value > self.high)
+        )
+        if outside:
+            unit = f" {self.unit}" if self.unit else ""
+            raise ValueError(f"must be {self.limits}{unit}, got {value:g}")
+        checked: Value = value
+        return checked
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What tools such as ``ros2 param describe`` show."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        descriptor = ParameterDescriptor(name=self.name, description=f"{self.description}{unit}", read_only=True)
+        if self.choices:
+            descriptor.additional_constraints = f"one of: {', '.join(self.choices)}"
+        limited = self.low is not None or self.high is not None
+        if limited and isinstance(self.default, float):
+            low = -_HIGHEST if self.low is None else float(self.low)
+            high = _HIGHEST if self.high is None else float(self.high)
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+        elif limited and isinstance(self.default, int):
+            low_whole = -_MAX_WHOLE if self.low is None else int(self.low)
+            high_whole = _MAX_WHOLE if self.high is None else int(self.high)
+            descriptor.integer_range = [IntegerRange(from_value=low_whole, to_value=high_whole, step=1)]
+        return descriptor
+
+
+def current_names(
+    table: Mapping[str, Parameter], given: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[str], list[Mistake]]:
+    """Given values by today's names of their parameters.
+
+    A text becomes the only item of a parameter that is a list today.
+
+    :param table: rows by name
+    :param given: values by today's or old names
+    :returns: the values, a warning for each old name, and a mistake for each value that is given twice
+    """
+    names = {old: row.name for row in table.values() for old in row.old_names}
+    warnings, mistakes = [], []
+    values = {name: value for name, value in given.items() if name not in names}
+    for old in given.keys() & names.keys():
+        new = names[old]
+        if new in given:
+            mistakes.append(
+                Mistake(f"parameter {old} is the old name of {new}, and both are given", f"leave out {old}")
+            )
+            continue
+        listed = isinstance(table[new].default, list) and isinstance(given[old], str)
+        values[new] = [given[old]] * bool(given[old]) if listed else given[old]
+        warnings.append(f"parameter {old} is called {new} now; the old name is read in this release only")
+    return values, sorted(warnings), mistakes
+
+
+def check_values(
+    table: Mapping[str, Parameter], given: Mapping[str, Any], known: Sequence[str] = ()
+) -> tuple[dict[str, Value], list[Mistake]]:
+    """Values of all parameters of a table, the given ones instead of the defaults.
+
+    :param table: rows by name
+    :param given: values by today's names, from the command line and from files
+    :param known: names of further parameters that the node has anyway
+    :returns: the values, and what is wrong with the given ones
+    """
+    values = {name: row.default for name, row in table.items()}
+    mistakes = []
+    for name, value in given.items():
+        if name in table:
+            try:
+                values[name] = table[name].checked(value)
+            except ValueError as error:
+                mistakes.append(Mistake(f"parameter {name} {error}", table[name].description))
+        elif name not in known and not name.startswith("qos_overrides."):
+            remedy = f"there are: {', '.join(table)}{did_you_mean(name, table)}"
+            mistakes.append(Mistake(f"there is no parameter {name!r}", remedy))
+    return values, mistakes
