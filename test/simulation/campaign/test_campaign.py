@@ -213,7 +213,7 @@ def test_a_mission_survives_its_file(fake):
     stored = unpack(pack(result, "k"))
     assert stored.settings == settings
     np.testing.assert_equal(np.array(stored.series), np.array(result.series))
-    assert repr(stored.visits) == repr(tuple(result.visits))
+    np.testing.assert_equal([asdict(visit) for visit in stored.visits], [asdict(visit) for visit in result.visits])
     np.testing.assert_array_equal(stored.tracks, result.tracks)
     np.testing.assert_allclose(stored.rate, result.soil_map.rate, rtol=1e-6)
     assert len(stored.outlines) == 1
