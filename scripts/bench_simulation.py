@@ -31,7 +31,7 @@ from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, Rob
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -44,7 +44,7 @@ FITS = {
 
 PARTS = {
     "fit of the variogram": ("variogram_fit.py", "estimate_variogram"),
-    "kriging": ("live_map.py", "take"),
+    "kriging": ("soil_map.py", "make_soil_map"),
     "planning": ("explorer.py", "plan"),
     "mission logic": ("mission.py", "step"),
     "records": ("mission_simulator.py", "record"),
@@ -89,13 +89,13 @@ def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
         stops = graph.stops if where == "graph" else cell_stops(grid)
         travel = GraphTravel(graph, motion) if where == "graph" else FreeTravel(motion, (polygon,))
         for label, (model, fit) in FITS.items():
-            live_map = LiveMap(grid, model, fit)
+            field_map = FieldMap(grid, FieldMapSettings(model, fit, for_planning=True))
             for x, y in rng.uniform(0, 250, (samples, 2)):
-                live_map.add((x, y), int(rng.poisson((4 + np.sin(x / 40)) * 300)), 300.0)
-            update_s = median_s(live_map.update, repeats)
+                field_map.add_sample((x, y), int(rng.poisson((4 + np.sin(x / 40)) * 300)), 300.0)
+            update_s = median_s(field_map.update, repeats)
             for strategy in STRATEGIES:
                 explorer = Explorer(
-                    live_map, stops, travel, make_strategy(strategy, "authors"), make_strategy("random"),
+                    field_map, stops, travel, make_strategy(strategy, "authors"), make_strategy("random"),
                     parse_dwell("ami:0.03"), np.random.default_rng(2),
                 )  # fmt: skip
                 plan_s = median_s(lambda explorer=explorer: explorer.plan(request, (5.0, 5.0)), repeats)

@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import enum
 import math
+import sys
 import threading
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.raster import MapFollower
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
-from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.fit import FitMethod, VariogramFit, estimate_variogram
 from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
+
+if TYPE_CHECKING:
+    from shapely.geometry import MultiPolygon, Polygon
+
+Array = NDArray[np.float64]
 
 REFIT_GROWTH = 0.02
 """The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
@@ -66,6 +78,8 @@ class FieldMapSettings:
     :param curve: calibration that turns the rate into soil moisture
     :param footprint_radius_m: radius of the footprint to be de-convolved [m], >= 0: the map is of the rate at each
         place, the counts are means over the footprint around theirs. 0 to map the counts as they are
+    :param for_planning: make every map from an exact kriging of all samples, which planning needs too; otherwise
+        keep what the next map can reuse
     """
 
     model: ModelName = "matern32"
@@ -75,6 +89,10 @@ class FieldMapSettings:
     margin_m: float = 10.0
     curve: CalibrationCurve | None = None
     footprint_radius_m: float = 0.0
+    for_planning: bool = False
+
+
+_DEFAULTS = FieldMapSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +103,14 @@ class MapState:
     :param stamp_s: end of the last of them [s since 1970-01-01 UTC], 0 before the first
     :param samples: the samples
     :param fit_samples: the samples that the variogram is fitted to: as they were when it was last due
+    :param given_fit: variogram fitted elsewhere, used instead
     """
 
     records: int = 0
     stamp_s: float = 0.0
     samples: Samples = NO_SAMPLES
     fit_samples: Samples = NO_SAMPLES
+    given_fit: VariogramFit | None = None
 
 
 @dataclass(frozen=True)
@@ -120,9 +140,9 @@ class Snapshot:
 
 
 class FieldMap:
-    """Takes records in order, and makes the map of any state.
+    """The map of a field that grows: records or samples go in, :meth:`compute` makes the map of any state.
 
-    :meth:`take` is quick. :meth:`compute` takes its time: 0.4 s for 300 samples and 70,000 cells after a new
+    :meth:`add` is quick. :meth:`compute` takes longer: 0.4 s for 300 samples and 70,000 cells after a new
     fit of the variogram, a hundredth of that if only the last sample is new or has grown. It may run in other
     threads; the map of a state is the same, bit for bit, whether or not those of earlier states were computed.
 
@@ -135,40 +155,52 @@ class FieldMap:
     merge_radius_m : float
         records closer together than this become one sample [m]
     state : MapState
-        what the records so far come to
+        what the map is computed from, now
+    soil_map : SoilMap | None
+        the map of the last :meth:`update`
     track : list[CountRecord]
         the records so far, in order, those without a position included
     skipped : dict[Skip, SkippedRecords]
         what was left out, and why
+
+    >>> grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40), (0, 40)], cell_m=10.0)
+    >>> field_map = FieldMap(grid)
+    >>> for x_m, counts in [(5, 310), (25, 260), (55, 350)]:
+    ...     field_map.add_sample((x_m, 20.0), counts, effective_exposure_s=100.0)
+    >>> field_map.update()
+    SoilMap(4 x 6 cells of 10 m, 3 samples, matern32)
     """
 
-    def __init__(self, grid: FieldGrid, settings: FieldMapSettings) -> None:
-        import shapely
-
+    def __init__(self, grid: FieldGrid, settings: FieldMapSettings = _DEFAULTS) -> None:
         if not (math.isfinite(settings.margin_m) and settings.margin_m >= 0):
             raise ValueError(f"margin_m must be >= 0 and finite, got {settings.margin_m}")
         self.grid = grid
         self.settings = settings
-        self._area = shapely.union_all([shapely.Polygon(ring) for ring in grid.polygons]).buffer(settings.margin_m)
-        shapely.prepare(self._area)
         chosen_m = settings.merge_radius_m
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None
-        self._follower = MapFollower(grid, settings.keep_nugget)
-        self._following = threading.Lock()
+        self._raster = None if settings.for_planning else MapFollower(grid, settings.keep_nugget)
+        self._computing = threading.Lock()
         self.reset()
 
+    def __repr__(self) -> str:
+        rows, columns = self.grid.shape
+        size = f"{rows} x {columns} cells of {self.grid.cell_m:g} m"
+        return f"FieldMap({size}, {self.state.records} records, {len(self.state.samples)} samples)"
+
     def reset(self) -> None:
-        """Forget all records."""
+        """Forget all records, samples and the last map."""
         self._merger = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m)
         self._ways = DrivenWays()
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
+        self.soil_map: SoilMap | None = None
+        self._mapped: MapState | None = None
         self.track: list[CountRecord] = []
         self.skipped: dict[Skip, SkippedRecords] = {}
 
-    def take(self, record: CountRecord) -> Skip | None:
-        """Take a record.
+    def add(self, record: CountRecord) -> Skip | None:
+        """Add a record, merged into the sample around it.
 
         :returns: why it is left out, ``None`` if it is in the map
         """
@@ -187,6 +219,24 @@ class FieldMap:
             self.state.records + 1, record.stamp_s, samples, samples if _has_grown(fitted, samples) else fitted
         )
         return None
+
+    def add_sample(self, xy: tuple[float, float], raw_counts: float, effective_exposure_s: float) -> None:
+        """Add a sample that is complete: it is not merged, and the variogram of the next map is fitted anew.
+
+        :param xy: place [m]
+        :param raw_counts: raw counts, a whole number
+        :param effective_exposure_s: effective exposure [s], > 0
+        :raises ValueError: if a value is out of range; the samples stay as they were
+        """
+        self.set_samples(self.state.samples.joined(as_samples([xy], [raw_counts], [effective_exposure_s])))
+
+    def set_samples(self, samples: Samples, fit: VariogramFit | None = None) -> None:
+        """Replace all samples by some that were merged elsewhere.
+
+        :param samples: the samples
+        :param fit: their variogram, if it was fitted elsewhere: used as it is, its model included
+        """
+        self.state = MapState(self.state.records, self.state.stamp_s, samples, samples, fit)
 
     def skip(self, reason: Skip, why: str) -> None:
         """Count a record that cannot be used.
@@ -209,25 +259,73 @@ class FieldMap:
             return None
         return max(skipped, key=skipped.count)
 
-    def compute(self, state: MapState) -> SoilMap | None:
-        """The map of a state, ``None`` while its samples are too few: 2 for soft_l1, 1 for REML.
+    @property
+    def samples(self) -> Samples:
+        """The samples so far; those behind the last map may be fewer."""
+        return self.state.samples
 
-        It depends on nothing but the records up to the state and the settings.
+    @property
+    def kriging(self) -> PoissonKriging | None:
+        """The kriging of the last map, of a map for planning; ``None`` before the first map."""
+        if self.soil_map is None:
+            return None
+        assert isinstance(self.soil_map.kriging, PoissonKriging)  # exact however many samples there are
+        return self.soil_map.kriging
+
+    @property
+    def rate(self) -> Array:
+        """Rate of the last map in the cells inside, shape (g,) [counts/s]; NaN before the first map."""
+        return self._inside(None if self.soil_map is None else self.soil_map.rate)
+
+    @property
+    def variance(self) -> Array:
+        """Kriging variance of the last map in the cells inside, shape (g,) [(counts/s)^2]; NaN likewise."""
+        return self._inside(None if self.soil_map is None else self.soil_map.variance)
+
+    def _inside(self, raster: Array | None) -> Array:
+        mask = self.grid.mask
+        return np.full(np.count_nonzero(mask), np.nan) if raster is None else raster[mask]
+
+    def update(self) -> SoilMap | None:
+        """Compute the map of the state now, and keep it as :attr:`soil_map`.
+
+        :returns: the map; ``None`` while there are too few samples, then the last map stays as it was
+        :raises IllConditionedError: as :meth:`compute`; the last map stays as it was
+        """
+        if self.state is self._mapped:
+            return self.soil_map
+        soil_map = self.compute(self.state)
+        if soil_map is not None:
+            self.soil_map, self._mapped = soil_map, self.state
+        return soil_map
+
+    def compute(self, state: MapState) -> SoilMap | None:
+        """The map of a state, ``None`` while its samples are too few: one place for REML, two for soft-L1.
+
+        It depends on nothing but the state and the settings.
 
         :raises IllConditionedError: if the samples and the variogram contradict each other numerically
         """
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
-        with self._following:
+        if self._raster is None:
             return make_soil_map(
-                state.samples, self.grid, fit, settings.curve, settings.keep_nugget, follower=self._follower
+                state.samples, self.grid, fit, settings.curve, settings.keep_nugget, max_exact_samples=sys.maxsize
+            )
+        with self._computing:
+            return make_soil_map(
+                state.samples, self.grid, fit, settings.curve, settings.keep_nugget, follower=self._raster
             )
 
     def fit(self, state: MapState) -> VariogramFit | None:
         """The variogram of a state, ``None`` while its samples are too few."""
+        if not len(state.samples):
+            return None
+        if state.given_fit is not None:
+            return state.given_fit
         samples, known = state.fit_samples, self._last_fit
-        if len(samples) < (2 if self.settings.fit == "soft_l1" else 1):
+        if self.settings.fit == "soft_l1" and not (samples.xy != samples.xy[:1]).any():
             return None
         if known is not None and known[0] is samples:
             return known[1]
@@ -242,6 +340,16 @@ class FieldMap:
         )
         self._last_fit = samples, fit
         return fit
+
+    @cached_property
+    def _area(self) -> Polygon | MultiPolygon:
+        """The field and its margin: where records count."""
+        import shapely
+
+        area = shapely.union_all([shapely.Polygon(ring) for ring in self.grid.polygons])
+        area = area.buffer(self.settings.margin_m)
+        shapely.prepare(area)
+        return area
 
     def _judge(self, record: CountRecord) -> tuple[Skip | None, str]:
         """Whether a record can be used."""

@@ -41,15 +41,13 @@ class Bands(NamedTuple):
     vwc_sd: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SoilMap:
-    """A map of one field; the bands have shape (ny, nx) and are NaN outside the field.
+    """A map of one field; rasters have shape (ny, nx) and are NaN outside the field.
 
     :param grid: the field's grid
     :param rate: corrected count rate [counts/s]
-    :param rate_sd: its kriging standard deviation [counts/s]
-    :param vwc: volumetric water content [m^3/m^3]; all NaN if ``curve`` is ``None``
-    :param vwc_sd: its standard deviation [m^3/m^3]; likewise
+    :param variance: its kriging variance [(counts/s)^2]
     :param samples: the samples behind the map, as given
     :param variogram: the variogram used
     :param fit: how it was fitted; ``None`` if it was given
@@ -58,16 +56,12 @@ class SoilMap:
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
     :param made_by: the fitted kriging that made the map; ``None`` if a
         :class:`MapFollower` did
-    :param undefined_vwc_cells: inside cells whose rate is too low for any soil moisture (rate <= A1 N0);
-        0 without a curve
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
     """
 
     grid: FieldGrid
     rate: Array
-    rate_sd: Array
-    vwc: Array
-    vwc_sd: Array
+    variance: Array
     samples: Samples
     variogram: Variogram
     fit: VariogramFit | None
@@ -75,13 +69,37 @@ class SoilMap:
     curve: CalibrationCurve | None
     keep_nugget: bool
     made_by: PoissonKriging | TiledKriging | None
-    undefined_vwc_cells: int
     clipped_variances: int
 
-    @property
+    def __repr__(self) -> str:
+        rows, columns = self.grid.shape
+        size = f"{rows} x {columns} cells of {self.grid.cell_m:g} m"
+        return f"SoilMap({size}, {len(self.samples)} samples, {self.variogram.model})"
+
+    @cached_property
     def bands(self) -> Bands:
         """The four rasters together."""
-        return Bands(self.rate, self.rate_sd, self.vwc, self.vwc_sd)
+        return _bands(self.rate, self.variance, self.curve)
+
+    @property
+    def rate_sd(self) -> Array:
+        """Kriging standard deviation of the rate [counts/s]."""
+        return self.bands.rate_sd
+
+    @property
+    def vwc(self) -> Array:
+        """Volumetric water content [m^3/m^3]; all NaN without a curve."""
+        return self.bands.vwc
+
+    @property
+    def vwc_sd(self) -> Array:
+        """Standard deviation of the water content [m^3/m^3]; all NaN without a curve."""
+        return self.bands.vwc_sd
+
+    @property
+    def undefined_vwc_cells(self) -> int:
+        """Inside cells whose rate is too low for any soil moisture (rate <= A1 N0); 0 without a curve."""
+        return 0 if self.curve is None else int(np.count_nonzero(np.isnan(self.vwc) & self.grid.mask))
 
     @cached_property
     def kriging(self) -> PoissonKriging | TiledKriging:
@@ -159,11 +177,10 @@ def make_soil_map(
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
         clipped, mean_rate = kriging.clipped_variances, kriging.noise_mean_rate
-    bands = _bands(rate, variance, curve)
-    undefined = 0 if curve is None else int(np.count_nonzero(np.isnan(bands.vwc) & grid.mask))
     return SoilMap(
         grid,
-        *bands,
+        rate,
+        variance,
         samples=samples,
         variogram=model,
         fit=fit,
@@ -171,7 +188,6 @@ def make_soil_map(
         curve=curve,
         keep_nugget=keep_nugget,
         made_by=kriging,
-        undefined_vwc_cells=undefined,
         clipped_variances=clipped,
     )
 

@@ -100,7 +100,7 @@ class Mapper(Node):
         self._worker = MapWorker(self._online.compute, self._publish)
         if earlier := parameters.text("start_from"):
             for record in read_earlier(Path(earlier).expanduser(), parameters.text("start_property")):
-                self._online.take(record)
+                self._online.add(record)
             self._worker.submit(self._online.state)
         for robot in ("", *(f"{name}/" for name in other_namespaces(self, parameters.texts("others")))):
             self.create_subscription(PointCloud2, f"{robot}counts", self._on_counts, qos.RECORDS)
@@ -114,7 +114,7 @@ class Mapper(Node):
         with self._guard:
             try:
                 for record in counts_from_message(message):
-                    self._online.take(record)
+                    self._online.add(record)
             except ValueError as error:
                 self._online.skip(Skip.UNREADABLE, str(error))
             state = self._online.state

@@ -115,7 +115,7 @@ def replay_bag(
         survey, warnings = _survey(bag, configuration, chosen)
         truth = None if chosen.truth is None else surrogate_field(chosen.truth)
         content = _read(reader, survey, chosen, configuration)
-    states = [survey.online.state for record in content.records if survey.online.take(record) is None]
+    states = [survey.online.state for record in content.records if survey.online.add(record) is None]
     if not states:
         raise InputError(_why_nothing(survey, content.records), "check the field file and the GNSS", bag)
     progress("mapping", 0.0)

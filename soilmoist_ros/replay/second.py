@@ -78,7 +78,7 @@ def read_second(
         had = read_parameters(configuration, f"{name.strip('/')}/mapper")
         # Of a bag that lacks them: as the mapper of the first property, whose calibration is not its own.
         survey = survey_of(had or {**read_parameters(configuration, "mapper"), "site": ""})
-        states = [survey.online.state for record in records if survey.online.take(record) is None]
+        states = [survey.online.state for record in records if survey.online.add(record) is None]
         on_line = read_on_line(RunTopics(reader, topic, alone=False))
         known = None if truth is None else surrogate_field(truth)
         return Second(Path(name).name, weights[name], survey, records, states, on_line, known)

@@ -73,7 +73,7 @@ class Robot:
             message = counts_to_message([event])
             self._write("counts", "sensor_msgs/msg/PointCloud2", message)
             for record in counts_from_message(message):
-                self.online.take(record)
+                self.online.add(record)
         elif isinstance(event, MissionStatus):
             self._now_s = event.now_s
             self._write("mission", "diagnostic_msgs/msg/DiagnosticStatus", mission_to_message(event))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping import FieldGrid, estimate_variogram, make_soil_map
+from soilmoist_ros.mapping import FieldGrid, Samples, estimate_variogram, make_soil_map
 from soilmoist_ros.mapping.field_map import (
     LATER_REFIT_GROWTH,
     MANY_SAMPLES,
@@ -18,6 +18,7 @@ from soilmoist_ros.mapping.field_map import (
     Skip,
 )
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES
 from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, way_spread
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
@@ -124,9 +125,9 @@ def test_without_a_radius_only_one_place_merges():
 )
 def test_what_cannot_be_used_is_left_out_and_counted(bad, reason, why):
     the_map = online()
-    assert the_map.take(record()) is None
+    assert the_map.add(record()) is None
     before = the_map.state
-    assert the_map.take(bad) is reason
+    assert the_map.add(bad) is reason
     assert the_map.state is before
     assert (the_map.skipped[reason].count, the_map.skipped[reason].example) == (1, f"record at 7.0 s: {why}")
     assert len(the_map.track) == (2 if reason is Skip.NO_POSITION else 1)
@@ -134,16 +135,16 @@ def test_what_cannot_be_used_is_left_out_and_counted(bad, reason, why):
 
 @pytest.mark.parametrize("place", [(-9.0, 20.0), (69.0, 25.0), (27.0, 23.0), (0.0, 0.0)])
 def test_the_margin_and_no_go_areas_count(place):
-    assert online().take(record(*place)) is None
+    assert online().add(record(*place)) is None
 
 
 def test_trouble_is_what_hits_most_of_the_last_records():
     the_map = online()
     assert the_map.trouble is None
-    the_map.take(record(NAN, NAN))
+    the_map.add(record(NAN, NAN))
     assert the_map.trouble is Skip.NO_POSITION
     for _ in range(RECENT):
-        the_map.take(record())
+        the_map.add(record())
     assert the_map.trouble is None
     for _ in range(RECENT // 2 + 1):
         the_map.skip(Skip.UNREADABLE, "too short")
@@ -155,7 +156,7 @@ def test_the_map_is_that_of_the_samples_at_once():
     the_map = online(merge_radius_m=0.0)
     places = rng.uniform((0, 0), (60, 50), (12, 2))
     for x_m, y_m in places.tolist():
-        the_map.take(record(x_m, y_m, raw_counts=int(rng.poisson(30 + x_m / 4))))
+        the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(30 + x_m / 4))))
     samples = the_map.state.samples
     fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m)
     expected = make_soil_map(samples, GRID, fit, CURVE)
@@ -174,8 +175,8 @@ def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, da
     looked_at = data.draw(st.sets(st.integers(0, len(many) - 1)))
     watched, replayed = online(), online()
     for number, one in enumerate(many):
-        watched.take(one)
-        replayed.take(one)
+        watched.add(one)
+        replayed.add(one)
         if number in looked_at:
             watched.compute(watched.state)
     found, expected = watched.compute(watched.state), replayed.compute(replayed.state)
@@ -188,9 +189,9 @@ def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
     rng = np.random.default_rng(3)
     the_map = online(merge_radius_m=0.0)
     for x_m, y_m in rng.uniform((0, 0), (60, 50), (MANY_SAMPLES + 10, 2)).tolist():
-        the_map.take(record(x_m, y_m, raw_counts=int(rng.poisson(40))))
+        the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(40))))
     first = the_map.compute(the_map.state)
-    the_map.take(record(30.0, 30.0, raw_counts=90))
+    the_map.add(record(30.0, 30.0, raw_counts=90))
     second = the_map.compute(the_map.state)
     assert second.fit is first.fit
     assert second.mean_rate == first.mean_rate == first.fit.mean_rate
@@ -206,7 +207,7 @@ def test_threads_may_map_different_states_at_a_time():
     the_map = online(merge_radius_m=0.0)
     states = []
     for number in range(24):
-        the_map.take(record(2.0 * number, 10.0 + number, raw_counts=30 + number))
+        the_map.add(record(2.0 * number, 10.0 + number, raw_counts=30 + number))
         states.append(the_map.state)
     expected = [online().compute(state).rate.tobytes() for state in states]
     with ThreadPoolExecutor(4) as pool:
@@ -216,11 +217,11 @@ def test_threads_may_map_different_states_at_a_time():
 
 def test_a_state_stays_as_it_was_while_records_come_in():
     the_map = online()
-    the_map.take(record())
+    the_map.add(record())
     state = the_map.state
     before = the_map.compute(state).rate
     for x_m in (30.0, 40.0, 50.0):
-        the_map.take(record(x_m, raw_counts=90))
+        the_map.add(record(x_m, raw_counts=90))
     assert (state.records, len(state.samples)) == (1, 1)
     np.testing.assert_array_equal(the_map.compute(state).rate, before)
     assert not np.array_equal(the_map.compute(the_map.state).rate, before, equal_nan=True)
@@ -231,7 +232,7 @@ def test_a_state_stays_as_it_was_while_records_come_in():
 def test_the_variogram_is_never_far_behind(stops):
     the_map = online()
     for stop, exposure_s in stops:
-        the_map.take(record(stop * 8.0, effective_exposure_s=exposure_s))
+        the_map.add(record(stop * 8.0, effective_exposure_s=exposure_s))
         state = the_map.state
         assert len(state.samples) <= (1 + REFIT_GROWTH) * len(state.fit_samples)
         assert state.samples.exposure_s.sum() <= (1 + REFIT_GROWTH) * state.fit_samples.exposure_s.sum()
@@ -241,7 +242,7 @@ def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
     the_map = online()
     fits = []
     for _ in range(1000):
-        the_map.take(record())
+        the_map.add(record())
         fits.append(the_map.state.fit_samples)
     assert len(set(fits[:49])) == 49
     assert len(set(fits[500:])) <= 1 + math.log(2) / math.log(1 + REFIT_GROWTH)
@@ -251,7 +252,7 @@ def test_from_many_samples_on_the_variogram_is_fitted_less_often():
     the_map = online(merge_radius_m=0.0)
     fitted = []
     for number in range(2 * MANY_SAMPLES):
-        the_map.take(record(number % 50, number // 50, stamp_s=100.0 * number))
+        the_map.add(record(number % 50, number // 50, stamp_s=100.0 * number))
         fitted.append(len(the_map.state.fit_samples))
     numbers = np.unique(fitted)
     few, many = numbers[numbers <= MANY_SAMPLES], numbers[numbers >= MANY_SAMPLES]
@@ -263,9 +264,9 @@ def test_from_many_samples_on_the_variogram_is_fitted_less_often():
 def test_soft_l1_waits_for_two_places():
     the_map = online(fit="soft_l1")
     for place in ((10.0, 20.0), (10.5, 20.0)):
-        the_map.take(record(*place))
+        the_map.add(record(*place))
         assert the_map.compute(the_map.state) is None
-    the_map.take(record(40.0, 20.0))
+    the_map.add(record(40.0, 20.0))
     assert np.isfinite(the_map.compute(the_map.state).rate[GRID.mask]).all()
     assert online().compute(online().state) is None
 
@@ -273,13 +274,13 @@ def test_soft_l1_waits_for_two_places():
 def test_reset_makes_it_new():
     the_map = online()
     for x_m in (10.0, 30.0, NAN):
-        the_map.take(record(x_m))
+        the_map.add(record(x_m))
     snapshot = the_map.snapshot()
     the_map.reset()
     assert the_map.state.records == 0
     assert (the_map.track, the_map.skipped, the_map.compute(the_map.state)) == ([], {}, None)
     assert (snapshot.state.records, len(snapshot.track), list(snapshot.skipped)) == (2, 3, [Skip.NO_POSITION])
-    the_map.take(record(50.0))
+    the_map.add(record(50.0))
     np.testing.assert_array_equal(the_map.state.samples.xy, [[50, 20]])
 
 
@@ -337,7 +338,7 @@ def test_records_of_a_drive_have_an_extent_and_those_of_a_stop_have_none():
         record(41 + dx, 20 + dy, stamp_s=160 + 10.0 * i) for i, (dx, dy) in enumerate(rng.normal(0, 0.3, (30, 2)))
     ]
     for one in drive(6) + stop:
-        assert the_map.take(one) is None
+        assert the_map.add(one) is None
     samples = the_map.state.samples
     np.testing.assert_array_equal(samples.counts, [40] * 6 + [1200])
     np.testing.assert_allclose(samples.spread[1:6], [way_spread([6.0, 0.0])] * 5)
@@ -366,8 +367,8 @@ def test_merging_conserves_the_second_moments(many, radius_m, footprint_m):
 def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():
     plain, sharp = online(), online(footprint_radius_m=10.0)
     for one in [*drive(4), record(10.0, 40.0, stamp_s=500.0)]:
-        plain.take(one)
-        sharp.take(one)
+        plain.add(one)
+        sharp.add(one)
     added = sharp.state.samples.spread - plain.state.samples.spread
     np.testing.assert_allclose(added, [footprint_spread(10.0)] * len(added))
     with pytest.raises(ValueError, match="radius of a footprint"):
@@ -377,7 +378,7 @@ def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():
 def test_the_map_takes_the_extents_into_account():
     the_map = online(merge_radius_m=2.0)
     for one in drive(8, raw_counts=60) + drive(8, (0.0, 5.0), (50.0, 5.0), 300.0, raw_counts=20):
-        the_map.take(one)
+        the_map.add(one)
     state = the_map.state
     samples = state.samples
     fit = estimate_variogram(
@@ -388,3 +389,59 @@ def test_the_map_takes_the_extents_into_account():
     np.testing.assert_array_equal(found.kriging.places.spread, samples.spread)
     points = make_soil_map(dataclasses.replace(samples, spread=np.zeros(3)), GRID, fit)
     assert np.nanmax(np.abs(points.rate - found.rate)) > 1e-4
+
+
+PLANNING = FieldMapSettings(for_planning=True)
+RNG = np.random.default_rng(6)
+SAMPLES = Samples(RNG.uniform(0, 50, (9, 2)), RNG.poisson(400, 9), np.full(9, 100.0))
+
+
+def test_samples_and_variogram_from_elsewhere_give_the_same_map():
+    own, given = FieldMap(GRID, PLANNING), FieldMap(GRID, PLANNING)
+    for xy, counts, exposure_s in zip(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, strict=True):
+        own.add_sample((xy[0], xy[1]), counts, exposure_s)
+    soil_map = own.update()
+    given.set_samples(SAMPLES, soil_map.fit)
+    given.update()
+    np.testing.assert_array_equal(given.rate, own.rate)
+    np.testing.assert_array_equal(given.variance, own.variance)
+    assert given.soil_map.fit is soil_map.fit
+
+
+def test_a_given_variogram_is_used_as_it_is():
+    fit = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, "exponential", "soft_l1")
+    for choices in (PLANNING, FieldMapSettings()):
+        field_map = FieldMap(GRID, choices)
+        field_map.set_samples(SAMPLES, fit)
+        field_map.update()
+        assert field_map.kriging.variogram is fit.variogram
+        rate, variance = field_map.kriging.predict(GRID.cells)
+        np.testing.assert_allclose(field_map.rate, rate)
+        np.testing.assert_allclose(field_map.variance, variance)
+
+
+def test_without_samples_the_last_map_stays():
+    field_map = FieldMap(GRID, PLANNING)
+    assert field_map.kriging is None
+    assert np.isnan(field_map.rate).all()
+    field_map.set_samples(SAMPLES)
+    before = field_map.update()
+    field_map.set_samples(NO_SAMPLES)
+    assert field_map.update() is None
+    assert field_map.soil_map is before
+
+
+def test_soft_l1_waits_for_a_second_place():
+    field_map = FieldMap(GRID, FieldMapSettings(fit="soft_l1"))
+    for x_m in (10.0, 10.0):
+        field_map.add_sample((x_m, 20.0), 400, 100.0)
+        assert field_map.update() is None
+    field_map.add_sample((30.0, 20.0), 300, 100.0)
+    assert field_map.update() is not None
+
+
+def test_a_bad_sample_changes_nothing():
+    field_map = FieldMap(GRID, PLANNING)
+    with pytest.raises(ValueError, match="exposure_s must be > 0"):
+        field_map.add_sample((10.0, 20.0), 400, 0.0)
+    assert not len(field_map.samples)

@@ -105,7 +105,7 @@ def test_the_health_tells_what_the_map_rests_on():
 
     assert (health().level, health().message) == (Level.OK, "waiting for the first record")
     for number, x_m in enumerate((10.0, 30.0)):
-        online.take(CountRecord(80.0 + number, x_m, 20.0, NAN, 40, 10.0, 9.0))
+        online.add(CountRecord(80.0 + number, x_m, 20.0, NAN, 40, 10.0, 9.0))
     assert health().message == "waiting for samples enough for a map"
     assert health().values["records not yet in the map"] == "2"
     worker.submit(online.state)
@@ -117,7 +117,7 @@ def test_the_health_tells_what_the_map_rests_on():
     assert health().values["records not yet in the map"] == "0"
     assert float(health().values["range [m]"]) == pytest.approx(worker.soil_map.variogram.range_m, rel=0.01)
     for _ in range(3):
-        online.take(CountRecord(90.0, NAN, NAN, NAN, 40, 10.0, 9.0))
+        online.add(CountRecord(90.0, NAN, NAN, NAN, 40, 10.0, 9.0))
     assert health().level is Level.WARN
     assert health().message.endswith("check the GNSS receiver and its view of the sky")
     assert health().values["skipped: no position"] == "3"
@@ -136,9 +136,9 @@ def test_maps_made_beside_a_fast_stream_end_where_maps_one_by_one_do():
     last = threading.Event()
     worker = MapWorker(online.compute, lambda state, soil_map: state.records == len(records) and last.set())
     for record in records:
-        online.take(record)
+        online.add(record)
         worker.submit(online.state)
-        alone.take(record)
+        alone.add(record)
         alone.compute(alone.state)
     assert last.wait(LIMIT_S)
     worker.close()

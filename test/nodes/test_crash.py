@@ -280,7 +280,7 @@ def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
         ros.wait_for(lambda: mapped("salt") and mapped(""), message="both maps so far")
         expected = open_survey(field["field"]).online
         for one in told[: len(written)]:
-            expected.take(one)
+            expected.add(one)
         assert mapped("salt") == expected.state.samples.counts.sum() > 1000
         assert mapped("") < 1000, "what a record of the first has is 40"
         before, world.sensor = mapped("salt"), True

@@ -104,7 +104,7 @@ def on_line(field, records, **options):
     """The core, fed with the records as they come out of messages."""
     survey = open_survey(str(field), "example", **options)
     for one in records:
-        survey.online.take(counts_from_message(counts_to_message([one]))[0])
+        survey.online.add(counts_from_message(counts_to_message([one]))[0])
     return survey.online
 
 

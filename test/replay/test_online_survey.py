@@ -40,7 +40,7 @@ def records(n=8):
 def filled(many, **options):
     survey = open_survey("example", "example", **options)
     for record in many:
-        survey.online.take(record)
+        survey.online.add(record)
     return survey
 
 
@@ -152,7 +152,7 @@ def test_options_reach_the_map():
 def test_without_a_site_there_is_a_rate_map():
     survey = open_survey("example")
     for record in records():
-        survey.online.take(record)
+        survey.online.add(record)
     run = survey.run(survey.online.snapshot())
     assert run.title == "Neutron count rate map"
     assert np.isnan(run.soil_map.vwc).all()
@@ -175,6 +175,6 @@ def test_only_a_site_that_says_so_deconvolves_the_footprint(tmp_path):
         site.write_text(text)
         online = open_survey("example", str(site)).online
         assert online.settings.footprint_radius_m == radius_m
-        online.take(CountRecord(1.78e9, *online.grid.cells[0].tolist(), 30.0, 400, 100.0, 95.0))
+        online.add(CountRecord(1.78e9, *online.grid.cells[0].tolist(), 30.0, 400, 100.0, 95.0))
         np.testing.assert_array_equal(online.state.samples.spread, [[radius_m**2 / 4, 0, radius_m**2 / 4]])
     assert open_survey("example").online.settings.footprint_radius_m == 0

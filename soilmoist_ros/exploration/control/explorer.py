@@ -18,9 +18,9 @@ from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Co
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel
+from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Plan:
 class Explorer:
     """Chooses stops for one mission.
 
-    :param live_map: the map under way
+    :param field_map: the map so far
     :param stops: stops that may be chosen
     :param travel: ways and times
     :param strategy: the strategy of this mission
@@ -61,7 +61,7 @@ class Explorer:
 
     def __init__(
         self,
-        live_map: LiveMap,
+        field_map: FieldMap,
         stops: tuple[Stop, ...],
         travel: TravelModel,
         strategy: Strategy,
@@ -76,7 +76,7 @@ class Explorer:
         kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
         properties: Sequence[Property] = (),
     ) -> None:
-        self.live_map = live_map
+        self.field_map = field_map
         self.stops = stops
         self.travel = travel
         self.strategy = strategy
@@ -91,7 +91,7 @@ class Explorer:
         self.properties = tuple(properties)
         self.factor = 1.0
         self._xy = stops_xy(stops)
-        grid = live_map.grid
+        grid = field_map.grid
         self._map_xy = grid.cells
         self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
         self._cells = spread_cells(grid.mask, MAX_CELLS)[grid.mask]
@@ -125,8 +125,8 @@ class Explorer:
         Stops that are ruled out or taken by other robots are left out, those too far cannot be reached, and what
         the others are about to count seems counted.
         """
-        live_map = foreseen(self.live_map, others)
-        free = ~taken(self._xy, others, live_map.grid.cell_m)
+        field_map = foreseen(self.field_map, others)
+        free = ~taken(self._xy, others, field_map.grid.cell_m)
         if request.blacklisted:
             ruled_out = set(request.blacklisted)
             free &= np.array([stop.name not in ruled_out for stop in self.stops], bool)
@@ -137,55 +137,57 @@ class Explorer:
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
         travel_s = self.travel.travel_s(position_xy, candidates)
         fits = travel_s + self.min_dwell_s + home_s <= request.budget_left_s
-        known_rate = live_map.fit is not None
+        known_rate = field_map.soil_map is not None
         weighed = np.flatnonzero(free & self._weighed)
         place = (float(position_xy[0]), float(position_xy[1]))
-        beside = self._beside(live_map, others)
+        beside = self._beside(field_map, others)
         return Situation(
             candidates=candidates,
             candidates_xy=candidates_xy,
             variance=sum(
-                (p.weight * self._variance(p.live_map, kept) for p in beside), self._variance(live_map, kept)
+                (p.weight * self._variance(p.field_map, kept) for p in beside), self._variance(field_map, kept)
             ),
-            map_variance=sum((p.weight * p.live_map.variance for p in beside), live_map.variance)
+            map_variance=sum((p.weight * p.field_map.variance for p in beside), field_map.variance)
             if known_rate
-            else np.ones(len(live_map.variance)),
+            else np.ones(len(field_map.variance)),
             map_xy=self._map_xy,
-            cell_m=live_map.grid.cell_m,
+            cell_m=field_map.grid.cell_m,
             position_xy=np.asarray(position_xy, float),
-            measured_xy=live_map.samples.xy,
+            measured_xy=field_map.samples.xy,
             travel_s=np.where(fits, travel_s, np.inf),
             travel_between_s=lambda indices: self.travel.between_s(candidates, indices),
             time_left_s=request.time_left_s,
             expected_dwell_s=self.dwell.expected_s(
-                float(live_map.rate.mean()) if known_rate else self.nominal_rate_cps
+                float(field_map.rate.mean()) if known_rate else self.nominal_rate_cps
             ),
             prospect=cache(
                 lambda: self._prospect(
-                    live_map, beside, weighed, travel_s[np.searchsorted(kept, weighed)], place, request
+                    field_map, beside, weighed, travel_s[np.searchsorted(kept, weighed)], place, request
                 )
             ),
         )
 
-    def _beside(self, live_map: LiveMap, others: Sequence[PendingMeasurement]) -> list[Property]:
+    def _beside(self, field_map: FieldMap, others: Sequence[PendingMeasurement]) -> list[Property]:
         """The further properties that matter, as far as there are maps, weighed in units of the first's variance.
 
         What other robots are about to count seems counted.
         """
-        if live_map.fit is None:
+        if field_map.soil_map is None:
             return []
         cells = self._cells_xy
         found = []
         for each in self.properties:
-            varies = 0.0 if each.live_map.fit is None else variation(each.live_map.fit.variogram, cells)
+            varies = (
+                0.0 if each.field_map.soil_map is None else variation(each.field_map.soil_map.variogram, cells)
+            )
             if each.weight > 0 and varies > 0:
-                unit = variation(live_map.fit.variogram, cells) / varies
-                found.append(Property(foreseen(each.live_map, others), each.weight * unit))
+                unit = variation(field_map.soil_map.variogram, cells) / varies
+                found.append(Property(foreseen(each.field_map, others), each.weight * unit))
         return found
 
     def _prospect(
         self,
-        live_map: LiveMap,
+        field_map: FieldMap,
         beside: Sequence[Property],
         numbers: NDArray[np.intp],
         travel_s: Array,
@@ -193,16 +195,16 @@ class Explorer:
         request: RequestPlan,
     ) -> Prospect | None:
         """The stops of these numbers, and travel times, as a planner weighs them; ``None`` without a map."""
-        kriging, cells = live_map.kriging, self._cells_xy
+        kriging, cells = field_map.kriging, self._cells_xy
         if kriging is None:
             return None
         stops = tuple(self.stops[number] for number in numbers.tolist())
         weights, places = self._weights(kriging, cells), self._xy[numbers]
         even = np.full(len(cells), weights.mean())
         models = [
-            PlanningModel(each.live_map.kriging, cells, each.weight * even, places)
+            PlanningModel(each.field_map.kriging, cells, each.weight * even, places)
             for each in beside
-            if each.live_map.kriging is not None
+            if each.field_map.kriging is not None
         ]
         model = PlanningModel(kriging, cells, weights, places, self.factor, models)
         budget_s = request.budget_left_s - self._home_s[numbers]
@@ -218,11 +220,11 @@ class Explorer:
         if prospect is not None and stop not in prospect.stops:
             chosen = next(number for number, other in enumerate(self.stops) if other.name == stop.name)
             numbers = np.union1d(np.flatnonzero(self._weighed), [chosen])
-            live_map = foreseen(self.live_map, others)
-            beside = self._beside(live_map, others)
+            field_map = foreseen(self.field_map, others)
+            beside = self._beside(field_map, others)
             place = (*situation.position_xy.tolist(),)
             travel_s = self.travel.travel_s(place, [self.stops[number] for number in numbers.tolist()])
-            prospect = self._prospect(live_map, beside, numbers, travel_s, place, request)
+            prospect = self._prospect(field_map, beside, numbers, travel_s, place, request)
         rule = None if prospect is None else prospect.dwell(stop)
         return "" if rule is None else str(rule)
 
@@ -243,12 +245,12 @@ class Explorer:
         chosen[:: -(-len(self.stops) // MAX_STOPS)] = True
         return chosen
 
-    def _variance(self, live_map: LiveMap, kept: NDArray[np.intp]) -> Array:
-        if live_map.kriging is None:
+    def _variance(self, field_map: FieldMap, kept: NDArray[np.intp]) -> Array:
+        if field_map.kriging is None:
             return np.ones(len(kept))
         if self._stops_are_cells:
-            return live_map.variance[kept]
-        return live_map.kriging.predict(self._xy[kept])[1]
+            return field_map.variance[kept]
+        return field_map.kriging.predict(self._xy[kept])[1]
 
     def _way_home_s(self, kept_s: Callable[[tuple[float, float]], float] | None) -> Array:
         if self.home is None:

@@ -16,8 +16,8 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 
@@ -96,7 +96,7 @@ def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -
     :param rules: those of the mission
     """
     return Explorer(
-        LiveMap(ways.grid),
+        FieldMap(ways.grid, FieldMapSettings(for_planning=True)),
         ways.stops,
         ways.travel,
         make_strategy(settings.strategy, settings.preset),

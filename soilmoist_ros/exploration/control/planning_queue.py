@@ -11,8 +11,8 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.types import PlanFailed, PlanKind, Planned, RequestPlan
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation.errors import SoilmoistError
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 
@@ -179,19 +179,20 @@ def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanF
     :returns: the answer; its time is 0, to be set when it is handed on
     """
     plan_id = job.request.plan_id
-    live_map = explorer.live_map
+    field_map = explorer.field_map
     try:
         if job.samples is not None and len(job.samples):
             if job.fit is not None:
-                live_map.take(job.samples, job.fit)
+                field_map.set_samples(job.samples, job.fit)
+                field_map.update()
             else:
-                live_map.samples = job.samples
+                field_map.set_samples(job.samples)
         explorer.properties = tuple(
-            Property(_mapped(live_map.grid, samples, fit), weight)
+            Property(_mapped(field_map.grid, samples, fit), weight)
             for samples, fit, weight in job.beside
             if weight > 0 and len(samples)
         )
-        if needs_map and job.request.kind is PlanKind.EXPLORE and live_map.fit is None:
+        if needs_map and job.request.kind is PlanKind.EXPLORE and field_map.soil_map is None:
             return PlanFailed(0.0, plan_id, "no map has come: is the mapper running?")
         plan = explorer.plan(job.request, job.place, job.others)
     except (SoilmoistError, ValueError, ArithmeticError) as error:
@@ -203,7 +204,8 @@ def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanF
     return Planned(0.0, plan_id, plan.choice, plan.travel_s, reason)
 
 
-def _mapped(grid: FieldGrid, samples: Samples, fit: VariogramFit) -> LiveMap:
-    found = LiveMap(grid)
-    found.take(samples, fit)
+def _mapped(grid: FieldGrid, samples: Samples, fit: VariogramFit) -> FieldMap:
+    found = FieldMap(grid, FieldMapSettings(for_planning=True))
+    found.set_samples(samples, fit)
+    found.update()
     return found

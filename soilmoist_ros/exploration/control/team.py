@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
-from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.mapping.samples.samples import as_samples
 
 Array = NDArray[np.float64]
 
@@ -49,25 +50,27 @@ def pending_measurement(status: MissionStatus, mapped_at_once: bool = True) -> P
     return PendingMeasurement(stop.x_m, stop.y_m, max(left_s, 0.0))
 
 
-def foreseen(live_map: LiveMap, pending_measurements: Sequence[PendingMeasurement]) -> LiveMap:
+def foreseen(field_map: FieldMap, pending_measurements: Sequence[PendingMeasurement]) -> FieldMap:
     """The map as it will be: with a sample of each pending measurement, at the rate that the map expects there.
 
-    :param live_map: the map so far; without a fit only the places join its samples
+    :param field_map: the map so far; without a fit only the places join its samples
     :param pending_measurements: of the other robots
     :returns: another map; the same without pending measurements at which something is to be counted
     :raises IllConditionedError: if the matrix cannot be factored
     """
     pending = [each for each in pending_measurements if each.exposure_s > 0]
     if not pending:
-        return live_map
-    rate = np.zeros(len(pending)) if live_map.kriging is None else live_map.kriging.predict(places(pending))[0]
-    ahead = LiveMap(live_map.grid, live_map.model, live_map.method, live_map.keep_nugget)
-    ahead.samples = live_map.samples
-    for each, rate_cps in zip(pending, rate.tolist(), strict=True):
-        counts = round(max(rate_cps, MIN_RATE_CPS) * each.exposure_s)
-        ahead.add((each.x_m, each.y_m), counts, each.exposure_s)
-    if live_map.fit is not None:
-        ahead.take(ahead.samples, live_map.fit)
+        return field_map
+    rate = np.zeros(len(pending)) if field_map.kriging is None else field_map.kriging.predict(places(pending))[0]
+    exposure_s = [each.exposure_s for each in pending]
+    counts = [round(max(r, MIN_RATE_CPS) * t) for r, t in zip(rate.tolist(), exposure_s, strict=True)]
+    expected = field_map.samples.joined(as_samples(places(pending), counts, exposure_s))
+    ahead = FieldMap(field_map.grid, field_map.settings)
+    if field_map.soil_map is None:
+        ahead.set_samples(expected)
+    else:
+        ahead.set_samples(expected, field_map.soil_map.fit)
+        ahead.update()
     return ahead
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.live_map import LiveMap
+from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
@@ -27,11 +27,11 @@ Array = NDArray[np.float64]
 class Property:
     """A property that is mapped beside the first.
 
-    :param live_map: its map, on the cells of the first's
+    :param field_map: its map, on the cells of the first's
     :param weight: what a share of its variation is worth, that of the first being 1; 0: it does not matter
     """
 
-    live_map: LiveMap
+    field_map: FieldMap
     weight: float = 1.0
 
 

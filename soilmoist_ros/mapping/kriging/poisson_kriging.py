@@ -155,7 +155,7 @@ class PoissonKriging:
         if not len(new):
             return self
         known = len(self._places)
-        self._take(_concatenate(self._records, new))
+        self._take(self._records.joined(new))
         drift = abs(self._wanted_mean_rate() / self.noise_mean_rate - 1)
         if drift > MEAN_RATE_DRIFT or not self._refactor(int(self._record_place[-len(new) :].min()), known):
             self._rebuild()
@@ -442,12 +442,3 @@ def clip_negative(variance: Array, sill: float) -> int:
         _log.log(level, "%d negative variances (down to %.3g) set to 0", count, lowest)
         variance[negative] = 0.0
     return count
-
-
-def _concatenate(first: Samples, second: Samples) -> Samples:
-    return Samples(
-        np.concatenate([first.xy, second.xy]),
-        np.concatenate([first.counts, second.counts]),
-        np.concatenate([first.exposure_s, second.exposure_s]),
-        np.concatenate([first.spread, second.spread]),
-    )

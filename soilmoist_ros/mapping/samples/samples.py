@@ -16,7 +16,7 @@ _BLOCK_ELEMENTS = 2_000_000
 """Elements of a temporary distance block (16 MB)."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Samples:
     """Neutron counts at places; ``counts ~ Poisson(rate * exposure_s)`` at each.
 
@@ -53,6 +53,14 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.counts)
+
+    def __repr__(self) -> str:
+        return f"Samples({len(self)} of {self.exposure_s.sum():g} s and {self.counts.sum():g} counts in all)"
+
+    def joined(self, more: Samples) -> Samples:
+        """These samples and, behind them, more."""
+        columns = ("xy", "counts", "exposure_s", "spread")
+        return Samples(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in columns))
 
     @property
     def rate_cps(self) -> Array:

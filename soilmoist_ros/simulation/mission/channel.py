@@ -13,7 +13,6 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
@@ -36,7 +35,7 @@ class Channel:
 
     Attributes
     ----------
-    live_map : LiveMap
+    field_map : FieldMap
         the map
     errors : tuple[float, float, float]
         of the map as it was last, see :func:`map_errors`
@@ -49,13 +48,13 @@ class Channel:
     ) -> None:
         self.field = field
         self.curve = curve
-        self.live_map = LiveMap(grid, settings.variogram, settings.fit)
         self._of_stops = settings.map_from == "stops"
         # The truth is the rate at each place, and REML can tell it from what the sensor sees.
         radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
-        self._online = FieldMap(
-            grid, FieldMapSettings(settings.variogram, settings.fit, curve=curve, footprint_radius_m=radius_m)
+        choices = FieldMapSettings(
+            settings.variogram, settings.fit, curve=curve, footprint_radius_m=radius_m, for_planning=True
         )
+        self.field_map = FieldMap(grid, choices)
         self.truth = field.rate_at(grid.cells)
         self._true_vwc = None if curve is None else possible_moisture(curve, self.truth)
         self.errors = (math.nan, math.nan, math.nan)
@@ -65,7 +64,7 @@ class Channel:
         """A record has come."""
         self.records.append(record)
         if not self._of_stops:
-            self._online.take(record)
+            self.field_map.add(record)
 
     def take_stop(self, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
         """A stop is complete; for maps of stops only.
@@ -76,34 +75,29 @@ class Channel:
         """
         raw_counts = sum(record.raw_counts for record in counted)
         exposure_s = sum(record.effective_exposure_s for record in counted)
-        self.live_map.add((visit.x_m, visit.y_m), raw_counts, exposure_s)
-        if self.live_map.ready and warmed_up:
-            self.live_map.update()
-            self._compare()
+        self.field_map.add_sample((visit.x_m, visit.y_m), raw_counts, exposure_s)
+        if warmed_up:
+            self._update()
 
     def update(self) -> None:
         """Bring a map of all records up to date."""
-        state = self._online.state
-        if len(state.samples):
-            fit = self._online.fit(state)
-            if fit is not None:
-                self.live_map.take(state.samples, fit)
-                self._compare()
+        if not self._of_stops:
+            self._update()
 
-    def _compare(self) -> None:
-        live_map = self.live_map
-        rate_sd = np.sqrt(live_map.variance)
-        self.errors = map_errors(live_map.rate, rate_sd, self.truth, self.curve, self._true_vwc)
+    def _update(self) -> None:
+        if self.field_map.update() is not None:
+            rate, rate_sd = self.field_map.rate, np.sqrt(self.field_map.variance)
+            self.errors = map_errors(rate, rate_sd, self.truth, self.curve, self._true_vwc)
 
     @property
     def soil_map(self) -> SoilMap | None:
         """The last map with all its bands, ``None`` before the first."""
-        return self.live_map.soil_map(self.curve)
+        return self.field_map.soil_map
 
     @property
     def mapped(self) -> Mapped:
         """What it leaves."""
-        truth = self.live_map.grid.to_raster(self.truth)
+        truth = self.field_map.grid.to_raster(self.truth)
         name = property_name(self.field.name)
         return Mapped(name, self.field.title, tuple(self.records), self.soil_map, truth)
 

@@ -175,7 +175,7 @@ class _Simulation:
             )
         )
         explorer = Explorer(
-            self.channels[0].live_map,
+            self.channels[0].field_map,
             self.stops,
             self.travel,
             make_strategy(settings.strategy, settings.preset),
@@ -186,7 +186,7 @@ class _Simulation:
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
             curve=field.curve if settings.target == "vwc" else None,
-            properties=[Property(other.live_map, settings.also_weight) for other in self.channels[1:]],
+            properties=[Property(other.field_map, settings.also_weight) for other in self.channels[1:]],
         )
         start = start_stop(field.field, self.stops)
         body = VirtualRobot(self.motion, (start.x_m, start.y_m))

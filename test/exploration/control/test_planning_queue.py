@@ -93,7 +93,7 @@ def test_exploring_without_a_map_fails_where_one_is_needed(explorer):
     job = PlanJob(request(), PLACE, SAMPLES, None, True)
     assert answer(explorer, job, True) == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
     assert isinstance(answer(explorer, job, False), Planned)
-    assert explorer.live_map.samples is SAMPLES, "places measured are known without a map, too"
+    assert explorer.field_map.samples is SAMPLES, "places measured are known without a map, too"
 
 
 @pytest.mark.parametrize("error", [ValueError("bad luck"), KeyError("bad luck")])

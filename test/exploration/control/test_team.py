@@ -16,8 +16,8 @@ from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strat
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.mapping import PoissonKriging
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
@@ -27,16 +27,17 @@ SAMPLES = as_samples([(1.25, 1.25), (26.25, 6.25), (11.25, 16.25)], [250, 500, 3
 FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=30.0)
 
 
-def live_map(known=True):
-    found = LiveMap(GRID)
+def field_map(known=True):
+    found = FieldMap(GRID, FieldMapSettings(for_planning=True))
     if known:
-        found.take(SAMPLES, FIT)
+        found.set_samples(SAMPLES, FIT)
+        found.update()
     return found
 
 
 def explorer(strategy, known=True, dwell="fmi:120", seed=0):
     return Explorer(
-        live_map(known), STOPS, FreeTravel(RobotMotion()), make_strategy(strategy), warm_up(strategy, "paper")[1],
+        field_map(known), STOPS, FreeTravel(RobotMotion()), make_strategy(strategy), warm_up(strategy, "paper")[1],
         parse_dwell(dwell), np.random.default_rng(seed),
     )  # fmt: skip
 
@@ -46,7 +47,7 @@ def request(kind=PlanKind.EXPLORE, blacklisted=()):
 
 
 def test_counts_to_come_lower_the_variance_as_if_they_had_come():
-    before = live_map()
+    before = field_map()
     after = foreseen(before, [PendingMeasurement(16.25, 6.25, 400.0)])
     rate = before.kriging.predict([(16.25, 6.25)])[0][0]
     come = PoissonKriging(FIT.variogram, mean_rate=FIT.mean_rate).fit(
@@ -61,7 +62,7 @@ def test_counts_to_come_lower_the_variance_as_if_they_had_come():
 
 
 def test_without_a_map_only_the_places_are_known():
-    ahead = foreseen(live_map(known=False), [PendingMeasurement(16.25, 6.25, 400.0)])
+    ahead = foreseen(field_map(known=False), [PendingMeasurement(16.25, 6.25, 400.0)])
     assert ahead.kriging is None
     np.testing.assert_array_equal(ahead.samples.xy, [(16.25, 6.25)])
 

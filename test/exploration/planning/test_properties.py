@@ -18,13 +18,14 @@ from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strat
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 2.5)
 STOPS = cell_stops(GRID)
+PLANNING = FieldMapSettings(for_planning=True)
 LATTICE = [(x, y) for x in (3.0, 11.0, 19.0, 27.0, 35.0) for y in (4.0, 16.0)]
 FIT = estimate_variogram(
     np.array(LATTICE), [250, 300, 350, 380, 300, 260, 420, 500, 480, 300], [100.0] * 10, extent_m=40.0
@@ -32,21 +33,20 @@ FIT = estimate_variogram(
 MAPPED = [name for name in STRATEGIES if name not in ("lattice", "random")]
 
 
-def live_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.01):
+def field_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.01):
     rng = np.random.default_rng(seed)
     exposure_s = np.full(len(places), 100.0)
-    found = LiveMap(GRID)
+    found = FieldMap(GRID, PLANNING)
     variogram = Variogram("matern32", nugget * rate**2, range_m, sill * rate**2 / 16)
-    found.take(
-        as_samples(places, rng.poisson(rate * exposure_s), exposure_s),
-        replace(FIT, variogram=variogram, mean_rate=rate),
-    )
+    samples = as_samples(places, rng.poisson(rate * exposure_s), exposure_s)
+    found.set_samples(samples, replace(FIT, variogram=variogram, mean_rate=rate))
+    found.update()
     return found
 
 
 def explorer(strategy, properties=(), first=None, dwell="optimal", seed=0):
     return Explorer(
-        first or live_map(), STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
+        first or field_map(), STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
         warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed), properties=properties,
     )  # fmt: skip
 
@@ -61,14 +61,17 @@ def plan(strategy, properties=(), first=None, dwell="optimal", seed=0, place=(20
     strategy=st.sampled_from(STRATEGIES), dwell=st.sampled_from(["ami:0.05", "optimal"]), seed=st.integers(0, 99)
 )
 def test_a_property_without_weight_or_map_changes_nothing(strategy, dwell, seed):
-    for unimportant in (Property(live_map(seed=seed), 0.0), Property(LiveMap(GRID), 1.0)):
+    for unimportant in (
+        Property(field_map(seed=seed), 0.0),
+        Property(FieldMap(GRID, PLANNING), 1.0),
+    ):
         assert plan(strategy, [unimportant], dwell=dwell, seed=seed) == plan(strategy, dwell=dwell, seed=seed)
 
 
 @settings(max_examples=12, deadline=None)
 @given(strategy=st.sampled_from(MAPPED), weight=st.floats(0.1, 10), seed=st.integers(0, 99))
 def test_a_property_with_the_same_map_changes_no_choice(strategy, weight, seed):
-    first = live_map(seed=seed)
+    first = field_map(seed=seed)
     one, two = plan(strategy, (), first, seed=seed), plan(strategy, [Property(first, weight)], first, seed=seed)
     assert one.choice.stop == two.choice.stop
     alone, both = (parse_dwell(each.choice.dwell) for each in (one, two))
@@ -80,15 +83,15 @@ def test_a_property_with_the_same_map_changes_no_choice(strategy, weight, seed):
 @pytest.mark.parametrize("strategy", ["greedy", "ivr", "gcb"])
 def test_the_unit_of_a_property_does_not_matter(strategy):
     """A hundred times the rate, counted for a hundredth of the time, is the same knowledge in another unit."""
-    first, rng = live_map(), np.random.default_rng(5)
+    first, rng = field_map(), np.random.default_rng(5)
     counts, few = rng.poisson(400.0, 6), LATTICE[:6]
     plans = []
     for unit in (1.0, 100.0):
         variogram = Variogram("matern32", 0.01 * unit**2, 8.0, unit**2)
-        other = LiveMap(GRID)
-        other.take(
-            as_samples(few, counts, [100.0 / unit] * 6), replace(FIT, variogram=variogram, mean_rate=4.0 * unit)
-        )
+        other = FieldMap(GRID, PLANNING)
+        samples = as_samples(few, counts, [100.0 / unit] * 6)
+        other.set_samples(samples, replace(FIT, variogram=variogram, mean_rate=4.0 * unit))
+        other.update()
         model = explorer(strategy, [Property(other)], first)
         found = model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0))
         plans.append((found.variance, found.map_variance, found.prospect().model.integrated_variance))
@@ -101,22 +104,24 @@ def test_the_unit_of_a_property_does_not_matter(strategy):
 def test_the_robot_goes_where_a_property_is_unknown(strategy):
     west, east = ([place for place in LATTICE if (place[0] < 25) is side] for side in (True, False))
     alone, both = (
-        plan(strategy, properties, live_map(east), place=(20.0, 10.0))
-        for properties in ((), [Property(live_map(west, seed=1), 5.0)])
+        plan(strategy, properties, field_map(east), place=(20.0, 10.0))
+        for properties in ((), [Property(field_map(west, seed=1), 5.0)])
     )
     assert alone.choice.stop.x_m < 20.0
     assert both.choice.stop.x_m > 25.0
 
 
 def test_the_fall_of_both_is_the_sum_of_the_falls():
-    second = live_map(LATTICE[:5], rate=40.0, seed=2)
+    second = field_map(LATTICE[:5], rate=40.0, seed=2)
     both = explorer("ivr", [Property(second, 2.0)])
     look = both.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0)).prospect()
     first, beside = look.model, look.model.beside[0]
     nodes, seconds = first.stop_nodes[[3, 9]], np.array([50.0, 200.0])
     assert first.fall(nodes, seconds) > beside.fall(nodes, seconds) > 0
-    unit = variation(both.live_map.fit.variogram, GRID.cells) / variation(second.fit.variogram, GRID.cells)
-    cells = second.kriging.predict(GRID.cells)[1] - second.fit.variogram.nugget
+    unit = variation(both.field_map.soil_map.variogram, GRID.cells) / variation(
+        second.soil_map.variogram, GRID.cells
+    )
+    cells = second.kriging.predict(GRID.cells)[1] - second.soil_map.variogram.nugget
     assert beside.integrated_variance == pytest.approx(2.0 * unit * cells.mean(), rel=1e-6)
     worth, row = look.worth, int(np.argmax(look.worth.value))
     fall = worth.on_way[row]
@@ -127,7 +132,7 @@ def test_the_fall_of_both_is_the_sum_of_the_falls():
 
 def test_a_tour_for_two_properties_with_one_map_is_that_of_one():
     tours = []
-    for properties in ((), [Property(live_map(), 2.0)]):
+    for properties in ((), [Property(field_map(), 2.0)]):
         model = explorer("gcb", properties)
         look = model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0)).prospect()
         tour = _Tour(look, int(np.argmax(look.worth.value)))
@@ -141,7 +146,7 @@ def test_a_tour_for_two_properties_with_one_map_is_that_of_one():
 
 
 def test_a_tour_leads_to_where_a_property_is_unknown():
-    second = live_map([place for place in LATTICE if place[0] < 25], seed=1)
+    second = field_map([place for place in LATTICE if place[0] < 25], seed=1)
     look = explorer("gcb", [Property(second, 5.0)]).situation(
         RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (4.0, 10.0)
     ).prospect()  # fmt: skip

@@ -11,12 +11,13 @@ from soilmoist_ros.exploration.strategies.information import VarianceReduction
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.simulation.fields.catalogue import known_field
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
 PLACE = (2.5, 2.5)
+PLANNING = FieldMapSettings(for_planning=True)
 
 
 def situation(left_s=3600.0, on_way=True, graph=False):
@@ -25,12 +26,12 @@ def situation(left_s=3600.0, on_way=True, graph=False):
         lattice = open_lattice(known_field("synthetic-high"), 8.0).graph
         travel, stops = GraphTravel(lattice, RobotMotion()), lattice.stops
     planner = Explorer(
-        LiveMap(GRID), stops, travel, make_strategy("gcb"), make_strategy("random"), Optimal(),
+        FieldMap(GRID, PLANNING), stops, travel, make_strategy("gcb"), make_strategy("random"), Optimal(),
         np.random.default_rng(1), counting=Counting(on_way=on_way),
     )  # fmt: skip
     for xy, counts in (((5.0, 5.0), 300), ((9.0, 20.0), 320), ((20.0, 8.0), 410), ((5.0, 40.0), 330)):
-        planner.live_map.add(xy, counts, 100.0)
-    planner.live_map.update()
+        planner.field_map.add_sample(xy, counts, 100.0)
+    planner.field_map.update()
     return planner.situation(RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s), PLACE)
 
 

@@ -7,8 +7,8 @@ from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, par
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.live_map import LiveMap
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
@@ -17,7 +17,7 @@ CURVE = CalibrationCurve(n0_cps=8.0, bulk_density_gcm3=1.4)
 
 def explorer(strategy="ivr", dwell="optimal", curve=None, stops=None, home=None):
     return Explorer(
-        LiveMap(GRID),
+        FieldMap(GRID, FieldMapSettings(for_planning=True)),
         cell_stops(GRID) if stops is None else stops,
         FreeTravel(RobotMotion()),
         make_strategy(strategy),
@@ -31,8 +31,8 @@ def explorer(strategy="ivr", dwell="optimal", curve=None, stops=None, home=None)
 
 def with_map(planner):
     for xy, counts in (((5.0, 5.0), 300), ((9.0, 20.0), 320), ((20.0, 8.0), 410), ((5.0, 40.0), 330)):
-        planner.live_map.add(xy, counts, 100.0)
-    planner.live_map.update()
+        planner.field_map.add_sample(xy, counts, 100.0)
+    planner.field_map.update()
     return planner
 
 
@@ -94,8 +94,8 @@ def test_a_map_of_the_moisture_draws_to_wet_soil_and_counts_longer_there():
     for name, curve in (("rate", None), ("vwc", CURVE)):
         planner = explorer(curve=curve)
         for x, y in places:
-            planner.live_map.add((x, y), round((4.2 if x < 30 else 6.0) * 300), 300.0)
-        planner.live_map.update()
+            planner.field_map.add_sample((x, y), round((4.2 if x < 30 else 6.0) * 300), 300.0)
+        planner.field_map.update()
         look = planner.situation(request(), (30.0, 25.0)).prospect()
         east = np.array([look.stops[number].x_m for number in look.reachable.tolist()])
         at = {side: np.flatnonzero(east == x) for side, x in (("wet", 12.5), ("dry", 47.5))}

@@ -62,7 +62,7 @@ def publisher(ros, kind, topic, profile=qos.LATCHED):
 def test_it_hears_everything(ros, live):
     survey = live.survey
     for number in range(4):
-        survey.online.take(CountRecord(1e9 + number, 10.0 * number + 5, 20.0, 30.0, 400, 100.0, 95.0))
+        survey.online.add(CountRecord(1e9 + number, 10.0 * number + 5, 20.0, 30.0, 400, 100.0, 95.0))
     soil_map = survey.online.compute(survey.online.state)
     publisher(ros, DiagnosticStatus, "mission").publish(mission_to_message(STATUS))
     publisher(ros, PointCloud2, "samples").publish(samples_to_message(survey.online.state.samples, 1e9))
