@@ -18,8 +18,13 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters.mission import mission_from_message
 from msg_adapters.plan import path_to_places
 from msg_adapters.samples import samples_from_message
+from soilmoist_ros.exploration.mission.journal import VISIT
+from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.nodes.runtime.qos import LATCHED, VISITS
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.journal import load_journal
 
 # What rclpy says when a server of the test goes away in the middle of an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -83,6 +88,51 @@ def test_a_whole_mission_by_itself(ros, tmp_path):
     assert 5.0 <= path_to_places(next(plan for plan in plans if plan.poses))[0][0] <= 35.0
     texts = [marker.text for array in markers for marker in array.markers if marker.text]
     assert any(text.endswith(", 20 s") for text in texts)
+
+
+def test_every_visit_is_published_and_recorded_as_the_mission_had_it(ros, tmp_path):
+    from soilmoist_msgs.msg import Visit as VisitMessage
+
+    from msg_adapters.visits import visit_from_message
+
+    recorder = ros.start("recorder", params={"out": str(tmp_path), "name": "bag"}, namespace="/robot_1")
+    published = ros.collect(VisitMessage, "/robot_1/visits", VISITS)
+    with World(ros, namespace="/robot_1") as world, VirtualNavigation(ros, world, namespace="/robot_1"):
+        journal = str(tmp_path / "journal")
+        planning = Planning(
+            ros, tmp_path, "/robot_1", autostart=True, exit_when_finished=True, journal_dir=journal
+        )
+        planning.wait(lambda status: status.samples >= 1)
+        late = ros.collect(VisitMessage, "/robot_1/visits", VISITS)
+        assert planning.process.wait() == 0
+        samples = planning.status.samples
+        counted = sum(world.counted.values())
+    assert recorder.stop() == 0
+    entries = load_journal(tmp_path / "journal", whole=True).entries
+    logged = [visit_from_dict(entry.payload) for entry in entries if entry.kind == VISIT]
+    assert len(logged) == samples >= 2
+    assert [visit_from_message(message) for message in published] == logged
+    assert late == published, "a late receiver gets all of them"
+    with BagReader(tmp_path / "bag") as bag:
+        assert bag.read_visits() == logged
+    assert {(message.robot, message.header.frame_id) for message in published} == {("robot_1", "map")}
+    assert 0 < sum(visit.raw_counts for visit in logged) <= counted
+    for visit in logged:
+        assert (visit.ended, visit.dwell) == (VisitEnd.ENOUGH, "fmi:20")
+        assert visit.records >= 2
+        assert visit.exposure_s >= 20.0
+
+
+def test_without_its_message_type_the_planner_logs_the_visits_only(ros, tmp_path):
+    hidden = tmp_path / "hidden" / "soilmoist_msgs"
+    hidden.mkdir(parents=True)
+    (hidden / "__init__.py").write_text("raise ImportError('not built')")
+    ros.environment["PYTHONPATH"] = str(hidden.parent)
+    with World(ros) as world, VirtualNavigation(ros, world):
+        planning = Planning(ros, tmp_path, autostart=True, exit_when_finished=True)
+        assert planning.process.wait() == 0
+    assert planning.process.output().count("visits are not published: soilmoist_msgs is not installed") == 1
+    assert planning.process.output().count("visit: ") == planning.status.samples >= 2
 
 
 def test_pause_resume_skip_and_abort(ros, tmp_path):

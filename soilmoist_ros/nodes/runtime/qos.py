@@ -20,6 +20,14 @@ LATCHED: Final = QoSProfile(
 )
 """Maps, plans and states: who comes late gets the last one."""
 
+VISITS: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Finished stops: a late receiver gets those of the last hours."""
+
 DEFAULT: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """What other tools expect of ``/diagnostics`` and goal poses."""
 

@@ -20,7 +20,7 @@ from soilmoist_ros.exploration.mission.types import Finish, MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
-from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED
+from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 
 SAVE_LIMIT_S: Final = 30.0
 """Longest time that the end of the process waits for the map to be saved [s]."""
@@ -39,6 +39,7 @@ class PlannerOutputs:
         self._mission = node.create_publisher(DiagnosticStatus, "mission", LATCHED)
         self._path = node.create_publisher(Path, "plan", LATCHED)
         self._markers = node.create_publisher(MarkerArray, "plan_markers", LATCHED)
+        self._publish_visit = self._visit_publisher()
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         services = ("mapper/save", *(f"{name}/mapper/save" for name in properties))
         self._saves = [node.create_client(Trigger, service) for service in services]
@@ -71,8 +72,9 @@ class PlannerOutputs:
             self._markers.publish(plan_to_markers(ahead, status.planned_dwell_s, self.now_s()))
 
     def visit(self, visit: Visit) -> None:
-        """Log a visit."""
+        """Log a visit, and publish it."""
         self._node.get_logger().info(f"visit: {visit.name}, {visit.raw_counts} counts in {visit.exposure_s:.0f} s")
+        self._publish_visit(visit)
 
     def diagnose(self, parts: list[Health]) -> None:
         """Publish the planner's health."""
@@ -97,6 +99,22 @@ class PlannerOutputs:
     def wake(self) -> None:
         """Let the executor hand plans on."""
         self._planned.trigger()
+
+    def _visit_publisher(self) -> Callable[[Visit], None]:
+        """Publishes visits, where their message type is built."""
+        try:
+            from soilmoist_msgs.msg import Visit as VisitMessage
+
+            from msg_adapters.visits import visit_to_message
+        except ImportError:
+            self._node.get_logger().warning(
+                "visits are not published: soilmoist_msgs is not installed (build interfaces/soilmoist_msgs); "
+                "they are in the log and the journal"
+            )
+            return lambda visit: None
+        publisher = self._node.create_publisher(VisitMessage, "visits", VISITS)
+        robot = self._node.get_namespace().strip("/")
+        return lambda visit: publisher.publish(visit_to_message(visit, robot))
 
     def _on_saved(self, future: Future) -> None:
         answer = future.result()

@@ -11,10 +11,15 @@ from typing import Any, Self
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.metadata import INFINITE_NS, Extent, Qos
 from soilmoist_ros.recording.bag.point_cloud import count_records
+from soilmoist_ros.recording.bag.visit import visit_of
 from soilmoist_ros.sensing.records import CountRecord
+
+VISIT = "soilmoist_msgs/msg/Visit"
+"""Type of the topic ``visits``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +128,19 @@ class BagReader:
         name = self.find_topic(topic, "sensor_msgs/msg/PointCloud2")
         try:
             return [record for m in self.messages([name]) for record in count_records(self.decode(m))]
+        except ValueError as error:
+            raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", self.path) from None
+
+    def read_visits(self, topic: str = "visits", robot: int = 1) -> list[Visit]:
+        """Finished stops, in the order of recording and exactly as the planner had them.
+
+        :param topic: full name, or one without namespace
+        :param robot: number of the robot, from 1
+        :raises InputError: if there is no such topic, or its messages are no visits
+        """
+        name = self.find_topic(topic, VISIT)
+        try:
+            return [visit_of(self.decode(m), robot) for m in self.messages([name])]
         except ValueError as error:
             raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", self.path) from None
 

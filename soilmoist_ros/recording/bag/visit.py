@@ -1,0 +1,51 @@
+"""A visit from a decoded soilmoist_msgs/Visit, without ROS."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+
+
+def visit_of(message: Any, robot: int = 1) -> Visit:
+    """The visit of a message, whoever decoded it.
+
+    :param message: a soilmoist_msgs/Visit; codes that are not known here become ``VisitEnd.UNKNOWN``
+    :param robot: number of the robot, from 1
+    :raises ValueError: if it has not the fields of a visit
+    """
+    try:
+        return Visit(
+            name=str(message.stop),
+            x_m=float(message.position.x),
+            y_m=float(message.position.y),
+            arrived_s=float(message.arrival_s),
+            dwell_s=float(message.dwell_s),
+            raw_counts=int(message.raw_counts),
+            reason=str(message.choice),
+            robot=robot,
+            records=int(message.records),
+            exposure_s=float(message.exposure_s),
+            effective_exposure_s=float(message.effective_exposure_s),
+            ended=_end(str(message.reason_code)),
+            outcome=str(message.reason),
+            dwell=str(message.dwell_rule),
+            arrival_stamp_s=_seconds(message.arrival),
+            end_stamp_s=_seconds(message.header.stamp),
+            stop_x_m=float(message.stop_position.x),
+            stop_y_m=float(message.stop_position.y),
+        )
+    except AttributeError as error:
+        raise ValueError(f"the message is not a visit: {error}") from None
+
+
+def _end(code: str) -> VisitEnd:
+    try:
+        return VisitEnd(code)
+    except ValueError:
+        return VisitEnd.UNKNOWN
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec + stamp.nanosec * 1e-9) or math.nan
