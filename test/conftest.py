@@ -24,3 +24,10 @@ def roving_record() -> Path:
 def reference_data() -> Path:
     """Folder of answers that other programs computed."""
     return ROOT / "test" / "data"
+
+
+def pytest_collection_modifyitems(items):
+    """The nodes run as processes, so the whole folder is left out by ``scripts/test --fast``."""
+    for item in items:
+        if ROOT / "test" / "nodes" in item.path.parents:
+            item.add_marker(pytest.mark.process)

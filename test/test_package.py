@@ -85,6 +85,7 @@ def test_no_tracked_file_names_a_path_outside_the_clone():
     assert outside == []
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("module", "more"),
     [

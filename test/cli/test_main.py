@@ -35,6 +35,7 @@ def survey_options(survey, out):
     return ["--nmea", survey / "survey.nmea", "--site", survey / "site.yaml", "--out", out]
 
 
+@pytest.mark.slow
 def test_a_survey_becomes_a_map_that_is_close_to_the_truth(survey, tmp_path):
     options = survey_options(survey, tmp_path / "out")
     result = run("map", survey / "survey.log", "--field", survey / "field.yaml", *options)
@@ -51,6 +52,7 @@ def test_a_survey_becomes_a_map_that_is_close_to_the_truth(survey, tmp_path):
     assert "SIMULATED" in (tmp_path / "out" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
     """Whoever computes the tiles, the map is the same, and it is the exact one to a small share of its sd."""
     options = ["--field", survey / "field.yaml", "--nmea", survey / "survey.nmea", "--cell", 10]
@@ -66,6 +68,7 @@ def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
     np.testing.assert_allclose(maps["here"][1], maps["exact"][1], rtol=0.01)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_does_not_answer_is_named_before_a_large_map(survey, tmp_path):
     options = ["--nmea", survey / "survey.nmea", "--exact", 5, "--scheduler", "nowhere", "--out", tmp_path / "out"]
     result = run("map", survey / "survey.log", *options)
@@ -73,6 +76,7 @@ def test_a_scheduler_that_does_not_answer_is_named_before_a_large_map(survey, tm
     assert "'nowhere' is not the address of a Dask scheduler" in result.output
 
 
+@pytest.mark.slow
 def test_the_field_may_be_left_out(survey, tmp_path):
     result = run("map", survey / "survey.log", *survey_options(survey, tmp_path / "out"), "--crs", "EPSG:3857")
     assert result.exit_code == 0, result.output
@@ -94,6 +98,7 @@ def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_recor
     assert 38.6 < south < north < 38.8
 
 
+@pytest.mark.slow
 def test_without_a_calibration_there_is_a_rate_map_and_a_plain_word(survey, tmp_path):
     out = tmp_path / "out"
     result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--out", out)
@@ -112,6 +117,7 @@ def test_every_mistake_of_bad_files_is_named_with_exit_code_2(tmp_path):
         assert expected in result.output
 
 
+@pytest.mark.slow
 def test_every_shipped_file_passes_the_check():
     options = []
     for kind, option in (("loggers", "--logger"), ("sites", "--site"), ("fields", "--field")):
@@ -178,6 +184,7 @@ def test_calibration_by_counts_takes_both_numbers_or_none(tmp_path):
     assert "--counts and --exposure" in result.output
 
 
+@pytest.mark.process
 def test_help_answers_without_the_heavy_libraries():
     code = (
         "import sys; from soilmoist_ros.cli.main import main\n"
@@ -202,6 +209,7 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     assert json.loads((out / "summary.json").read_text())["simulated"] is True
 
 
+@pytest.mark.slow
 def test_several_robots_are_simulated(tmp_path):
     options = (
         "--robots",
@@ -226,6 +234,7 @@ def test_several_robots_are_simulated(tmp_path):
     assert sum(mission["robot_distances_m"]) == pytest.approx(mission["final"]["distance_m"])
 
 
+@pytest.mark.slow
 def test_a_second_property_is_mapped_beside(tmp_path):
     options = ["--also", "rough", "--also-weight", 0.5, "--hours", 0.2, "--cell", 5, "--fit", "reml",
                "--strategy", "ivr", "--dwell", "optimal", "--map-from", "records"]  # fmt: skip
@@ -256,6 +265,7 @@ def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_campaign_runs_and_goes_on_where_it_stopped(tmp_path):
     plan = tmp_path / "plan.yaml"
     plan.write_text(
@@ -313,6 +323,7 @@ def test_mistakes_in_a_campaign_are_all_named(tmp_path):
     assert "'filed'" in result.output
 
 
+@pytest.mark.slow
 def test_a_travel_graph_is_laid_and_travelled(tmp_path):
     rows = run("graph", "patches", "--rows", 3, "--spacing", 5, "--heading", 20, "--out", tmp_path / "rows.json")
     assert rows.exit_code == 0, rows.output

@@ -7,6 +7,7 @@ from pyproj import Transformer
 from soilmoist_ros.foundation.geodesy import LocalFrame
 
 
+@pytest.mark.slow
 @given(st.floats(-85, 85), st.floats(-180, 180), st.floats(-5e3, 5e3), st.floats(-5e3, 5e3))
 def test_local_and_geographic_are_inverse(latitude, longitude, x, y):
     frame = LocalFrame(latitude, longitude)

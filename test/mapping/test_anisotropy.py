@@ -210,6 +210,7 @@ def test_a_clear_direction_is_found(angle_deg):
     assert found.variogram.range_m == pytest.approx(15, rel=0.5)
 
 
+@pytest.mark.slow
 def test_no_direction_is_found_where_there_is_none():
     """One in ten may be, by chance; then the data must speak for it."""
     chosen = 0

@@ -203,6 +203,7 @@ def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
     assert fresh.compute(the_map.state).rate.tobytes() == second.rate.tobytes()
 
 
+@pytest.mark.slow
 def test_threads_may_map_different_states_at_a_time():
     the_map = online(merge_radius_m=0.0)
     states = []
@@ -227,6 +228,7 @@ def test_a_state_stays_as_it_was_while_records_come_in():
     assert not np.array_equal(the_map.compute(the_map.state).rate, before, equal_nan=True)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), st.floats(5, 20)), min_size=1, max_size=300))
 def test_the_variogram_is_never_far_behind(stops):
@@ -345,6 +347,7 @@ def test_records_of_a_drive_have_an_extent_and_those_of_a_stop_have_none():
     assert not samples.spread[[0, 6]].any()
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(records, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=30),
     st.floats(0, 30),

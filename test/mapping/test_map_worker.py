@@ -125,6 +125,7 @@ def test_the_health_tells_what_the_map_rests_on():
     assert (health().level, health().message) == (Level.ERROR, worker.failure)
 
 
+@pytest.mark.slow
 def test_maps_made_beside_a_fast_stream_end_where_maps_one_by_one_do():
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 5.0)
     rng = np.random.default_rng(4)

@@ -66,12 +66,14 @@ def share_covered(family, n, fields=40):
     return np.mean(covered)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [20, 60])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_intervals_cover_on_every_kind_of_field(family, n):
     assert 0.92 < share_covered(family, n) < 0.99
 
 
+@pytest.mark.slow
 def test_intervals_of_ten_samples_cover_over_all_kinds_of_fields():
     covered = [share_covered(family, 10, fields=20) for family in FAMILIES]
     assert 0.93 < np.mean(covered) < 0.97
@@ -103,6 +105,7 @@ def test_variances_are_means_of_log_normal_variables():
     assert fitted.variogram.range_m == fitted.mode.range_m
 
 
+@pytest.mark.slow
 def test_a_sharp_posterior_is_its_mode():
     truth = Variogram("exponential", 0.3, 5.0, 0.9)
     rng = np.random.default_rng(1)
@@ -117,6 +120,7 @@ def log_posterior(samples):
     return lambda at: likelihood.value(at) - 0.5 * np.sum(((at - prior.log_median) / prior.log_sd) ** 2), prior
 
 
+@pytest.mark.slow
 def test_variance_is_that_averaged_over_the_posterior():
     """Against the law of total variance, with the posterior on a grid of the three parameters."""
     ratios = []

@@ -22,6 +22,7 @@ words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=
 healths = st.builds(Health, words, st.sampled_from(Level), words, st.dictionaries(words, words, max_size=3))
 
 
+@pytest.mark.slow
 @given(st.lists(healths, max_size=3))
 def test_states_of_health_come_back_over_the_wire(parts):
     sent = diagnostics_to_message(parts, 1.78e9, "driver", "CRS-7")

@@ -58,6 +58,7 @@ def assert_equal(found, wanted):
             np.testing.assert_array_equal(value, expected, strict=isinstance(expected, np.ndarray))
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(fits, st.floats(0, 2e9))
 def test_a_fit_comes_back_exactly(fit, stamp_s):
@@ -66,6 +67,7 @@ def test_a_fit_comes_back_exactly(fit, stamp_s):
     assert_equal(found.fit, fit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["reml", "soft_l1"])
 def test_a_real_fit_has_the_promised_keys_and_is_strict_json(method):
     rng = np.random.default_rng(1)

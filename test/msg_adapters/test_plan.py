@@ -23,6 +23,7 @@ def test_places_come_back_in_order(stops):
     assert (path.header.frame_id, path.header.stamp.sec) == ("map", 10**9)
 
 
+@pytest.mark.slow
 @given(STOPS)
 def test_markers_replace_all_before_and_name_each_stop(stops):
     array = deserialize_message(serialize_message(plan_to_markers(stops, 400.4, 1e9)), MarkerArray)

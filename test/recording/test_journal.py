@@ -29,6 +29,7 @@ def written(folder, count=4):
     return folder / "journal.jsonl"
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.text(), st.dictionaries(st.text(), PLAIN, max_size=3)), max_size=5))
 def test_entries_come_back_as_they_were(contents):
     entries = tuple(Entry(seq, kind, payload) for seq, (kind, payload) in enumerate(contents, 1))
@@ -40,6 +41,7 @@ def test_entries_come_back_as_they_were(contents):
     assert [json.loads(line)["seq"] for line in data.splitlines()] == [entry.seq for entry in entries]
 
 
+@pytest.mark.slow
 def test_a_cut_at_any_byte_costs_only_the_entry_that_was_being_written(tmp_path):
     path = written(tmp_path / "a")
     whole = path.read_bytes()
@@ -58,6 +60,7 @@ def test_a_cut_at_any_byte_costs_only_the_entry_that_was_being_written(tmp_path)
         assert again.entries[:-1] == loaded.entries
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_named_and_mended(tmp_path):
     path = written(tmp_path / "a", 3)
     whole = path.read_bytes()
@@ -196,6 +199,7 @@ def test_data_that_are_not_plain_are_refused_and_leave_no_trace(tmp_path):
         assert journal.append("event", {}) == 1
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("count", [1, 17, 60])
 def test_what_was_confirmed_survives_a_kill(tmp_path, count):
     code = """

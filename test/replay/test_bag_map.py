@@ -129,6 +129,7 @@ def test_golden_bags(case, name):
         assert found == [(name, pytest.approx(a), pytest.approx(d), n) for name, a, d, n in told["visits"]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["one_stop", "no_position_gap", "drive_and_stop", "raw_lines"])
 def test_the_map_is_the_one_made_on_line_bit_for_bit(makers, tmp_path, case):
     makers.CASES[case](tmp_path / case)
@@ -136,6 +137,7 @@ def test_the_map_is_the_one_made_on_line_bit_for_bit(makers, tmp_path, case):
     assert (replay.as_on_line, replay.comparison) == (True, "equals the robot's last one, bit for bit")
 
 
+@pytest.mark.slow
 def test_the_mission_is_told_as_it_was(makers, tmp_path):
     events, mission = makers.mission()
     makers.write_bag(tmp_path / "run", events)
@@ -159,6 +161,7 @@ def test_the_mission_is_told_as_it_was(makers, tmp_path):
     assert run.mission.soil_map is run.soil_map
 
 
+@pytest.mark.slow
 def test_without_a_truth_there_are_outputs_as_well(tmp_path):
     replay = replay_bag(GOLDEN / "drive_and_stop")
     assert all(np.isnan(row.mse) for row in replay.run.mission.series)
@@ -287,6 +290,7 @@ def test_a_robot_without_a_mission_does_not_get_that_of_another():
         replay_bag(GOLDEN / "two_robots")
 
 
+@pytest.mark.slow
 def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_path):
     bag = copy_bag(
         GOLDEN / "two_robots" / "bag", tmp_path / "bag",
@@ -306,6 +310,7 @@ def test_topics_beside_are_found_where_there_is_one_robot(tmp_path):
     assert replay_bag(bag, with_files("one_stop")).comparison == replay_bag(GOLDEN / "one_stop").comparison
 
 
+@pytest.mark.slow
 def test_bad_input_is_told_with_a_remedy(tmp_path):
     def refused(match, bag=GOLDEN / "one_stop", **changes):
         with pytest.raises(InputError, match=match):
@@ -363,6 +368,7 @@ def test_messages_of_others_named_mission_are_passed_over(tmp_path):
     assert replay_bag(whole, with_files("one_stop")).run.mission is None
 
 
+@pytest.mark.process
 def test_one_thread_computes_unless_somebody_has_said_otherwise():
     program = (
         "import sys; assert 'numpy' not in sys.modules; import soilmoist_ros.replay, os;"

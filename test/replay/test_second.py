@@ -51,6 +51,7 @@ def run_with(tmp_path):
     return make
 
 
+@pytest.mark.slow
 def test_both_are_mapped_each_as_its_mapper_did(run_with):
     replay = replay_bag(run_with(["salt:0.5"]), ReplaySettings(truth="half-wet", also_truth="half-wet"))
     mission = replay.run.mission
@@ -98,6 +99,7 @@ def test_the_second_alone_is_a_replay_of_its_own(run_with):
     assert not any("not mapped" in warning for warning in replay.run.warnings)
 
 
+@pytest.mark.slow
 def test_the_command_writes_both_maps_and_says_so(run_with, tmp_path, capsys):
     main(["replay", str(run_with(["salt:2"])), "--out", str(tmp_path / "out")], standalone_mode=False)
     said = capsys.readouterr().out

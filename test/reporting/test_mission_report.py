@@ -34,6 +34,7 @@ def mission(monkeypatch):
     return fake_mission.simulate(MissionSettings(hours=1.0, strategy="greedy"))
 
 
+@pytest.mark.slow
 def test_all_files(mission, tmp_path):
     paths = write_mission(tmp_path / "out", mission, created_utc=NOW)
     assert [path.name for path in paths] == NAMES
@@ -56,6 +57,7 @@ def test_all_files(mission, tmp_path):
     assert "https://" not in html
 
 
+@pytest.mark.slow
 def test_several_robots_are_told_apart(mission, tmp_path):
     half = len(mission.visits) // 2
     visits = [dataclasses.replace(visit, robot=1 + (n >= half)) for n, visit in enumerate(mission.visits)]
@@ -77,6 +79,7 @@ def test_several_robots_are_told_apart(mission, tmp_path):
         assert [int(row["robot"]) for row in csv.DictReader(stream)] == [visit.robot for visit in visits]
 
 
+@pytest.mark.slow
 def test_tables(mission, tmp_path):
     write_mission(tmp_path, mission)
     with (tmp_path / "series.csv").open(newline="") as stream:
@@ -91,6 +94,7 @@ def test_tables(mission, tmp_path):
     assert visits[0]["reason"] == "largest variance"
 
 
+@pytest.mark.slow
 def test_a_mission_without_a_map(mission, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     write_mission(tmp_path, mission)
@@ -108,6 +112,7 @@ def test_a_mission_without_a_map(mission, tmp_path):
         write_mission(tmp_path / "file", short)
 
 
+@pytest.mark.slow
 def test_words(mission):
     part = mission_part(mission_run(mission, NOW))
     assert f"{len(mission.visits)} measurements in 1 h 00 min" in part.text
@@ -142,6 +147,7 @@ def test_the_start_is_seen_where_the_robot_also_stopped(mission):
     assert all(not len(square.get_facecolor()) for square in squares), "the number below can be read"
 
 
+@pytest.mark.slow
 def test_only_a_sensor_with_a_footprint_smooths(mission):
     assert "patches are smoothed" not in render_report(mission_run(mission, NOW))
     wide = dataclasses.replace(mission, settings=dataclasses.replace(mission.settings, footprint_m=10.0))
@@ -171,6 +177,7 @@ def test_course_without_any_map():
     assert np.isfinite(figure.axes[1].get_ylim()).all()
 
 
+@pytest.mark.slow
 def test_only_missions_have_the_section(make_run):
     assert mission_part(make_run()) is None
     html = render_report(make_run())
@@ -179,6 +186,7 @@ def test_only_missions_have_the_section(make_run):
     assert report.mission_part is mission_part
 
 
+@pytest.mark.slow
 def test_without_a_truth_the_course_is_the_distance(mission):
     nan = float("nan")
     rows = [row._replace(mse=nan, mse_10s=nan, vwc_rmse=nan, coverage95=nan) for row in mission.series]

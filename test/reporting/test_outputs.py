@@ -13,6 +13,7 @@ from soilmoist_ros.reporting import outputs, write_outputs
 NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html"]
 
 
+@pytest.mark.slow
 def test_all_four_and_nothing_else(make_run, tmp_path):
     paths = write_outputs(tmp_path / "a" / "b", make_run(simulated=True), crs="EPSG:27700")
     assert [path.name for path in paths] == NAMES
@@ -44,6 +45,7 @@ def test_folder_that_is_a_file(make_run, tmp_path):
         write_outputs(tmp_path / "out", make_run())
 
 
+@pytest.mark.process
 def test_import_is_light():
     code = (
         "import sys, soilmoist_ros.reporting; "

@@ -129,6 +129,7 @@ def test_it_comes_back_after_the_server_has_closed_and_drops_what_was_cut():
         assert "closed the connection" in source.status.last_error
 
 
+@pytest.mark.slow
 def test_a_half_open_connection_is_made_anew_after_the_silence_limit():
     hung = threading.Event()
 
@@ -160,6 +161,7 @@ def test_any_byte_may_come():
         assert read(source, 2) == [garbage, b"\x00"]
 
 
+@pytest.mark.slow
 def test_a_server_that_hangs_up_at_once_is_asked_ever_more_rarely():
     with ScriptedServer(lambda client: None) as server, opened(server.uri, Retry(0.1, 60.0)) as source:
         read_until(source, lambda: source.status.attempts == 4)
@@ -182,6 +184,7 @@ def test_refused_connections_and_unknown_names_are_told_and_tried_again():
         assert source.status.last_error
 
 
+@pytest.mark.slow
 def test_it_connects_when_the_server_comes_late():
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = server.getsockname()

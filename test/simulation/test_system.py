@@ -37,6 +37,7 @@ def fixes(outputs):
     return [fix for fix in [*found, parser.flush()] if fix is not None], parser.problems
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weather", [True, False])
 def test_it_counts_what_a_mission_without_ros_counts(weather):
     choices = {"dwell": "fmi:90", "hours": 0.5, "strategy": "random", "footprint_m": 10.0, "also": "rough"}
@@ -66,6 +67,7 @@ def test_it_counts_what_a_mission_without_ros_counts(weather):
         assert replace(here, stamp_s=there.stamp_s, x_m=there.x_m, y_m=there.y_m) == there
 
 
+@pytest.mark.slow
 def test_a_second_property_changes_nothing_of_the_first():
     alone, both = (VirtualSystem(replace(SETTINGS, also=also), START_S).advance(900) for also in ("", "smooth"))
     assert [output for output in both if not isinstance(output, CountedBeside)] == alone
@@ -74,6 +76,7 @@ def test_a_second_property_changes_nothing_of_the_first():
         VirtualSystem(replace(SETTINGS, also="patches"), START_S)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=10)
 @given(st.lists(st.floats(0.01, 300), min_size=1, max_size=30), st.sampled_from(["", "bad_link", "thorvald"]))
 def test_it_does_not_matter_in_how_many_steps_a_time_is_reached(steps, scenario):
@@ -86,6 +89,7 @@ def test_it_does_not_matter_in_how_many_steps_a_time_is_reached(steps, scenario)
     assert outputs(times) == outputs(times[-1:])
 
 
+@pytest.mark.slow
 def test_a_seed_determines_everything_and_another_changes_it():
     def outputs(seed):
         return VirtualSystem(replace(SETTINGS, seed=seed), START_S).advance(600)
@@ -134,6 +138,7 @@ def test_epochs_can_come_faster_than_the_second():
     assert [fix.stamp_s for fix in found] == pytest.approx([START_S + 0.2 * number for number in range(51)])
 
 
+@pytest.mark.slow
 def test_a_bad_link_loses_records_but_changes_none():
     good = {record.record_number: record for record in records(VirtualSystem(SETTINGS, START_S).advance(3600))[0]}
     bad, problems = records(VirtualSystem(SETTINGS, START_S, scenario=load_scenario("bad_link")).advance(3600))
@@ -149,6 +154,7 @@ def test_a_receiver_without_a_fix_says_so():
     assert [fix.stamp_s - START_S for fix in found if fix.quality == 0] == list(range(100, 120))
 
 
+@pytest.mark.slow
 def test_failing_edges_have_to_be_on_the_map():
     edge = VirtualSystem(SETTINGS, START_S).map.graph
     start, end = (edge.names[number] for number in edge.edges[0])

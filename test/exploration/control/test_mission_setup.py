@@ -54,6 +54,7 @@ def test_a_field_too_fine():
         Ways(field(1e-4), RobotMotion(), None)
 
 
+@pytest.mark.slow
 @given(st.floats(60, 400), st.sampled_from(["random", "ivr"]))
 def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy):
     ways = Ways(field(), RobotMotion(), None)

@@ -102,6 +102,7 @@ def test_stops_that_are_cells_share_their_nodes():
 positive = st.floats(1e-4, 1e3)
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(
     on_way=st.one_of(st.just(0.0), positive),

@@ -56,6 +56,7 @@ def plan(strategy, properties=(), first=None, dwell="optimal", seed=0, place=(20
     return explorer(strategy, properties, first, dwell, seed).plan(request, place)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     strategy=st.sampled_from(STRATEGIES), dwell=st.sampled_from(["ami:0.05", "optimal"]), seed=st.integers(0, 99)

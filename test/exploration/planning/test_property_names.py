@@ -34,6 +34,7 @@ def test_the_name_of_a_field_makes_a_namespace(field, name):
     assert property_name(field) == name
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_any_name_makes_one(field):
     name = property_name(field)

@@ -89,6 +89,7 @@ def test_what_cannot_be_reached_in_time_is_never_chosen(name, preset):
     assert make_strategy(name, preset).choose(situation(np.empty(0), np.empty((0, 2)), travel=[]), rng()) is None
 
 
+@pytest.mark.slow
 @every
 @both
 def test_the_same_seed_gives_the_same_mission(name, preset):
@@ -162,6 +163,7 @@ def test_monte_carlo_goes_on_when_no_candidate_is_above_the_floor():
     assert "among 120 candidates, none above 0.9 times the mean" in choice.reason
 
 
+@pytest.mark.slow
 def test_random_needs_no_map_and_prefers_new_places():
     now = situation(np.full(120, np.nan), measured=PLACES[:-1])
     for seed in range(5):

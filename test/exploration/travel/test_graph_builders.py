@@ -29,6 +29,7 @@ def is_symmetric(graph):
     return ways == {(b, a) for a, b in ways}
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(
     st.floats(4, 30),
@@ -86,6 +87,7 @@ def rows_without_headlands(graph):
     return graph.part(keep)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.floats(0, 360), st.floats(3, 12), st.floats(4, 20), st.floats(3, 8))
 def test_rows_are_left_only_at_their_ends(heading, row_spacing, node_spacing, headland):

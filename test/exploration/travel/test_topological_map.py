@@ -97,6 +97,7 @@ values = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=80)
 @given(values)
 def test_yaml_means_the_same_to_the_navigations_parser(value):
@@ -106,6 +107,7 @@ def test_yaml_means_the_same_to_the_navigations_parser(value):
     assert yaml.safe_load(TopologicalMap(content, made.graph).to_yaml()) == content
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(values)
 def test_unknown_keys_survive_a_file(tmp_path_factory, value):

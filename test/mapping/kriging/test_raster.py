@@ -119,6 +119,7 @@ def check_mission(grid, model, keep_nugget, first, actions, seed):
         np.testing.assert_allclose(found, kriged(mission, grid, keep_nugget), rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "keep_nugget"), [("matern32", True), ("exponential", False)])
 @settings(max_examples=8, deadline=None)
 @given(st.integers(1, 2 * BLOCK + MIN_TAIL), steps, st.integers(0, 99))
@@ -127,6 +128,7 @@ def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(model, keep
         check_mission(SMALL, model, keep_nugget, first, actions, seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "keep_nugget"), [("matern32", True), ("exponential", False), ("spherical", True)]
 )
@@ -137,6 +139,7 @@ def test_so_are_those_of_tiles(model, keep_nugget, first, actions, seed):
         check_mission(FINE, model, keep_nugget, first, actions, seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_maps_of_large_fields_are_those_of_kriging(model):
     rng = np.random.default_rng(7)

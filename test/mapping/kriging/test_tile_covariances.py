@@ -73,6 +73,7 @@ def test_they_are_those_of_the_cells(case):
         np.testing.assert_allclose(found, full, rtol=0, atol=ERROR * variogram.structured_sill)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", sorted(MODELS.keys() - {"gaussian"}))
 @settings(max_examples=15, deadline=None)
 @given(st.floats(-2, 2), st.floats(-1, 1))

@@ -74,6 +74,7 @@ def test_more_neighbours_come_closer():
     assert errors[0] > 5 * errors[1]
 
 
+@pytest.mark.slow
 def test_tiles_join_without_seams():
     """Along a fine line, steps where the tile changes are no larger than what is lost within tiles."""
     model = Variogram("matern32", 0.0, 30.0, 0.3)
@@ -87,6 +88,7 @@ def test_tiles_join_without_seams():
     assert (steps > 3 * smooth).sum() < 40  # at borders of tiles only
 
 
+@pytest.mark.slow
 def test_the_chosen_number_of_neighbours_suits_the_range():
     near, far = (fitted(TiledKriging(v), survey(v)).accuracy for v in (SHORT, LONG))
     assert near.nearest < far.nearest
@@ -126,6 +128,7 @@ def test_places_very_far_from_all_samples_have_the_mean():
     assert variance[0] == pytest.approx(0.3, rel=0.05)
 
 
+@pytest.mark.slow
 def test_many_samples_make_a_tiled_map_few_an_exact_one():
     model = Variogram("matern32", 0.01, 10.0, 0.3)
     samples = survey(model)

@@ -169,6 +169,7 @@ def test_impossible_spreads_are_refused(spread):
         Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(RECORD, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=20), st.floats(0, 30)
 )

@@ -134,6 +134,7 @@ def test_fit_variogram_refuses(data, options, message):
         fit_variogram(*data, **options)
 
 
+@pytest.mark.slow
 def test_ten_thousand_records_are_fitted_in_blocks():
     xy, counts, exposure_s = simulated(1250, 7, side=800.0)
     rng = np.random.default_rng(7)

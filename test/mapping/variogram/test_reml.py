@@ -87,6 +87,7 @@ def test_the_mode_has_no_slope():
     assert fitted.converged
 
 
+@pytest.mark.slow
 def test_the_truth_is_recovered_from_much_data():
     truth = Variogram("matern32", 0.05, 25.0, 0.45)
     fitted = maximise_reml(simulated(truth, 900, 300.0, 600.0, seed=3), "matern32", 300.0)
@@ -97,6 +98,7 @@ def test_the_truth_is_recovered_from_much_data():
     assert max(fitted.prior_share) < 0.1
 
 
+@pytest.mark.slow
 def test_the_composite_likelihood_recovers_the_truth_too():
     truth = Variogram("exponential", 0.05, 20.0, 0.45)
     found = maximise_reml(simulated(truth, 1500, 400.0, 600.0, seed=4), "exponential", 400.0).variogram
@@ -116,6 +118,7 @@ def test_the_prior_fades_as_samples_come_in():
     assert max(shares[2]) < 0.3
 
 
+@pytest.mark.slow
 def test_intervals_of_the_latent_rate_cover_what_they_promise():
     """95 % intervals of kriging, for the rate itself, micro-scale variation included."""
     truth = Variogram("matern32", 0.02, 45.0, 0.35)

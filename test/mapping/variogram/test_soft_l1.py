@@ -47,6 +47,7 @@ def semivariogram(seed, model):
     return lag, gamma / np.abs(gamma).mean()
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.sampled_from(list(MODELS)), st.floats(1e-6, 1.0))
 def test_no_worse_than_scipy(seed, model, least_sill):

@@ -26,6 +26,7 @@ QOS = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(QOS, max_size=3))
 def test_quality_of_service_comes_back_as_it_was(offered):
     assert qos_from_yaml(to_yaml([qos.to_dict() for qos in offered])) == tuple(offered)
@@ -35,6 +36,7 @@ def test_an_endless_duration_is_written_as_ros_does():
     assert Qos().to_dict()["deadline"] == {"sec": 9223372036, "nsec": 854775807}
 
 
+@pytest.mark.slow
 @given(st.lists(QOS, min_size=1, max_size=3))
 def test_the_numbers_of_older_bags_become_words(offered):
     older = dump_qos_v8(parse_qos([qos.to_dict() for qos in offered]))

@@ -47,6 +47,7 @@ def test_an_unclosed_bag_becomes_a_valid_one(unclosed, tmp_path):
     assert offered["/robot/model"] == "TRANSIENT_LOCAL"
 
 
+@pytest.mark.slow
 def test_a_cut_at_any_byte_costs_only_the_chunk_it_hits(bag, tmp_path):
     whole = bag.path.read_bytes()
     ends = chunk_ends(bag.path)
@@ -62,6 +63,7 @@ def test_a_cut_at_any_byte_costs_only_the_chunk_it_hits(bag, tmp_path):
     assert not scan.damaged
 
 
+@pytest.mark.slow
 def test_a_bag_cut_at_every_chunk_and_around_is_recovered(bag, tmp_path):
     whole = bag.path.read_bytes()
     for end, count in chunk_ends(bag.path):
@@ -87,6 +89,7 @@ def test_a_first_record_that_looks_like_another_one_costs_nothing(bag, tmp_path,
     assert scanned(path)[0] == bag.messages
 
 
+@pytest.mark.slow
 @SAME_FOLDER
 @given(data=st.data())
 def test_a_damaged_byte_costs_at_most_its_chunk_and_gives_no_wrong_message(bag, tmp_path, data):

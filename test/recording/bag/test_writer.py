@@ -147,6 +147,7 @@ def test_a_full_disk_loses_nothing_once_it_has_space(tmp_path, monkeypatch):
         assert [(c.topic, t, bytes(d)) for c, t, d in reader.messages()] == sample.messages
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("count", [1, 23, 111])
 def test_what_was_flushed_survives_a_kill_at_any_moment(tmp_path, count):
     code = """
@@ -178,6 +179,7 @@ def test_what_was_flushed_survives_a_kill_at_any_moment(tmp_path, count):
         assert reader.message_count == len(found)
 
 
+@pytest.mark.process
 def test_nothing_before_the_last_flush_is_lost_by_a_kill(tmp_path):
     code = """
         import os, signal, sys

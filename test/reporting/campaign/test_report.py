@@ -174,6 +174,7 @@ def test_what_cannot_be_told_is_not_tested():
     assert all(not finding.comparisons for finding in found)
 
 
+@pytest.mark.slow
 def test_reasons_are_given_only_where_a_verdict_differs():
     campaign = with_reasons({"ami_high": "the border is blurred"})
     assert findings(data(campaign, mse=fixed(1.0)))[0].reason == "the border is blurred"
@@ -193,6 +194,7 @@ def test_each_measure_counts_its_own_comparisons():
     ]
 
 
+@pytest.mark.slow
 def test_cases_are_told_apart():
     twice = CAMPAIGN.model_copy(
         update={
@@ -242,6 +244,7 @@ def fake(monkeypatch):
     return fake_mission.simulate
 
 
+@pytest.mark.slow
 def test_page_of_a_campaign(tmp_path, fake):
     experiments = [{"name": "a", "field": "synthetic-high", "strategy": ["greedy", "adaptive_sampling", "lattice"],
                     "dwell": ["fmi:300", "ami:0.03"]}]  # fmt: skip
@@ -281,6 +284,7 @@ def words_only(monkeypatch):
         monkeypatch.setattr(campaign_figures, name, lambda *_: object())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_only")
 def test_verdicts_and_numbers_in_the_page():
     def verdict(html, key):
@@ -299,6 +303,7 @@ def test_verdicts_and_numbers_in_the_page():
     assert verdict(render_campaign_report(data(mse=fixed(1.0))), "ami_low") == "confirmed"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_only")
 def test_missing_and_failed_missions_are_named():
     some = data(keep=lambda s: s.seed != 3)
@@ -337,6 +342,7 @@ def wide():
     return data(campaign, mse=lambda s: 1 + SEVEN.index(s.strategy) + 0.3 * dwells.index(s.dwell))
 
 
+@pytest.mark.slow
 def test_many_lines_can_be_told_apart(wide):
     strategies = campaign_figures.strategies_figure(wide, wide.cases[0]).axes[1]
     looks = {(line.get_color(), line.get_linestyle()) for line in strategies.get_lines()}
@@ -348,6 +354,7 @@ def test_many_lines_can_be_told_apart(wide):
         assert "Optimal" in {text.get_text() for text in axes.texts}
 
 
+@pytest.mark.slow
 def test_no_text_is_cut_off_or_written_over_another(wide):
     case = wide.cases[0]
     figures = [

@@ -97,6 +97,7 @@ def test_the_robot_is_seen_above_target_and_samples():
     assert pixels(view(target_xy=here, samples_xy=samples))[5][2] == "#ff8c00"
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     band=arrays(

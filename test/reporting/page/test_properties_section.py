@@ -34,6 +34,7 @@ def titles(figure):
     return [title for axes in figure.axes if (title := axes.get_title(loc="left"))]
 
 
+@pytest.mark.slow
 def test_it_has_the_files_of_the_first_by_its_name(mission, tmp_path):
     written = write_mission(tmp_path, mission, created_utc=NOW)
     assert tuple(path.name for path in written) == NAMES + MISSION_NAMES + SECOND
@@ -61,6 +62,7 @@ def test_an_older_mission_s_files_do_not_stay_beside_one_without_a_map(mission, 
     assert {path.name for path in tmp_path.iterdir()} == {"summary.json", *MISSION_NAMES}
 
 
+@pytest.mark.slow
 def test_both_are_shown_in_rows_of_small_maps(mission):
     run = mission_run(mission, NOW)
     second = second_run(run)
@@ -89,6 +91,7 @@ def test_without_a_second_map_there_is_nothing(mission):
     assert second_names(replace(mission, also=None)) == second_names(None) == ()
 
 
+@pytest.mark.slow
 def test_side_by_side_they_are_shown_where_a_truth_is_known(mission):
     run = mission_run(mission, NOW)
     nothing = np.full_like(run.truth_rate, np.nan)

@@ -125,6 +125,7 @@ def test_simulated_data_say_so(make_run, page):
     assert "SIMULATED DATA" in Page(render_report(make_run(simulated=True))).text
 
 
+@pytest.mark.slow
 def test_without_calibration(make_run, uncalibrated):
     page = Page(render_report(make_run(soil_map=uncalibrated, calibration=None)))
     assert ids(page)[0] == "rate"
@@ -133,6 +134,7 @@ def test_without_calibration(make_run, uncalibrated):
     assert "not calibrated" in page.text
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_only")
 def test_undefined_and_impossible_moisture_is_named(make_run, steep):
     text = Page(render_report(make_run(soil_map=steep))).text
@@ -150,6 +152,7 @@ def test_a_little_undefined_moisture_is_named(make_run, the_map):
     assert "below the calibration curve" in text
 
 
+@pytest.mark.slow
 def test_moisture_undefined_everywhere(make_run, map_of):
     run = make_run(soil_map=map_of(curve=CalibrationCurve(30.0, 1.4)))
     page = Page(render_report(run))
@@ -157,6 +160,7 @@ def test_moisture_undefined_everywhere(make_run, map_of):
     assert ids(page)[0] == "vwc"
 
 
+@pytest.mark.slow
 def test_one_sample_and_nothing_else(make_run, map_of):
     run = make_run(soil_map=map_of(n=1), track=(), inputs=(), corrections=(), losses=(), settings={}, warnings=())
     page = Page(render_report(run))
@@ -175,6 +179,7 @@ def test_fitted_variogram_and_truth(make_run, the_map):
     assert "×/÷" in page.text
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_only")
 def test_a_direction_is_told(make_run, the_map):
     s = the_map.samples

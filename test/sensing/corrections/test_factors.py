@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.sensing.corrections.factors import Corrections, absolute_humidity_gm3, effective_exposure
 
 
+@pytest.mark.slow
 @given(st.floats(500, 1100), st.floats(-30, 45), st.floats(0, 1))
 def test_factors_agree_with_an_independent_implementation(pressure, temperature, humidity):
     corrections = Corrections(beta_per_hpa=1 / 130, reference_pressure_hpa=980.0, reference_humidity_gm3=5.0)

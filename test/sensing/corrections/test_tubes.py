@@ -76,6 +76,7 @@ def test_shares_are_not_biased_by_tubes_that_fail_where_it_is_wet() -> None:
     np.testing.assert_allclose(tube_shares(wet + dry), true, atol=0.004)
 
 
+@pytest.mark.slow
 def test_rate_is_unbiased_and_poisson_with_tubes_missing() -> None:
     rng = np.random.default_rng(3)
     true = np.array([0.1, 0.2, 0.3, 0.4])
@@ -97,6 +98,7 @@ def test_no_shares(records) -> None:
         tube_shares(records)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     st.lists(

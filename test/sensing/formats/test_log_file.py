@@ -36,6 +36,7 @@ def write(tmp_path: Path, data: bytes) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("data", "message", "remedy"),
     [
@@ -132,6 +133,7 @@ def test_remarks_and_end_marks_are_no_problem(tmp_path) -> None:
     assert read_log(path, "thorvald_crs").problems == ()
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.binary(max_size=300))
 def test_any_file_is_read_or_refused(tmp_path_factory, data) -> None:

@@ -118,6 +118,7 @@ def test_format_of_the_real_log_is_detected(roving_record) -> None:
     assert detect_format(roving_record) == FORMATS["hydroinnova_rover"]
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.data())
 def test_damaged_real_lines_never_raise(data) -> None:
@@ -152,6 +153,7 @@ def check_record(record) -> None:
         assert abs(record.position.longitude_deg) <= 180
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(FORMATS))
 @settings(deadline=None)
 @given(
@@ -163,6 +165,7 @@ def test_any_bytes_never_raise(name, lines) -> None:
         check_record(parser.feed(one))
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     st.lists(

@@ -36,6 +36,7 @@ def records(draw) -> LoggerRecord:
     )
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(records())
 def test_what_is_written_is_read(record) -> None:

@@ -83,6 +83,7 @@ def test_never_raises_and_stays_within_its_neighbours(stamp_s, gap_s, stamps) ->
     assert position is None or 50 <= position.latitude_deg <= 51
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_fixes() -> None:
     track = Track([fix(float(second), 52 + second * 1e-7) for second in range(100_000)])
     start = time.perf_counter()

@@ -42,6 +42,7 @@ def records(batches):
     return [record for batch in batches for record in batch.records]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0, 300])
 def test_recordings_of_logger_and_receiver_are_played_in_step(speed, tmp_path):
     field = write_survey(tmp_path, 3, spacing_m=40.0, dwell_s=60.0)

@@ -144,6 +144,7 @@ def test_a_later_record_or_epoch_ends_the_waiting_as_the_clock_does():
     assert live.logger_problems.losses == 0
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
     live = survey()
@@ -167,6 +168,7 @@ def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
     assert live.waiting == 0
 
 
+@pytest.mark.slow
 @given(st.lists(st.binary(max_size=80), max_size=10))
 def test_no_line_can_bring_it_down_and_each_loss_is_counted(lines):
     live = survey()

@@ -177,6 +177,7 @@ def test_dwell_rules_are_those_of_a_mission(tmp_path):
         written(tmp_path / "d.yaml", text % "fmi:0.5")
 
 
+@pytest.mark.slow
 def test_tables(campaign, tmp_path, fake):
     outcome = run_campaign(campaign, tmp_path, fake, workers=0)
     assert outcome.complete
@@ -263,6 +264,7 @@ def test_damaged_files_are_computed_again(campaign, tmp_path, fake):
     assert paths[0].read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_changed_settings_and_code_do_not_mix(campaign, tmp_path, fake, monkeypatch):
     run_campaign(campaign, tmp_path, fake, workers=0)
     longer = written(tmp_path / "longer.yaml", SMALL.replace("hours: 1", "hours: 1.5"))
@@ -290,6 +292,7 @@ def test_a_failing_mission_does_not_end_the_campaign(campaign, tmp_path, fake):
     assert run_campaign(campaign, tmp_path, fake, workers=0).computed == 2
 
 
+@pytest.mark.slow
 def test_processes_do_not_change_the_results(campaign, tmp_path, fake):
     for workers in (0, 1, 2):
         assert run_campaign(campaign, tmp_path / str(workers), fake, workers).complete
@@ -301,6 +304,7 @@ def folder(path):
     return {item.name: item.read_bytes() for item in sorted([*(path / "runs").iterdir(), path / "results.csv"])}
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_takes_only_its_mission_along(tmp_path, monkeypatch):
     (tmp_path / "deadly.py").write_text(
         "import os, fake_mission\n"
@@ -320,6 +324,8 @@ def test_a_process_that_dies_takes_only_its_mission_along(tmp_path, monkeypatch)
     assert "died" in str(outcome.failures[0])
 
 
+@pytest.mark.process
+@pytest.mark.slow
 def test_ctrl_c_stops_the_processes(tmp_path):
     (tmp_path / "slow.py").write_text(
         "import time, sys\n"
@@ -354,6 +360,7 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     assert errors.count("Traceback") == 1
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same(campaign, tmp_path, fake):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

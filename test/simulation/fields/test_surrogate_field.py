@@ -255,6 +255,7 @@ def test_shapes(family, more, place, expected):
     np.testing.assert_allclose(values, expected, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["gaussian", "exponential", "matern32"])
 def test_random_fields_have_the_variance_and_correlation_of_their_model(model):
     x, y = np.arange(24.0), np.arange(18.0)

@@ -281,6 +281,7 @@ def test_a_raster_cut_along_the_boundary_is_complete(tmp_path):
     assert "of the field: x = 19 m, y = 13 m has none" in mistake.message
 
 
+@pytest.mark.slow
 def test_mistakes_in_geotiffs_are_named(tmp_path):
     path = write(tmp_path, "  grid: truth.tif\n")
     cases = [

@@ -19,6 +19,7 @@ def course(result):
     return [row[:8] for row in result.series], list(result.visits), list(result.records)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [QUICK, LOOKS_AHEAD, replace(QUICK, map_from="stops", dwell="fmi:60")])
 def test_a_second_property_without_weight_changes_nothing_of_the_first(settings):
     alone, beside = simulate_mission(settings), simulate_mission(replace(settings, also="rough", also_weight=0.0))
@@ -28,6 +29,7 @@ def test_a_second_property_without_weight_changes_nothing_of_the_first(settings)
     assert len(beside.also.records) == len(beside.records)
 
 
+@pytest.mark.slow
 def test_the_second_property_is_counted_where_and_when_the_first_is():
     result = simulate_mission(replace(LOOKS_AHEAD, also="rough", robots=2))
     assert result.also.field_title == "A rough random field"
@@ -52,6 +54,7 @@ def test_a_map_of_stops_has_the_counts_of_the_stops():
         assert counted == counts[(stamps_s >= begin_s) & (stamps_s <= end_s)].sum()
 
 
+@pytest.mark.slow
 def test_what_is_planned_for_both_is_another_plan_and_the_outputs_say_so(tmp_path):
     one, both = (
         simulate_mission(replace(LOOKS_AHEAD, hours=0.15, also="rough", also_weight=w)) for w in (0.0, 1.0)

@@ -20,6 +20,7 @@ def mission(**changes):
     return simulate_mission(MissionSettings(**{**usual, "dwell": "optimal", "map_from": "records", **changes}))
 
 
+@pytest.mark.slow
 def test_a_plan_that_weighs_time_reaches_more_than_the_published_one():
     good, published = mission(), mission(strategy="greedy", dwell="fmi:300", map_from="stops")
     best, other = mission_efficiency(good), mission_efficiency(published)
@@ -34,6 +35,7 @@ def test_without_a_map_there_is_no_figure():
     assert mission_efficiency(replace(short, soil_map=None)) is None
 
 
+@pytest.mark.slow
 def test_the_target_changes_where_the_time_goes():
     rate, moisture = mission(field="synthetic-high"), mission(field="synthetic-high", target="vwc")
     plan = mission_efficiency(moisture)

@@ -27,6 +27,7 @@ def bits(result):
     return repr(result.series), repr(result.visits), result.tracks[0].tobytes(), repr(result.records)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["greedy", "monte_carlo", "adaptive_sampling", "random", "lattice"])
 @pytest.mark.parametrize("preset", ["paper", "authors"])
 def test_every_strategy_maps_the_border(strategy, preset):
@@ -41,6 +42,7 @@ def test_every_strategy_maps_the_border(strategy, preset):
     assert np.nanmean((result.soil_map.rate - result.truth_rate) ** 2) == pytest.approx(last.mse, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_mission_is_determined_by_its_seed_in_any_process():
     settings = [replace(SHORT, strategy="monte_carlo", seed=seed, hours=0.5) for seed in (1, 2)]
     here = [bits(simulate_mission(each)) for each in settings]
@@ -60,6 +62,7 @@ def test_time_distance_and_samples_only_grow():
         assert after.mse_10s == pytest.approx(100 * after.mse, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_stops_are_counted_for_as_long_as_the_rule_says():
     fixed = simulate_mission(replace(SHORT, dwell="fmi:120")).visits
     # the record under way at the arrival is not counted
@@ -68,6 +71,7 @@ def test_stops_are_counted_for_as_long_as_the_rule_says():
     assert all(400 <= visit.raw_counts <= 470 for visit in adaptive[:-1])
 
 
+@pytest.mark.slow
 def test_the_weather_is_applied_and_undone():
     settings = replace(SHORT, strategy="random", hours=3.0, seed=4)
     result = simulate_mission(settings)
@@ -85,6 +89,7 @@ def test_the_weather_is_applied_and_undone():
     assert {r.effective_exposure_s for r in calm.records} == {10.0}
 
 
+@pytest.mark.slow
 def test_turning_and_overhead_cost_time_but_not_distance():
     easy = simulate_mission(replace(SHORT, strategy="lattice", stop_overhead_s=0.0))
     hard = simulate_mission(replace(SHORT, strategy="lattice", stop_overhead_s=60.0))
@@ -92,6 +97,7 @@ def test_turning_and_overhead_cost_time_but_not_distance():
     assert easy.series[-1].counting_s > hard.series[-1].counting_s
 
 
+@pytest.mark.slow
 def test_a_footprint_blurs_what_the_sensor_sees():
     base = MissionSettings(
         strategy="lattice", hours=2.0, dwell="fmi:300", fit="reml", variogram="matern32", cell_m=2.0
@@ -100,6 +106,7 @@ def test_a_footprint_blurs_what_the_sensor_sees():
     assert np.nanstd(blurred.rate) < np.nanstd(sharp.rate)
 
 
+@pytest.mark.slow
 def test_missions_over_a_graph_stop_at_its_nodes_and_drive_its_edges(tmp_path):
     field = surrogate_field("synthetic-high")
     graph = open_lattice(field.field, 10.0).graph
@@ -157,6 +164,7 @@ class Watched(_Simulation):
             self.held.append([target.name for target in targets if target is not None])
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(
     strategy=st.sampled_from(STRATEGIES),
@@ -176,6 +184,7 @@ def test_two_robots_never_hold_the_same_target(strategy, robots, seed, map_from,
     assert {visit.robot for visit in result.visits} == set(range(1, robots + 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("map_from", ["stops", "records"])
 def test_several_robots_share_one_map(map_from):
     base = replace(SHORT, hours=0.5, map_from=map_from, strategy="ivr")
@@ -200,6 +209,7 @@ def test_how_each_of_several_robots_ended_is_told():
     assert any("s  robot 2: plan: " in line for line in result.log)
 
 
+@pytest.mark.slow
 def test_a_field_of_its_own_for_each_seed():
     base = replace(SHORT, field="rough", hours=0.2)
     same = [simulate_mission(replace(base, seed=seed)).truth_rate for seed in (1, 2)]

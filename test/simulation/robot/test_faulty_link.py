@@ -123,6 +123,7 @@ damage = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(outage, max_size=4), st.lists(damage, max_size=5))
 def test_whatever_happens_time_and_records_stay_in_order(outages, damages):
     found = outputs(outages=outages, damages=damages)

@@ -51,6 +51,7 @@ def test_correcting_the_counts_undoes_the_weather(survey):
     assert processed.raw_counts.sum() == pytest.approx(expected.sum(), rel=4 / np.sqrt(expected.sum()))
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(tmp_path):
     for name in ("a", "b"):
         write_survey(tmp_path / name, seed=5)
