@@ -25,10 +25,13 @@ class Model:
     :param fit: the variogram and how it was fitted, ``None`` while there is none
     :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]; the ``samples`` of the same
         map carry the same time
+    :param cell_m: cell size of the map [m]: with the field it makes the map's grid, see :meth:`Field.grid`;
+        ``None`` in models of earlier versions
     """
 
     fit: VariogramFit | None
     stamp_s: float
+    cell_m: float | None = None
 
 
 def model_to_message(model: Model) -> String:
@@ -58,7 +61,7 @@ def model_from_message(message: String) -> Model:
 def _plain(model: Model) -> dict[str, Any]:
     fit = model.fit
     if fit is None:
-        return {"model": None, "n_samples": 0, "stamp_s": model.stamp_s}
+        return {"model": None, "n_samples": 0, "stamp_s": model.stamp_s, "cell_m": model.cell_m}
     return {
         "model": fit.variogram.model,
         "nugget": fit.variogram.nugget,
@@ -76,6 +79,7 @@ def _plain(model: Model) -> dict[str, Any]:
         **{name: [_number(value) for value in getattr(fit, name)] for name in _ARRAYS},
         "anisotropy": fit.variogram.anisotropy,
         "angle_deg": fit.variogram.angle_deg,
+        "cell_m": model.cell_m,
     }
 
 
@@ -83,8 +87,11 @@ def _model(content: Mapping[str, Any]) -> Model:
     stamp_s = float(content["stamp_s"])
     if not math.isfinite(stamp_s):
         raise ValueError(f"stamp_s must be finite, got {stamp_s}")
+    cell_m = None if content.get("cell_m") is None else float(content["cell_m"])
+    if cell_m is not None and not 0 < cell_m < math.inf:
+        raise ValueError(f"cell_m must be > 0 and finite, got {cell_m}")
     if content["model"] is None:
-        return Model(None, stamp_s)
+        return Model(None, stamp_s, cell_m)
     if content["method"] not in ("reml", "soft_l1"):
         raise ValueError(f"unknown method {content['method']!r}; known are reml, soft_l1")
     variogram = Variogram(
@@ -107,7 +114,7 @@ def _model(content: Mapping[str, Any]) -> Model:
         str(content["message"]),
         **{name: _array(content[name]) for name in _ARRAYS},
     )
-    return Model(fit, stamp_s)
+    return Model(fit, stamp_s, cell_m)
 
 
 def _number(value: float) -> float | None:

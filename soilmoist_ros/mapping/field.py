@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -65,7 +66,7 @@ class FieldFile(Section):
         return self
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Field:
     """A field in its own east-north plane.
 
@@ -83,15 +84,32 @@ class Field:
     cell_m: float | None = None
 
     def grid(self, cell_m: float | None = None, footprint_radius_m: float = 10.0) -> FieldGrid:
-        """Grid of the field.
+        """Grid of the field: the only place where one is laid, so that maps, stops and truth share their cells.
+
+        A field and a cell size make one grid. Whoever needs the cells of a map asks for the map's cell size.
 
         :param cell_m: cell size [m]; by default the field's own, else one chosen from its extent
         :param footprint_radius_m: radius of the sensor's footprint, for that choice [m]
-        :raises ValueError: if the field cannot be gridded with this cell size
+        :raises InputError: if the field cannot be gridded with this cell size
         """
         width, height = np.ptp(self.polygon, axis=0).tolist()
         chosen = cell_m or self.cell_m or default_cell_m((width, height), footprint_radius_m)
-        return FieldGrid.from_polygon(self.polygon, chosen, self.no_go)
+        try:
+            return _grid(self, chosen)
+        except ValueError as error:
+            raise InputError(
+                f"the field {self.name!r} cannot be gridded: {error}", "change the cell size"
+            ) from None
+
+    def __repr__(self) -> str:
+        width, height = np.ptp(self.polygon, axis=0).tolist()
+        return f"Field({self.name!r}, {width:.0f} m x {height:.0f} m, {len(self.no_go)} no-go areas)"
+
+
+@lru_cache(maxsize=8)
+def _grid(field: Field, cell_m: float) -> FieldGrid:
+    """Grid of a field; kept, as a campaign has the same field again and again."""
+    return FieldGrid.from_polygon(field.polygon, cell_m, field.no_go)
 
 
 def load_field(path: Path) -> Field:

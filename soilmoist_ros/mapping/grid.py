@@ -75,14 +75,14 @@ class FieldGrid:
         return cls(x_m, y_m, float(cell_m), mask, polygons, cut)
 
     @classmethod
-    def from_track(cls, xy: ArrayLike, margin_m: float, cell_m: float) -> FieldGrid:
+    def from_track(cls, xy: ArrayLike, margin_m: float, cell_m: float | None = None) -> FieldGrid:
         """Grid of what a track has seen: the convex hull of its points, widened by a margin.
 
         One point gives a disc, points on a line a strip with round ends.
 
         :param xy: places of the records, shape (n, 2), n >= 1 [m]
         :param margin_m: width of the margin, for example the footprint's radius [m], > 0
-        :param cell_m: side of a cell [m]
+        :param cell_m: side of a cell [m]; by default chosen from the extent, with the margin as footprint
         :raises ValueError: without a point, for a margin that is not positive, or as :meth:`from_polygon`
         """
         import shapely
@@ -93,7 +93,9 @@ class FieldGrid:
         if not (np.isfinite(margin_m) and margin_m > 0):
             raise ValueError(f"margin_m must be > 0 and finite, got {margin_m}")
         outline = shapely.MultiPoint(points).convex_hull.buffer(margin_m)
-        return cls.from_polygon(shapely.get_coordinates(outline.exterior), cell_m)
+        width, height = np.ptp(points, axis=0) + 2 * margin_m
+        chosen = cell_m or default_cell_m((width, height), margin_m)
+        return cls.from_polygon(shapely.get_coordinates(outline.exterior), chosen)
 
     @property
     def shape(self) -> tuple[int, int]:

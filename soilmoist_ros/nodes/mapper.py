@@ -124,7 +124,7 @@ class Mapper(Node):
         grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
         fit = None if soil_map is None else soil_map.fit
         self._samples.publish(samples_to_message(state.samples, stamp_s, frame))
-        self._model.publish(model_to_message(Model(fit, stamp_s)))
+        self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
 

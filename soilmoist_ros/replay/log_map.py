@@ -12,7 +12,6 @@ import numpy as np
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import (
     FieldGrid,
-    default_cell_m,
     estimate_variogram,
     make_soil_map,
     merge_records,
@@ -94,10 +93,7 @@ def map_logs(
     spread = np.array([ways.spread(record) for record in survey.records]).reshape(-1, 3)
     samples = merge_records(survey.xy_m, survey.raw_counts, survey.effective_exposure_s, radius_m, spread)
     samples = replace(samples, spread=samples.spread + footprint_spread(site.support_radius_m))
-    try:
-        grid = _grid(field, survey, site, settings.cell_m)
-    except ValueError as error:
-        raise InputError(f"the map cannot be laid out: {error}", "", settings.field) from None
+    grid = _grid(field, survey, site, settings.cell_m)
     progress(f"fitting the variogram of {len(samples)} samples", 0.0)
     fit = estimate_variogram(
         samples.xy,
@@ -177,9 +173,10 @@ def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
 def _grid(field: Field | None, survey: Survey, site: Site, cell_m: float | None) -> FieldGrid:
     if field is not None:
         return field.grid(cell_m, site.footprint_radius_m)
-    margin = site.footprint_radius_m
-    width, height = np.ptp(survey.xy_m, axis=0) + 2 * margin
-    return FieldGrid.from_track(survey.xy_m, margin, cell_m or default_cell_m((width, height), margin))
+    try:
+        return FieldGrid.from_track(survey.xy_m, site.footprint_radius_m, cell_m)
+    except ValueError as error:
+        raise InputError(f"the track cannot be gridded: {error}", "change the cell size") from None
 
 
 def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:

@@ -123,10 +123,7 @@ def open_survey(
         site_path = resource("sites", site)
         the_site = load_site(site_path)
         files.append(("site", site_path))
-    try:
-        grid = the_field.grid(cell_m or None, the_site.footprint_radius_m)
-    except ValueError as error:
-        raise InputError(f"the map cannot be laid out: {error}", "change the cell size", field_path) from None
+    grid = the_field.grid(cell_m or None, the_site.footprint_radius_m)
     settings = FieldMapSettings(
         model,
         fit,

@@ -13,7 +13,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.mission_run import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import PLACES_PER_RECORD, mission_grid, mission_map, start_stop
+from soilmoist_ros.simulation.mission.simulator import PLACES_PER_RECORD, mission_map, start_stop
 from soilmoist_ros.simulation.robot.faulty_link import FaultyLink, Reachable, Sent
 from soilmoist_ros.simulation.robot.scenario import Scenario
 from soilmoist_ros.simulation.robot.virtual_gnss import VirtualGnss
@@ -66,7 +66,7 @@ class VirtualSystem:
         self.start_s = start_s
         self.now_s = 0.0
         self.field, *beside = mission_fields(settings)
-        self.grid = mission_grid(self.field, settings.cell_m)
+        self.grid = self.field.field.grid(settings.cell_m)
         self.map = mission_map(self.field.field, self.grid, settings.graph)
         _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
         # The first four are those of a simulated mission.

@@ -81,3 +81,17 @@ def test_mistakes_in_geojson_are_named(tmp_path, content, message):
     (tmp_path / "f.geojson").write_text(content)
     with pytest.raises(InputError, match=message):
         load_field(write(tmp_path, "geojson: f.geojson\n"))
+
+
+def test_a_field_and_a_cell_size_make_one_grid(tmp_path):
+    field = load_field(write(tmp_path, SQUARE + "polygon: [[0,0],[250,0],[250,250],[0,250]]\n"))
+    of_mapper = field.grid(None, footprint_radius_m=40.0)
+    assert field.grid().cell_m != of_mapper.cell_m == 5.0, "the footprint decides"
+    assert field.grid(of_mapper.cell_m) is of_mapper, "with the cell size of a map, everybody has its grid"
+
+
+def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
+    field = load_field(write(tmp_path, "name: plot\n" + SQUARE + "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"))
+    with pytest.raises(InputError, match=r"the field 'plot' cannot be gridded: .* -> change the cell size"):
+        field.grid(500.0)
+    assert repr(field) == "Field('plot', 60 m x 50 m, 0 no-go areas)"

@@ -62,8 +62,8 @@ def assert_equal(found, wanted):
 @settings(deadline=None)
 @given(fits, st.floats(0, 2e9))
 def test_a_fit_comes_back_exactly(fit, stamp_s):
-    found = model_from_message(model_to_message(Model(fit, stamp_s)))
-    assert found.stamp_s == stamp_s
+    found = model_from_message(model_to_message(Model(fit, stamp_s, 2.5)))
+    assert (found.stamp_s, found.cell_m) == (stamp_s, 2.5)
     assert_equal(found.fit, fit)
 
 
@@ -81,9 +81,14 @@ def test_a_real_fit_has_the_promised_keys_and_is_strict_json(method):
 
 
 def test_no_model_is_told_too():
-    message = model_to_message(Model(None, 3.5))
-    assert json.loads(message.data) == {"model": None, "n_samples": 0, "stamp_s": 3.5}
-    assert model_from_message(message) == Model(None, 3.5)
+    message = model_to_message(Model(None, 3.5, 2.0))
+    assert json.loads(message.data) == {"model": None, "n_samples": 0, "stamp_s": 3.5, "cell_m": 2.0}
+    assert model_from_message(message) == Model(None, 3.5, 2.0)
+
+
+def test_models_of_earlier_versions_have_no_cell_size():
+    message = String(data=json.dumps({"model": None, "n_samples": 0, "stamp_s": 3.5}))
+    assert model_from_message(message) == Model(None, 3.5, None)
 
 
 def good(**changes):
@@ -112,6 +117,7 @@ def good(**changes):
         (good(log_sd=[1.0]), "values to unpack"),
         (good(lag_m=["far"]), "could not convert"),
         (good(stamp_s=math.nan), "stamp_s must be finite"),
+        (good(cell_m=0.0), "cell_m must be > 0"),
         (good(n_samples=math.inf), "a value of another kind"),
     ],
 )

@@ -325,7 +325,7 @@ def test_bad_input_is_told_with_a_remedy(tmp_path):
     refused("there is no model 'linear' -> choose one of: .*matern32", model="linear")
     refused("there is no fit 'ols'", fit="ols")
     refused("radius_m must be >= 0", merge_radius_m=-1.0)
-    refused("cannot be laid out", cell_m=900.0)
+    refused("cannot be gridded", cell_m=900.0)
     refused("half-wat", truth="half-wat")
 
 

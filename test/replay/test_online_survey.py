@@ -161,7 +161,7 @@ def test_without_a_site_there_is_a_rate_map():
 def test_mistakes_are_told_with_a_remedy():
     with pytest.raises(InputError, match=r"did you mean 'example'\?"):
         open_survey("exampel")
-    with pytest.raises(InputError, match=r"cannot be laid out: .*change the cell size"):
+    with pytest.raises(InputError, match=r"cannot be gridded: .*change the cell size"):
         open_survey("example", cell_m=500.0)
 
 

@@ -17,7 +17,6 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 
@@ -64,7 +63,7 @@ class Ways:
     def __init__(
         self, field: Field, motion: RobotMotion, graph: TravelGraph | None, margin_m: float = 0.0
     ) -> None:
-        self.grid = _grid(field)
+        self.grid = field.grid()
         self._named: tuple[Stop, ...]
         self.travel: TravelModel
         if graph is None:
@@ -109,14 +108,6 @@ def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -
         curve=settings.curve,
         kept_for_home_s=rules.way_home_s,
     )
-
-
-def _grid(field: Field) -> FieldGrid:
-    width, height = np.ptp(field.polygon, axis=0).tolist()
-    try:
-        return FieldGrid.from_polygon(field.polygon, field.cell_m or default_cell_m((width, height)), field.no_go)
-    except ValueError as error:
-        raise InputError(f"the field {field.name!r} cannot be gridded: {error}", "change its cell_m") from None
 
 
 def _inside(field: Field, graph: TravelGraph, margin_m: float) -> tuple[Stop, ...]:

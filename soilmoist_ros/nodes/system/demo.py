@@ -23,7 +23,6 @@ from soilmoist_ros.simulation.fields.field_files import write_field_file, write_
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.mission_run import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import mission_grid
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -84,7 +83,7 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
         raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
     field, *others = mission_fields(MissionSettings(field=settings.field, also=settings.also))
     parameters = _configure(settings, field, out)
-    grid = mission_grid(field)
+    grid = field.field.grid()
     truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
     also = property_name(settings.also) if settings.also else ""
     live = LiveMission(

@@ -13,7 +13,6 @@ from pydantic import model_validator
 from soilmoist_ros.foundation.configuration import Section, load_model
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.mapping.field import Field, FieldFile, load_field
-from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil
@@ -142,13 +141,11 @@ def truth_stamps(path: Path) -> tuple[int, ...]:
 
 def _cells(field: Field, path: Path) -> tuple[Array, Extent]:
     """Cell centres inside the field [m], and its box."""
-    size = np.ptp(field.polygon, axis=0)
     try:
-        cell = field.cell_m or default_cell_m((float(size[0]), float(size[1])))
-        grid = FieldGrid.from_polygon(field.polygon, cell, field.no_go)
-    except ValueError as error:
-        raise InputError([Mistake(str(error), "", path, 0, "cell_m")]) from None
-    return grid.cells, Extent.of(field.polygon, cell)
+        grid = field.grid()
+    except InputError as error:
+        raise InputError([Mistake(error.mistakes[0].message, "", path, 0, "cell_m")]) from None
+    return grid.cells, Extent.of(field.polygon, grid.cell_m)
 
 
 def _from_points(section: TruthSection, file: Path, path: Path, extent: Extent) -> tuple[Truth, Array, Array]:

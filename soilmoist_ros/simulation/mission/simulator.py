@@ -50,7 +50,7 @@ from soilmoist_ros.exploration.travel.topological_map import (
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
+from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields
@@ -137,7 +137,7 @@ class _Simulation:
                 "choose the target rate, or give the field a calibration",
             )
         self.field = field
-        self.grid = mission_grid(field, settings.cell_m)
+        self.grid = field.field.grid(settings.cell_m)
         self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
         self.channels = [Channel(field, self.grid, settings, field.curve)]
@@ -356,19 +356,6 @@ class _Simulation:
         )
 
 
-def mission_grid(field: SurrogateField, cell_m: float | None = None) -> FieldGrid:
-    """Grid of a surrogate field: with the given cell size, else the field's, else one chosen from its extent.
-
-    :raises InputError: if the field cannot be gridded with this cell size
-    """
-    width, height = np.ptp(field.polygon, axis=0).tolist()
-    chosen = cell_m or field.field.cell_m or default_cell_m((width, height))
-    try:
-        return _grid(field, chosen)
-    except ValueError as error:
-        raise InputError(f"the field {field.name!r} cannot be gridded: {error}", "change the cell size") from None
-
-
 def travel_and_stops(
     field: Field, grid: FieldGrid, motion: RobotMotion, settings: MissionSettings
 ) -> tuple[TravelModel, tuple[Stop, ...]]:
@@ -380,12 +367,6 @@ def travel_and_stops(
         return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
     graph = mission_map(field, grid, settings.graph).graph
     return GraphTravel(graph, motion), graph.stops
-
-
-@lru_cache(maxsize=4)
-def _grid(field: SurrogateField, cell_m: float) -> FieldGrid:
-    """A campaign has the same field again and again."""
-    return FieldGrid.from_polygon(field.polygon, cell_m, field.field.no_go)
 
 
 _cell_stops = lru_cache(maxsize=4)(cell_stops)

@@ -6,7 +6,6 @@ from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file, write_truth_file
-from soilmoist_ros.simulation.mission.simulator import mission_grid
 
 NO_GO = """
 name: "Holes: 'and' \\u00e4 \\"quotes\\""
@@ -42,7 +41,7 @@ def test_the_field_file_says_all_but_the_truth(field, tmp_path):
 
 
 def test_the_truth_file_is_the_same_field_again(field, tmp_path):
-    grid = mission_grid(field)
+    grid = field.field.grid()
     write_truth_file(field, grid, tmp_path / "truth.yaml")
     read = surrogate_field(str(tmp_path / "truth.yaml"))
     assert np.array_equal(read.rate_at(grid.cells), field.rate_at(grid.cells))

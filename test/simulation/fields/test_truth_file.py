@@ -385,7 +385,9 @@ def test_mistakes_in_the_field_file_are_named(tmp_path, truth, message):
 def test_a_cell_that_does_not_fit_the_field_is_named(tmp_path):
     field = FIELD.replace("cell_m: 2", "cell_m: 200")
     path = write(tmp_path, "  formula: {family: half, low: 3, high: 4}\n", field=field)
-    assert "field.yaml [cell_m]: a cell of 200 m is larger than the field" in str(mistakes_of(path)[0])
+    assert "cell_m]: the field 'unnamed field' cannot be gridded: a cell of 200 m is larger than the field" in str(
+        mistakes_of(path)[0]
+    )
 
 
 # By path, made once
