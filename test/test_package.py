@@ -92,7 +92,7 @@ def test_no_tracked_file_names_a_path_outside_the_clone():
         ("cli.main", {"numpy", "pydantic", "ruamel.yaml"}),
         ("mapping", {"pydantic", "ruamel.yaml"}),
         # what the nodes start with
-        ("sensing.survey.live_driver", {"mcap", "rosbags"}),
+        ("sensing.survey.driver", {"mcap", "rosbags"}),
         ("replay.online_survey", {"mcap", "rosbags", "soilmoist_ros.reporting"}),
         ("exploration.control.mission_control", {"mcap", "rosbags"}),
         ("recording.journal", {"numpy", "pydantic", "mcap", "rosbags"}),

@@ -267,7 +267,7 @@ def _calibration_rate(
 ) -> tuple[float, float]:
     from soilmoist_ros.replay.log_map import read_logs
     from soilmoist_ros.sensing.moisture.calibration import pooled_rate
-    from soilmoist_ros.sensing.survey.survey import corrected_counts
+    from soilmoist_ros.sensing.survey.logs import corrected_counts
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration either by --log or by --counts and --exposure")

@@ -24,7 +24,7 @@ from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.survey.live_driver import Batch, DriverSettings, LiveDriver
+from soilmoist_ros.sensing.survey.driver import Batch, Driver, DriverSettings
 
 _RELEASE_S = 0.1
 _DIAGNOSTICS_S = 1.0
@@ -36,7 +36,7 @@ class SensorDriver(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("sensor_driver")
         self._given = Parameters(self, PARAMETERS)
-        self._driver: LiveDriver | None = None
+        self._driver: Driver | None = None
         self._fault: InputError | None = None
         text = self._given.text
         outputs: dict[str, tuple[type, Any]] = {
@@ -114,7 +114,7 @@ class SensorDriver(LifecycleNode):
                 "write 'intensity: {reference: 150.0, constant: 150.0}' under 'corrections' in the site file",
             )
         settings: dict[str, Any] = {name: options[name] for name in SETTINGS}
-        self._driver = LiveDriver(DriverSettings(**settings), sensor, field.frame, self._now_s())
+        self._driver = Driver(DriverSettings(**settings), sensor, field.frame, self._now_s())
 
     def _activate(self) -> None:
         assert self._driver is not None  # it is configured
@@ -145,17 +145,17 @@ class SensorDriver(LifecycleNode):
 
     def _on_fix(self, message: NavSatFix) -> None:
         if self._driver is not None:
-            self._driver.survey.take_fix(fix_from_message(message))
+            self._driver.stream.take_fix(fix_from_message(message))
             self._step()
 
     def _on_intensity(self, message: Float64) -> None:
-        if self._driver is not None and not self._driver.survey.take_intensity(float(message.data)):
+        if self._driver is not None and not self._driver.stream.survey.take_intensity(float(message.data)):
             self.get_logger().warning(f"an intensity of {message.data:g} is not used")
 
     def _report(self) -> None:
         now_s = self._now_s()
         if self._driver is not None:
-            serial = self._driver.survey.parser.serial
+            serial = self._driver.stream.parser.serial
             parts = self._driver.health(now_s)
             name = self.get_fully_qualified_name()
             self._diagnostics.publish(diagnostics_to_message(parts, now_s, name, serial))

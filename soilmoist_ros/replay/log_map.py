@@ -31,7 +31,7 @@ from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Problem
-from soilmoist_ros.sensing.survey.survey import Survey, process_logs
+from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs
 
 Progress = Callable[[str, float], None]
 """Called with the step that is under way and the share of it that is done [0..1]."""
@@ -170,7 +170,7 @@ def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
     return track, problems
 
 
-def _grid(field: Field | None, survey: Survey, site: Site, cell_m: float | None) -> FieldGrid:
+def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float | None) -> FieldGrid:
     if field is not None:
         return field.grid(cell_m, site.footprint_radius_m)
     try:

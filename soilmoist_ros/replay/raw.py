@@ -19,7 +19,7 @@ from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Problem
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.survey.survey import process_logs
+from soilmoist_ros.sensing.survey.logs import process_logs
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.records import NAN, CountRecord
-from soilmoist_ros.sensing.survey.survey import process_logs
+from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission import simulator as mission_simulator

@@ -15,15 +15,20 @@ live time ``t`` the exposure is ``t``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 ITERATIONS = 100
 TOLERANCE = 1e-10
+REMEMBERED_RECORDS = 1000
+"""Records from which the shares of a running survey are estimated."""
+PRIOR_COUNTS = 100.0
+"""Counts of each tube that the assumption of equal tubes is worth: 10 % before any record has come."""
 
 
 def equal_shares(number_of_tubes: int) -> NDArray[np.float64]:
@@ -98,3 +103,39 @@ def combine_tubes(record: LoggerRecord, shares: Sequence[float] | NDArray[np.flo
     if len(live_times) == 1 and len(used) == sum(share > 0 for share in shares):
         return raw_counts, live_times.pop()  # exact, where the sum of the shares would round
     return raw_counts, math.fsum(share * live_s for _, live_s, share in used)
+
+
+class RunningShares:
+    """Shares of the tubes in the rate of the whole sensor, estimated from the records so far [-].
+
+    They matter only for a record in which a tube is missing: then the exposure is that of the tubes present, and
+    the rate remains that of *all* tubes, even if one tube has been missing from the start.
+    """
+
+    def __init__(self) -> None:
+        self._records: deque[LoggerRecord] = deque(maxlen=REMEMBERED_RECORDS)
+        self._shares: NDArray[np.float64] = np.empty(0)
+
+    def update(self, record: LoggerRecord, unused: Collection[int] = ()) -> NDArray[np.float64]:
+        """Take a record into account, and return the shares to use for it, shape (tubes,).
+
+        :param unused: positions of the tubes that are left out on purpose; their share is 0
+        """
+        tubes = len(record.tube_counts)
+        if tubes != len(self._shares):
+            self._records.clear()
+            self._shares = self._estimate(tubes, unused)
+        self._records.append(record)
+        used = [live_s for tube, live_s in enumerate(record.tube_live_s) if tube not in unused]
+        if len(set(used)) > 1 or any(math.isnan(live_s) for live_s in used):
+            self._shares = self._estimate(tubes, unused)
+        return self._shares
+
+    def _estimate(self, tubes: int, unused: Collection[int]) -> NDArray[np.float64]:
+        used = [tube not in unused for tube in range(tubes)]
+        alike = LoggerRecord(
+            NAN,
+            tuple(PRIOR_COUNTS if tube else NAN for tube in used),
+            tuple(1.0 if tube else NAN for tube in used),
+        )
+        return tube_shares([alike, *self._records])

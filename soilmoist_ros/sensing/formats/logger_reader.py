@@ -153,6 +153,14 @@ class RecordParser:
         return self._reader.layout if self._reader else None
 
     @property
+    def unused_tubes(self) -> frozenset[int]:
+        """Positions, within the counts of a record, of the tubes that the format leaves out on purpose."""
+        left_out = self.format.counts.left_out
+        if not left_out or self.layout is None:
+            return frozenset()
+        return frozenset(index for index, tube in enumerate(self.layout.tubes) if tube in left_out)
+
+    @property
     def missing_columns(self) -> tuple[str, ...]:
         """What the header lacks."""
         return self._bad_header.columns if self._bad_header else ()

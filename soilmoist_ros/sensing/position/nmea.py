@@ -29,11 +29,8 @@ from soilmoist_ros.sensing.gnss import (
     diagonal_covariance,
     horizontal_sd,
 )
-from soilmoist_ros.sensing.position.track import Track, interpolate_position
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
-
-__all__ = ["Fix", "FixStatus", "NmeaParser", "Track", "interpolate_position", "parse_nmea", "read_nmea"]
 
 DAY_S = 86_400.0
 MAX_SENTENCE = 512  # the standard allows 82 characters; receivers take more

@@ -1,25 +1,27 @@
-"""Logs of a survey -> corrected, geo-tagged counts, with an account of everything that was lost."""
+"""Records and positions of one probe, one by one -> corrected, geo-tagged counts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.tubes import tube_shares
-from soilmoist_ros.sensing.formats.logger_reader import LogFile
+from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
+from soilmoist_ros.sensing.corrections.weather import WeatherSeries
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Kind, Problem
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.sensing.survey.record_correction import (
+from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, Track
+from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.survey.correction import (
     UnusableRecordError,
-    Weather,
     correct_record,
     counting_interval_s,
     intensity_source,
@@ -27,218 +29,221 @@ from soilmoist_ros.sensing.survey.record_correction import (
     position_gap_s,
 )
 
-MAX_WEATHER_GAP_S = 1800.0
-"""Missing weather values are interpolated in time over gaps up to this long [s]."""
+MAX_FIXES = 20_000
+"""Positions that a survey in progress remembers: 5 h at 1 Hz, so that a receiver may be far ahead of a logger."""
+MAX_WEATHER_VALUES = 1000
+MAX_EDGE_TOLERANCE_S = 5.0
+"""Longest time between the middle of a counting interval and a single fix that gives its place [s]."""
+LINE_DELAY_S = 0.25
+"""Lines of the receiver may come this much later than the record to which they belong [s]."""
 
 
 @dataclass(frozen=True)
+class _Waiting:
+    """A corrected record that waits for its position.
+
+    :param raw: the record as it was logged
+    :param interval_s: duration of the counting interval [s]
+    :param clock_ahead_s: logger's clock minus GNSS time [s]
+    :param since_s: when the waiting began, monotonic time [s]
+    :param path: file of the record
+    """
+
+    record: CountRecord
+    raw: LoggerRecord
+    interval_s: float
+    clock_ahead_s: float
+    since_s: float
+    path: Path | None
+
+    @property
+    def middle_s(self) -> float:
+        return self.record.stamp_s - self.interval_s / 2
+
+
 class Survey:
-    """The processed logs of one survey.
+    """Corrects and places the records of one probe; files, links and replays use it alike.
 
-    :param records: corrected, geo-tagged records in order of time
-    :param frame: plane in which they lie
-    :param problems: everything that was dropped or kept with a reservation
-    :param tube_share: share of each tube in the rate of the whole sensor, shape (tubes,)
-    """
+    Records leave in the order in which they came. A record is placed where the receiver was at the middle of its
+    counting interval; it waits for a fix from after that. If none comes, a fix from within the interval is used.
+    Without other fixes, the positions that the logger itself has written are used.
 
-    records: tuple[CountRecord, ...]
-    frame: LocalFrame
-    problems: tuple[Problem, ...]
-    tube_share: NDArray[np.float64]
-
-    @property
-    def xy_m(self) -> NDArray[np.float64]:
-        """Places of the records, shape (n, 2) [m]."""
-        return np.array([(record.x_m, record.y_m) for record in self.records], dtype=float).reshape(-1, 2)
-
-    @property
-    def raw_counts(self) -> NDArray[np.float64]:
-        """Raw counts of the records, shape (n,)."""
-        return np.array([record.raw_counts for record in self.records], dtype=float)
-
-    @property
-    def effective_exposure_s(self) -> NDArray[np.float64]:
-        """Effective exposures of the records, shape (n,) [s]."""
-        return np.array([record.effective_exposure_s for record in self.records], dtype=float)
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """One record on its way through the survey."""
-
-    log: LogFile
-    record: LoggerRecord
-
-
-def process_logs(
-    logs: Sequence[LogFile],
-    site: Site,
-    frame: LocalFrame | None = None,
-    track: Track | None = None,
-) -> Survey:
-    """Correct and geo-tag the records of one probe.
-
-    :param logs: parsed logs, in any order
     :param site: corrections and tubes
-    :param frame: plane to place the records in; about the first position if ``None``
-    :param track: positions of a separate GNSS receiver; those of the logger are used if ``None``
-    :raises InputError: if the logs are of different probes, or not one record can be placed and corrected
+    :param frame: plane in which the records are placed
+    :param ahead: all records in order of time, if they are known already: then tube shares, weather and
+        positions of later records serve the earlier ones, too
+    :param track: positions of a separate receiver that are known already
+    :param tubes: number of tubes, if it is known already
+    :param fix_wait_s: longest time that a record waits for a fix [s]
+    :param keep_unplaced: whether a record without a position leaves with NaN for its place, or is lost
+    :param on_problem: called with each problem
+    :raises InputError: if the tube shares or the neutron-monitor file of the site cannot be used
     """
-    _require_one_probe(logs)
-    entries = sorted(
-        (_Entry(log, record) for log in logs for record in log.records), key=lambda entry: entry.record.stamp_s
-    )
-    problems = [problem for log in logs for problem in log.problems]
-    entries = _without_duplicates(entries, problems)
-    if not entries:
-        raise InputError(_all_lost(logs, problems))
-    shares = _shares([entry.record for entry in entries], site)
-    places = _positions(entries, site, track)
-    frame = frame or _frame_about(places)
-    weather = fill_weather([entry.record for entry in entries])
-    monitor = intensity_source(site.corrections)
-    records = []
-    for entry, position, air in zip(entries, places, weather, strict=True):
+
+    def __init__(
+        self,
+        site: Site,
+        frame: LocalFrame | None,
+        ahead: Sequence[LoggerRecord] | None = None,
+        track: Track | None = None,
+        *,
+        tubes: int | None = None,
+        fix_wait_s: float = 2.0,
+        keep_unplaced: bool = True,
+        on_problem: Callable[[Problem], None] = lambda problem: None,
+    ) -> None:
+        self.frame = frame
+        self._site, self._fix_wait_s = site, fix_wait_s
+        self._keep_unplaced, self._on_problem = keep_unplaced, on_problem
+        self._intensity = intensity_source(site.corrections)
+        self._running_shares = RunningShares()
+        self._grows = ahead is None
+        self._track = Track(max_positions=MAX_FIXES) if track is None else track
+        self._own = Track(max_positions=MAX_FIXES if self._grows else None)
+        self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
+        for record in ahead or ():
+            self._learn(record)
+        self.tube_share = _site_shares(site, len(ahead[0].tube_counts) if ahead else tubes)
+        """Share of each tube, shape (tubes,); ``None`` while it is estimated from the records so far."""
+        if self.tube_share is None and ahead:
+            self.tube_share = tube_shares(ahead)
+        self._last: LoggerRecord | None = None
+        self._waiting: deque[_Waiting] = deque()
+
+    def __repr__(self) -> str:
+        return f"Survey(site={self._site.name!r}, {len(self._track)} fixes, {self.waiting} records waiting)"
+
+    @property
+    def waiting(self) -> int:
+        """Number of records that wait for a fix."""
+        return len(self._waiting)
+
+    def take_record(
+        self,
+        record: LoggerRecord,
+        now_s: float = 0.0,
+        *,
+        clock_ahead_s: float = 0.0,
+        unused_tubes: Collection[int] = (),
+        path: Path | None = None,
+    ) -> None:
+        """Correct a record, and let it wait for its position; a record that cannot be corrected is lost.
+
+        :param record: the raw record
+        :param now_s: monotonic time [s]
+        :param clock_ahead_s: logger's clock minus GNSS time, as far as its own receiver tells [s]
+        :param unused_tubes: positions of the tubes that are left out on purpose
+        :param path: file of the record, for messages
+        """
+        if self._grows:
+            self._learn(record)
+        interval_s = counting_interval_s(record, self._last)
+        self._last = record
         try:
-            corrected = correct_record(entry.record, air, site, monitor, shares)
-            records.append(place_record(corrected, position, frame))
-        except UnusableRecordError as loss:
-            mistake = Mistake(loss.message, loss.remedy, entry.log.path, entry.record.line)
-            problems.append(Problem(loss.kind, mistake, lost=True))
-    if not records or frame is None:
-        raise InputError(_all_lost(logs, problems))
-    return Survey(tuple(records), frame, tuple(problems), shares)
+            corrected = self.correct(record, unused_tubes)
+        except UnusableRecordError as error:
+            self._report(error, record, path, lost=True)
+        else:
+            self._waiting.append(_Waiting(corrected, record, interval_s, clock_ahead_s, now_s, path))
 
+    def take_fix(self, fix: Fix) -> None:
+        """Take a fix of a separate receiver; also one that says that there is none."""
+        self._track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
 
-def fill_weather(records: Sequence[LoggerRecord]) -> list[Weather]:
-    """Weather at each record; short gaps are interpolated in time, long ones stay NaN.
+    def take_intensity(self, rate: float) -> bool:
+        """Take the present incoming intensity; returns whether it is used.
 
-    :param records: records in order of time
-    """
-    stamps = np.array([record.stamp_s for record in records], dtype=float)
-    columns = [
-        _fill(stamps, np.array([getattr(record, name) for record in records], dtype=float))
-        for name in ("pressure_hpa", "temperature_degc", "relative_humidity")
-    ]
-    return [Weather(*map(float, values)) for values in zip(*columns, strict=True)]
+        :param rate: rate of a neutron monitor, in the unit of the site's reference; used if positive and finite
+        """
+        good = self._site.corrections.intensity is not None and math.isfinite(rate) and rate > 0
+        if good:
+            self._intensity = rate
+        return good
 
+    def take_ready(self, now_s: float = math.inf) -> list[CountRecord]:
+        """Records that need not wait any longer, oldest first.
 
-def _fill(stamps: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    known = np.isfinite(values)
-    if known.all() or not known.any():
-        return values
-    at = stamps[known]
-    after = np.clip(np.searchsorted(at, stamps), 1, max(len(at) - 1, 1))
-    before_s, after_s = at[after - 1], at[np.minimum(after, len(at) - 1)]
-    inside = (stamps >= before_s) & (stamps <= after_s) & (after_s - before_s <= MAX_WEATHER_GAP_S)
-    nearest_s = np.minimum(np.abs(stamps - before_s), np.abs(stamps - after_s))
-    usable = inside | (nearest_s <= MAX_WEATHER_GAP_S / 2)
-    return np.asarray(np.where(known, values, np.where(usable, np.interp(stamps, at, values[known]), np.nan)))
+        :param now_s: monotonic time [s]; at infinity no record waits
+        """
+        ready = []
+        while self._waiting and self._may_go(self._waiting[0], now_s):
+            placed = self._placed(self._waiting.popleft())
+            ready += [] if placed is None else [placed]
+        return ready
 
+    def correct(self, record: LoggerRecord, unused_tubes: Collection[int] = ()) -> CountRecord:
+        """The record with its corrections, not yet placed.
 
-def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
-    """Raw counts and effective exposures [s] of all records, wherever they were taken, as for a calibration.
+        :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
+        """
+        shares = self._running_shares.update(record, unused_tubes) if self.tube_share is None else self.tube_share
+        return correct_record(record, self._weather.at(record), self._site, self._intensity, shares)
 
-    :raises InputError: if the logs are of different probes, or a record cannot be corrected
-    """
-    _require_one_probe(logs)
-    records = sorted((record for log in logs for record in log.records), key=lambda record: record.stamp_s)
-    if not records:
-        raise InputError(_all_lost(logs, [problem for log in logs for problem in log.problems]))
-    shares, monitor = _shares(records, site), intensity_source(site.corrections)
-    try:
-        corrected = [
-            correct_record(record, air, site, monitor, shares)
-            for record, air in zip(records, fill_weather(records), strict=True)
-        ]
-    except UnusableRecordError as loss:
-        raise InputError(loss.message, loss.remedy, logs[0].path) from None
-    return [record.raw_counts for record in corrected], [record.effective_exposure_s for record in corrected]
+    def position(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
+        """Position at the middle of a counting interval, ``None`` if it is not known.
 
+        :param record: the record at the end of the interval
+        :param interval_s: duration of the interval [s]
+        :param clock_ahead_s: logger's clock minus GNSS time [s]
+        """
+        middle_s, gap_s = record.stamp_s - interval_s / 2, position_gap_s(interval_s)
+        if self._track.reached_s > -math.inf:
+            tolerance_s = max(EDGE_TOLERANCE_S, min(interval_s / 2, MAX_EDGE_TOLERANCE_S))
+            place = self._track.at(middle_s - clock_ahead_s, gap_s, tolerance_s)
+        else:  # the logger's own positions have the time of its own clock
+            place = self._own.at(middle_s, gap_s)
+        if place is not None or record.position is not None:
+            return place or record.position
+        stand = self._site.location
+        if stand is None or len(self._track) or len(self._own):
+            return None
+        altitude_m = NAN if stand.altitude_m is None else stand.altitude_m
+        return Position(stand.latitude_deg, stand.longitude_deg, altitude_m)
 
-def _require_one_probe(logs: Sequence[LogFile]) -> None:
-    probes: dict[str, LogFile] = {}
-    for log in logs:
-        if log.serial:
-            probes.setdefault(log.serial, log)
-    if len(probes) > 1:
-        remedy = "map the logs of each probe on their own: probes differ in sensitivity"
-        raise InputError(
-            [Mistake(f"was written by probe {serial}", remedy, log.path) for serial, log in probes.items()]
+    def _learn(self, record: LoggerRecord) -> None:
+        """Remember what serves other records, too."""
+        self._weather.add(record)
+        if record.position is not None:
+            self._own.add(record.stamp_s, record.position)
+
+    def _may_go(self, waiting: _Waiting, now_s: float) -> bool:
+        if not len(self._track) and waiting.raw.position is not None:
+            return True
+        if self._track.fixed_s >= waiting.middle_s - waiting.clock_ahead_s:
+            return True
+        # The wait ends by the clock, or when receiver or logger have gone on without a fix.
+        enough_s = waiting.record.stamp_s + self._fix_wait_s
+        overtaken = self._last is not None and self._last.stamp_s >= enough_s
+        return (
+            now_s >= waiting.since_s + self._fix_wait_s
+            or self._track.reached_s >= enough_s - waiting.clock_ahead_s
+            or (overtaken and now_s >= waiting.since_s + LINE_DELAY_S)
         )
 
+    def _placed(self, waiting: _Waiting) -> CountRecord | None:
+        try:
+            position = self.position(waiting.raw, waiting.interval_s, waiting.clock_ahead_s)
+            return place_record(waiting.record, position, self.frame)
+        except UnusableRecordError as error:
+            self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
+            return waiting.record if self._keep_unplaced else None
 
-def _without_duplicates(entries: list[_Entry], problems: list[Problem]) -> list[_Entry]:
-    """Drop records that stand in two of the files."""
-    seen: dict[tuple[object, ...], _Entry] = {}
-    for entry in entries:
-        record = entry.record
-        # NaN differs from itself, so a missing tube is compared by its text.
-        key = (record.stamp_s, record.record_number, str(record.tube_counts))
-        first = seen.setdefault(key, entry)
-        if first is not entry:
-            message = f"repeats the record of {first.log.path}:{first.record.line}"
-            mistake = Mistake(message, "give every log once", entry.log.path, record.line)
-            problems.append(Problem(Kind.DUPLICATE, mistake, lost=True))
-    return list(seen.values())
+    def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
+        self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))
 
 
-def _shares(records: Sequence[LoggerRecord], site: Site) -> NDArray[np.float64]:
-    tubes = len(records[0].tube_counts)
-    if any(len(record.tube_counts) != tubes for record in records):
-        raise InputError("the logs have different numbers of tubes", "map the logs of each probe on their own")
+def _site_shares(site: Site, tubes: int | None) -> NDArray[np.float64] | None:
+    """Shares of the tubes in the site file, adding up to 1; ``None`` if it has none.
+
+    :param tubes: number of tubes of the logger, if it is known
+    """
     if site.tube_shares is None:
-        return tube_shares(records)
+        return None
     shares = np.array(site.tube_shares, dtype=float)
-    if len(shares) != tubes or shares.sum() <= 0:
+    if tubes not in (None, len(shares)) or shares.sum() <= 0:
+        have = "an unknown number of" if tubes is None else str(tubes)
         raise InputError(
-            f"'tube_shares' in the site file has {len(shares)} values, but the log has {tubes} tubes",
-            "give one share per tube, or leave it out to have them estimated",
+            f"'tube_shares' in the site file has {len(shares)} values, but the logger has {have} tubes",
+            "give one share per tube, not all 0, or leave it out to have them estimated",
         )
     return np.asarray(shares / shares.sum())
-
-
-def _positions(entries: Sequence[_Entry], site: Site, track: Track | None) -> list[Position | None]:
-    """Position at the middle of each counting interval."""
-    records = [entry.record for entry in entries]
-    # A logger's own positions carry its own clock; a separate receiver's carry GNSS time.
-    ahead_s = [0.0 if track is None else _clock_ahead_s(entry.log) for entry in entries]
-    if track is None:
-        own = [(record.stamp_s, record.position) for record in records if record.position is not None]
-        if not own and site.location is not None:
-            stand = site.location
-            altitude = math.nan if stand.altitude_m is None else stand.altitude_m
-            return [Position(stand.latitude_deg, stand.longitude_deg, altitude) for _ in records]
-        track = Track.from_positions(own)
-    places = []
-    for index, record in enumerate(records):
-        period_s = counting_interval_s(records[index], records[index - 1] if index else None)
-        middle_s = record.stamp_s - period_s / 2 - ahead_s[index]
-        place = track.at(middle_s, max_gap_s=position_gap_s(period_s))
-        places.append(place if place is not None else record.position)
-    return places
-
-
-def _clock_ahead_s(log: LogFile) -> float:
-    """What the logger's clock is ahead of GNSS time [s], as far as the log tells."""
-    return log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0
-
-
-def _frame_about(places: Sequence[Position | None]) -> LocalFrame | None:
-    known = [place for place in places if place is not None]
-    if not known:
-        return None
-    # Rounded to about 10 m, so that the datum can be written down and typed in again.
-    latitude = float(np.mean([place.latitude_deg for place in known]))
-    east = np.exp(1j * np.radians([place.longitude_deg for place in known]))
-    return LocalFrame(round(latitude, 4), round(math.degrees(float(np.angle(east.mean()))), 4))
-
-
-def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
-    """Why nothing is left, most frequent reason first, one example each."""
-    lost = [problem for problem in problems if problem.lost]
-    kinds = sorted({problem.kind for problem in lost}, key=lambda kind: -sum(p.kind == kind for p in lost))
-    examples = [next(problem.mistake for problem in lost if problem.kind == kind) for kind in kinds]
-    total = sum(len(log.records) for log in logs)
-    head = Mistake(f"not one of {total} records can be placed on a map", "see the reasons below")
-    return [head, *examples]

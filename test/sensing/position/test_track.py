@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
-from soilmoist_ros.sensing.position.track import Track, interpolate_position
+from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.records import Position
 
 
@@ -19,7 +19,7 @@ LINE = [fix(0.0, 52.0, 13.0, 30.0, 0.02), fix(10.0, 52.2, 13.1, 40.0, 0.05)]
 
 
 def test_linear_between_two_fixes() -> None:
-    position = interpolate_position(LINE, 2.5, 10.0)
+    position = Track(LINE).at(2.5, 10.0)
     assert position is not None
     assert position.latitude_deg == pytest.approx(52.05)
     assert position.longitude_deg == pytest.approx(13.025)

@@ -1,193 +1,134 @@
-import math
-from dataclasses import replace
-from datetime import UTC, datetime
-from pathlib import Path
+"""One survey: a file gives the records that the same data give as they come."""
 
-import numpy as np
+import math
+
 import pytest
-from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
-from soilmoist_ros.sensing.survey.survey import corrected_counts, fill_weather, process_logs
+from soilmoist_ros.sensing.survey.logs import process_logs
+from soilmoist_ros.sensing.survey.survey import MAX_EDGE_TOLERANCE_S, Survey
 
 NAN = math.nan
-T0 = datetime(2024, 5, 1, tzinfo=UTC).timestamp()
-NO_CORRECTIONS = Site(corrections={"pressure": None, "humidity": None})
+T0 = 1_714_557_600.0
+FRAME = LocalFrame(50.0, 10.0)
+UNCORRECTED = Site(corrections={"pressure": None, "humidity": None})
 
 
-def record(elapsed_s, counts=5.0, **values):
+def record(elapsed_s: float, **values) -> LoggerRecord:
     weather = {"pressure_hpa": 1000.0, "temperature_degc": 20.0, "relative_humidity": 0.5}
-    number = int(elapsed_s / 10) + 1
-    return LoggerRecord(
-        T0 + elapsed_s, (counts,) * 12, (10.0,) * 12, **{**weather, "record_number": number, **values}
-    )
+    number = round(elapsed_s / 10)
+    values = {"tube_counts": (5.0,) * 12, "record_number": number, **weather, **values}
+    return LoggerRecord(T0 + elapsed_s, tube_live_s=(10.0,) * 12, line=number, **values)
 
 
-def write_log(path: Path, records, serial="a"):
-    path.write_text("\n".join([format_header(serial), *map(format_record, records)]) + "\n")
-    return read_log(path, "thorvald_crs")
+def fix(elapsed_s: float, status: FixStatus = FixStatus.RTK) -> Fix:
+    latitude, longitude = FRAME.to_geographic((elapsed_s, 0.0))[0].tolist()
+    return Fix(T0 + elapsed_s, Position(latitude, longitude, 30.0), status)
 
 
-def track(*corners):
-    """A fix every 5 s between (elapsed time, latitude) corners."""
-    elapsed = np.arange(corners[0][0], corners[-1][0] + 1, 5.0)
-    points = zip(elapsed.tolist(), np.interp(elapsed, *zip(*corners, strict=True)).tolist(), strict=True)
-    return Track.from_positions((T0 + stamp, Position(latitude, 10.0)) for stamp, latitude in points)
+def from_file(tmp_path, records, fixes, site):
+    path = tmp_path / "survey.log"
+    path.write_text("\n".join([format_header("a"), *map(format_record, records)]) + "\n")
+    return process_logs([read_log(path, "thorvald_crs")], site, FRAME, Track(fixes))
 
 
-def test_real_roving_record_agrees_with_crnpy(roving_record):
-    log = read_log(roving_record, "hydroinnova_rover", "west")
-    site = Site(
-        longitude="west",
-        corrections={"pressure": {"beta_per_hpa": 1 / 130, "reference_hpa": 976.0}, "humidity": {}},
-    )
-    survey = process_logs([log], site)
-    placed = [r for r in log.records if r.position is not None]
-    assert len(survey.records) == len(placed) == 200
-    for ours, raw in zip(survey.records, placed, strict=True):
-        counts = sum(raw.tube_counts)
-        humidity = crnpy.abs_humidity(100 * raw.relative_humidity, raw.temperature_degc)
-        expected = counts / crnpy.correction_pressure(raw.pressure_hpa, 976.0, 130.0)
-        expected *= crnpy.correction_humidity(humidity, 0.0)
-        assert ours.corrected_rate * ours.exposure_s == pytest.approx(expected, rel=1e-3)
-        assert ours.raw_counts == counts
-    latitude, longitude = survey.frame.to_geographic(survey.xy_m).mean(axis=0)
-    assert (latitude, longitude) == (pytest.approx(38.72, abs=0.05), pytest.approx(-97.41, abs=0.05))
+def one_by_one(records, fixes, site):
+    """Records and fixes in order of time, none known before it comes."""
+    problems = []
+    survey = Survey(site, FRAME, fix_wait_s=30.0, keep_unplaced=False, on_problem=problems.append)
+    found = []
+    for _, one in sorted([(one.stamp_s, one) for one in [*records, *fixes]], key=lambda entry: entry[0]):
+        if isinstance(one, Fix):
+            survey.take_fix(one)
+        else:
+            survey.take_record(one, one.stamp_s)
+        found += survey.take_ready(one.stamp_s)
+    return found + survey.take_ready(), problems
 
 
-def test_moving_records_are_placed_at_the_middle_of_their_interval(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0 * k) for k in range(1, 6)])
-    north = process_logs([log], NO_CORRECTIONS, track=track((0, 50.0), (50, 50.005))).xy_m[:, 1]
-    np.testing.assert_allclose(np.diff(north), 111.2, atol=0.3)  # 0.001 deg of latitude
-    own = [record(10.0 * k, position=Position(50 + 1e-4 * k, 10.0)) for k in range(1, 6)]
-    placed = process_logs([replace_records(log, own)], NO_CORRECTIONS)
-    assert placed.frame.to_geographic(placed.xy_m)[2:, 0] == pytest.approx(
-        [50.00025, 50.00035, 50.00045], abs=1e-8
-    )
+SITES = {
+    "gap in the fixes": (
+        [record(10.0 * k) for k in range(1, 12)],
+        [fix(float(s)) for s in (*range(22), *range(70, 115))],
+        UNCORRECTED,
+    ),
+    "last fix within the interval": (
+        [record(10.0 * k) for k in range(1, 4)],
+        [fix(float(s)) for s in range(22)],
+        UNCORRECTED,
+    ),
+    "no pressure for 20 minutes": (
+        [record(10.0), record(1210.0, pressure_hpa=NAN)],
+        [fix(float(s)) for s in range(0, 1300, 5)],
+        Site(),
+    ),
+}
 
 
-def test_a_separate_track_is_joined_by_gnss_time_where_the_loggers_clock_is_off(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(200.0 + 10.0 * k) for k in range(1, 6)])
-    moving = track((0, 50.0), (60, 50.006))
-    with pytest.raises(InputError, match="not one of 5 records"):
-        process_logs([log], NO_CORRECTIONS, track=moving)
-    late = process_logs([replace(log, clock_offset_s=200.0)], NO_CORRECTIONS, track=moving)
-    expected = 50.0005 + 0.001 * np.arange(5)
-    assert late.frame.to_geographic(late.xy_m)[:, 0] == pytest.approx(expected, abs=1e-8)
+@pytest.mark.parametrize("case", SITES)
+def test_a_file_gives_what_the_same_data_give_one_by_one(case, tmp_path):
+    records, fixes, site = SITES[case]
+    wanted = from_file(tmp_path, records, fixes, site)
+    found, problems = one_by_one(records, fixes, site)
+    assert found == list(wanted.records)
+    assert [p.kind for p in problems] == [p.kind for p in wanted.problems if p.lost]
 
 
-def replace_records(log, records):
-    return replace(log, records=tuple(records))
+def test_a_single_fix_gives_the_place_within_the_interval_and_within_five_seconds():
+    def placed(interval_s, elapsed_s):
+        survey = Survey(UNCORRECTED, FRAME, keep_unplaced=False, track=Track([fix(elapsed_s)]))
+        survey.take_record(LoggerRecord(T0 + 1000.0, (5.0,), (interval_s,)))
+        return bool(survey.take_ready())
+
+    assert placed(10.0, 995.0 - 4.9)
+    assert not placed(10.0, 995.0 - 5.1)
+    assert placed(60.0, 970.0 - MAX_EDGE_TOLERANCE_S)
+    assert not placed(60.0, 970.0 - MAX_EDGE_TOLERANCE_S - 0.1)
 
 
-def test_a_stationary_probe_stands_where_the_site_file_says(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
-    site = Site(location={"latitude_deg": 50.0, "longitude_deg": 10.0}, corrections=NO_CORRECTIONS.corrections)
-    survey = process_logs([log], site)
-    np.testing.assert_allclose(survey.frame.to_geographic(survey.xy_m), [[50, 10], [50, 10]], atol=1e-9)
+def test_values_after_a_record_serve_it_when_all_records_are_known():
+    records = [record(10.0, pressure_hpa=NAN), record(20.0)]
+    assert Survey(Site(), FRAME, records).correct(records[0]).f_pressure != 1.0
+    problems = []
+    survey = Survey(Site(), FRAME, on_problem=problems.append)
+    survey.take_record(records[0])
+    assert [(problem.kind, problem.mistake.line) for problem in problems] == [(Kind.NO_CORRECTION, 1)]
 
 
-def test_a_log_without_any_position_says_so(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
-    with pytest.raises(InputError) as caught:
-        process_logs([log], NO_CORRECTIONS)
-    text = str(caught.value)
-    assert "not one of 2 records can be placed" in text
-    assert "--nmea" in text
-    assert "a.log" in text
+def test_a_record_without_a_place_is_kept_or_lost_as_wanted():
+    for keep in (True, False):
+        problems = []
+        survey = Survey(UNCORRECTED, FRAME, keep_unplaced=keep, on_problem=problems.append)
+        survey.take_record(record(10.0))
+        assert len(survey.take_ready()) == keep
+        assert [(problem.kind, problem.lost) for problem in problems] == [(Kind.NO_POSITION, not keep)]
 
 
-def test_records_without_a_position_are_lost_and_counted(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0 * k) for k in range(1, 40)])
-    survey = process_logs([log], NO_CORRECTIONS, track=track((0, 50.0), (100, 50.001)))
-    lost = [problem for problem in survey.problems if problem.lost]
-    assert len(survey.records) + len(lost) == 39
-    assert {problem.kind for problem in lost} == {Kind.NO_POSITION}
-    assert 9 <= len(survey.records) <= 11
+def test_the_middle_of_the_interval_is_joined_by_gnss_time():
+    survey = Survey(UNCORRECTED, FRAME, track=Track([fix(float(s)) for s in range(100)]))
+    survey.take_record(record(50.0), clock_ahead_s=20.0)
+    assert survey.take_ready()[0].x_m == pytest.approx(25.0, abs=1e-6)
+    # up to 1.5 live times the interval begins at the record before, after a longer pause it is the live time
+    survey.take_record(record(64.9))
+    assert survey.take_ready()[0].x_m == pytest.approx(57.45, abs=1e-6)
+    survey.take_record(record(80.0))
+    assert survey.take_ready()[0].x_m == pytest.approx(75.0, abs=1e-6)
 
 
-def test_logs_of_two_probes_are_refused(tmp_path):
-    logs = [write_log(tmp_path / f"{name}.log", [record(10.0)], serial=name) for name in ("p1", "p2")]
-    with pytest.raises(InputError, match="was written by probe p1") as caught:
-        process_logs(logs, NO_CORRECTIONS)
-    assert [mistake.path.name for mistake in caught.value.mistakes] == ["p1.log", "p2.log"]
+def test_logs_without_a_count_are_refused():
+    with pytest.raises(ValueError, match="nothing was counted"):
+        Survey(UNCORRECTED, FRAME, [record(10.0, tube_counts=(0.0,) * 12)])
 
 
-def test_two_files_of_one_probe_join_in_order_of_time_and_without_repeats(tmp_path):
-    first = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
-    second = write_log(tmp_path / "b.log", [record(20.0), record(30.0)])
-    survey = process_logs([second, first], NO_CORRECTIONS, track=track((0, 50.0), (30, 50.0)))
-    assert [r.stamp_s - T0 for r in survey.records] == [10.0, 20.0, 30.0]
-    assert [problem.kind for problem in survey.problems] == [Kind.DUPLICATE]
-
-
-def test_missing_weather_is_bridged_over_short_gaps_only():
-    records = [record(0.0), record(600.0, pressure_hpa=NAN), record(1200.0, pressure_hpa=1010.0)]
-    assert fill_weather(records)[1].pressure_hpa == pytest.approx(1005.0)
-    far = [record(0.0), record(5000.0, pressure_hpa=NAN), record(10000.0, pressure_hpa=1010.0)]
-    assert math.isnan(fill_weather(far)[1].pressure_hpa)
-    none = [record(0.0, pressure_hpa=NAN), record(10.0, pressure_hpa=NAN)]
-    assert all(math.isnan(air.pressure_hpa) for air in fill_weather(none))
-
-
-def test_records_that_cannot_be_corrected_are_lost_with_the_remedy(tmp_path):
-    records = [record(10.0), *[record(4000.0 + 10 * k, pressure_hpa=NAN) for k in range(3)]]
-    log = write_log(tmp_path / "a.log", records)
-    survey = process_logs([log], Site(), track=track((0, 50.0), (5000, 50.0)))
-    assert len(survey.records) <= 1
-    lost = [problem for problem in survey.problems if problem.kind is Kind.NO_CORRECTION]
-    assert len(lost) == 3
-    assert "pressure_hpa must be positive" in str(lost[0].mistake)
-    assert "write null" in lost[0].mistake.remedy
-
-
-def test_a_dead_tube_changes_the_exposure_not_the_rate(tmp_path):
-    rng = np.random.default_rng(1)
-    whole = [
-        LoggerRecord(T0 + 10.0 * k, tuple(map(float, rng.poisson(5.0, 12))), (10.0,) * 12) for k in range(1, 400)
-    ]
-    dead = [
-        LoggerRecord(r.stamp_s, (NAN, *r.tube_counts[1:]), (NAN, *r.tube_live_s[1:]))
-        if r.stamp_s > T0 + 2000
-        else r
-        for r in whole
-    ]
-    paths = track((0, 50.0), (4000, 50.0))
-    survey = process_logs([write_log(tmp_path / "a.log", dead)], NO_CORRECTIONS, track=paths)
-    early = survey.effective_exposure_s[:150]
-    late = survey.effective_exposure_s[-150:]
-    assert early == pytest.approx(10.0)
-    assert late == pytest.approx(10.0 * 11 / 12, rel=0.03)
-    rate = survey.raw_counts[-150:].sum() / late.sum()
-    assert rate == pytest.approx(6.0, rel=0.03)
-
-
-def test_tube_shares_of_the_site_file_are_used(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0)])
-    bad = Site(tube_shares=[1.0, 1.0], corrections=NO_CORRECTIONS.corrections)
-    with pytest.raises(InputError, match="has 2 values, but the log has 12 tubes"):
-        process_logs([log], bad, track=track((0, 50.0), (10, 50.0)))
-
-
-def test_intensity_comes_from_a_neutron_monitor_file(tmp_path):
-    (tmp_path / "monitor.csv").write_text("2024-05-01 00:00:00;100\n2024-05-01 01:00:00;100\n")
-    (tmp_path / "site.yaml").write_text(
-        "corrections: {pressure: null, humidity: null, intensity: {reference: 150, file: monitor.csv}}\n"
-    )
-    site = load_site(tmp_path / "site.yaml")
-    log = write_log(tmp_path / "a.log", [record(10.0), record(7200.0)])
-    survey = process_logs([log], site, track=track((0, 50.0), (7200, 50.0)))
-    assert [r.f_intensity for r in survey.records] == [1.5]
-    assert [p.kind for p in survey.problems if p.lost] == [Kind.NO_CORRECTION]
-
-
-def test_counts_for_a_calibration_need_no_position(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
-    counts, exposure = corrected_counts([log], NO_CORRECTIONS)
-    assert (counts, exposure) == ([60, 60], [10.0, 10.0])
+def test_tube_shares_that_do_not_fit_are_refused_at_once():
+    with pytest.raises(InputError, match="has 2 values, but the logger has 3 tubes"):
+        Survey(UNCORRECTED.model_copy(update={"tube_shares": [0.5, 0.5]}), FRAME, tubes=3)
+    assert repr(Survey(UNCORRECTED, FRAME)) == "Survey(site='unnamed site', 0 fixes, 0 records waiting)"

@@ -5,7 +5,7 @@ from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.survey.survey import process_logs
+from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.robot.virtual_survey import serpentine, simulate_log, stop_and_go, write_survey
 

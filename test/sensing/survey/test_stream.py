@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.running_shares import RunningShares
+from soilmoist_ros.sensing.corrections.tubes import RunningShares
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
@@ -22,8 +22,9 @@ from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
-from soilmoist_ros.sensing.survey.live_survey import OTHER_WAY_S, LiveSurvey
-from soilmoist_ros.sensing.survey.survey import process_logs
+from soilmoist_ros.sensing.survey.logs import process_logs
+from soilmoist_ros.sensing.survey.stream import SensorStream
+from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S
 from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
 from soilmoist_ros.simulation.robot.virtual_survey import START_S, write_survey
 
@@ -57,7 +58,7 @@ def fix(elapsed_s, x_m=0.0, status=FixStatus.RTK):
 
 
 def survey(site=UNCORRECTED, logger=FORMAT, **options):
-    return LiveSurvey(site, FRAME, logger, **options)
+    return SensorStream(site, FRAME, logger, **options)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +87,7 @@ def statistics(one):
 def test_the_same_records_as_from_the_files_however_late_the_fixes_are(simulated, late_s):
     frame, site, log, fixes, lines = simulated
     wanted = process_logs([log], site, frame, Track(fixes)).records
-    live = LiveSurvey(site, frame, FORMAT, fix_wait_s=60.0)
+    live = SensorStream(site, frame, FORMAT, fix_wait_s=60.0)
     found = []
     for stamp_s, source, text in sorted(lines, key=lambda entry: entry[0] + late_s * (entry[1] == 0)):
         if source:
@@ -106,7 +107,7 @@ def test_a_record_waits_for_the_first_fix_after_its_middle():
     live = survey()
     live.take_fix(fix(1.0, 1.0))
     live.take_logger_line(line(record(1)), 100.0)
-    assert (live.take_ready(100.0), live.waiting) == ([], 1)
+    assert (live.take_ready(100.0), live.survey.waiting) == ([], 1)
     live.take_fix(fix(4.9, 4.9))
     assert live.take_ready(101.0) == []
     live.take_fix(fix(6.0, 6.0))
@@ -130,8 +131,8 @@ def test_a_later_record_or_epoch_ends_the_waiting_as_the_clock_does():
     live.take_logger_line(line(record(1)), 0.0)
     assert live.take_ready(0.0) == []
     live.take_logger_line(line(record(2)), 0.0)
-    assert live.take_ready(OTHER_WAY_S - 0.01) == []  # its fixes may be on their way
-    assert [one.stamp_s - T0 for one in live.take_ready(OTHER_WAY_S)] == [10.0]
+    assert live.take_ready(LINE_DELAY_S - 0.01) == []  # its fixes may be on their way
+    assert [one.stamp_s - T0 for one in live.take_ready(LINE_DELAY_S)] == [10.0]
     live.take_fix(fix(21.9, status=FixStatus.NO_FIX))
     assert live.take_ready(0.0) == []
     live.take_fix(fix(22.0, status=FixStatus.NO_FIX))
@@ -165,7 +166,7 @@ def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
     found += live.take_ready(now_s + 2.0)
     assert [one.stamp_s for one in found] == [T0 + 10.0 * k for k in range(1, number + 1)]
     assert all(math.isnan(one.x_m) or abs(one.x_m) <= 50.001 for one in found)
-    assert live.waiting == 0
+    assert live.survey.waiting == 0
 
 
 @pytest.mark.slow
@@ -190,7 +191,7 @@ def test_repeated_records_are_dropped_and_are_no_loss():
         live.take_logger_line(line(record(number)), 0.0)
     assert len(live.take_ready(9.0)) == 2
     assert live.logger_problems.lost == {Kind.DUPLICATE: 1}
-    assert (live.logger_problems.losses, live.losses_of_late) == (0, 0)
+    assert (live.logger_problems.losses, live.recent_losses) == (0, 0)
 
 
 def test_missing_weather_is_that_of_before_but_not_of_long_ago():
@@ -215,7 +216,7 @@ def test_the_loggers_own_positions_serve_as_from_a_file(roving_record):
     log = read_log(path, logger, "west")
     wanted = process_logs([log], site).records
     frame = process_logs([log], site).frame
-    live = LiveSurvey(site, frame, logger)
+    live = SensorStream(site, frame, logger)
     found = []
     for text in path.read_bytes().splitlines():
         live.take_logger_line(text, 0.0)
@@ -249,12 +250,12 @@ def test_a_stationary_probe_stands_where_the_site_file_says():
 def test_intensity_comes_from_outside_if_it_is_good():
     site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}})
     live = survey(site)
-    assert [live.take_intensity(rate) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
+    assert [live.survey.take_intensity(rate) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
     live.take_logger_line(line(record(1)), 0.0)
-    assert live.take_intensity(100.0)
+    assert live.survey.take_intensity(100.0)
     live.take_logger_line(line(record(2)), 0.0)
     assert [one.f_intensity for one in live.take_ready(9.0)] == [1.0, 1.5]
-    assert not survey().take_intensity(100.0)  # the site says nothing of intensity
+    assert not survey().survey.take_intensity(100.0)  # the site says nothing of intensity
 
 
 def test_intensity_comes_from_a_monitor_file(tmp_path):
@@ -273,9 +274,9 @@ def test_a_tube_that_fails_changes_the_exposure_and_not_the_rate():
     running = RunningShares()
     for number in range(600):
         counts = rng.poisson(6.0 * 10 * shares).astype(float)
-        running.take(record(number, tube_counts=tuple(counts.tolist())))
+        running.update(record(number, tube_counts=tuple(counts.tolist())))
     broken = record(600, tube_counts=(NAN, *[5.0] * 11), tube_live_s=(NAN, *[10.0] * 11))
-    estimate = running.take(broken)
+    estimate = running.update(broken)
     assert estimate.sum() == pytest.approx(1)
     assert estimate[0] == pytest.approx(shares[0], rel=0.15)
     assert np.corrcoef(estimate, shares)[0, 1] > 0.5
@@ -355,6 +356,6 @@ def test_the_header_tells_the_serial_number_also_later_on():
 
 def test_a_new_number_of_tubes_starts_the_shares_again():
     running = RunningShares()
-    assert running.take(record(1)).tolist() == pytest.approx([1 / 12] * 12)
+    assert running.update(record(1)).tolist() == pytest.approx([1 / 12] * 12)
     two = replace(record(2), tube_counts=(5.0, NAN), tube_live_s=(10.0, NAN))
-    assert running.take(two).tolist() == pytest.approx([0.5, 0.5], abs=0.05)
+    assert running.update(two).tolist() == pytest.approx([0.5, 0.5], abs=0.05)

@@ -12,7 +12,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.survey.live_driver import DriverSettings, LiveDriver
+from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
 LIMIT_S = 20.0
@@ -48,7 +48,7 @@ def test_recordings_of_logger_and_receiver_are_played_in_step(speed, tmp_path):
     field = write_survey(tmp_path, 3, spacing_m=40.0, dwell_s=60.0)
     uris = [f"{(tmp_path / name).as_uri()}?speed={speed}" for name in ("survey.log", "survey.nmea")]
     settings = DriverSettings(uris[0], FORMAT, uris[1], fix_wait_s=60.0)
-    driver = LiveDriver(settings, load_site(tmp_path / "site.yaml"), field.frame)
+    driver = Driver(settings, load_site(tmp_path / "site.yaml"), field.frame)
     log = (tmp_path / "survey.log").read_bytes().splitlines()
     number = sum(not text.startswith(b"#") for text in log)
     with started(driver):
@@ -64,7 +64,7 @@ def test_it_is_woken_for_what_comes_and_not_for_every_line(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as server:
         host, port = server.getsockname()
         woken = threading.Semaphore(0)
-        driver = LiveDriver(DriverSettings(f"tcp://{host}:{port}", FORMAT), Site(), LocalFrame(50, 10))
+        driver = Driver(DriverSettings(f"tcp://{host}:{port}", FORMAT), Site(), LocalFrame(50, 10))
         with started(driver, woken.release), server.accept()[0] as client:
             client.sendall(b"a\n" * 700)
             assert woken.acquire(timeout=LIMIT_S)
@@ -90,4 +90,4 @@ def test_it_is_woken_for_what_comes_and_not_for_every_line(tmp_path):
 def test_what_cannot_be_used_is_told_at_once(changes, said):
     values = {"logger_uri": "tcp://127.0.0.1:1", "logger_format": FORMAT, **changes}
     with pytest.raises(InputError, match=said):
-        LiveDriver(DriverSettings(**values), Site(), LocalFrame(50, 10))
+        Driver(DriverSettings(**values), Site(), LocalFrame(50, 10))

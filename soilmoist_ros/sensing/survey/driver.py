@@ -20,8 +20,8 @@ from soilmoist_ros.sensing.links.recording import PlaybackClock
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
-from soilmoist_ros.sensing.survey.live_health import fix_health, link_health, records_health
-from soilmoist_ros.sensing.survey.live_survey import LiveSurvey
+from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, records_health
+from soilmoist_ros.sensing.survey.stream import SensorStream
 
 LINES_PER_STEP = 500
 """Lines taken at once, so that other work gets its turn after a jam."""
@@ -66,7 +66,7 @@ class Batch:
     more: bool
 
 
-class LiveDriver:
+class Driver:
     """Reads the devices in threads of its own; everything else is done by whoever calls, in one thread at a time.
 
     :param settings: what to read
@@ -80,7 +80,9 @@ class LiveDriver:
         self._settings = settings
         self._site = site
         self._reference_stamp_s = now_s if now_s > 0 else NAN
-        self.survey = LiveSurvey(site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s)
+        self.stream = SensorStream(
+            site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s
+        )
         self._open_all()  # only to see that the addresses can be used: nothing is connected yet
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()
@@ -115,18 +117,18 @@ class LiveDriver:
         steady_s = time.monotonic()
         # Fixes first, all of them: a record that came with them need not wait for them.
         gnss_lines = self._lines(GNSS)
-        fixes = [fix for line in gnss_lines if (fix := self.survey.take_nmea_line(line)) is not None]
+        fixes = [fix for line in gnss_lines if (fix := self.stream.take_nmea_line(line)) is not None]
         jammed = len(gnss_lines) == LINES_PER_STEP
         logger_lines = [] if jammed else self._lines(LOGGER)
         readings = []
         for line in logger_lines:
-            reading = self.survey.take_logger_line(line, steady_s)
+            reading = self.stream.take_logger_line(line, steady_s)
             if reading is not None:
                 readings.append(reading)
                 if now_s > 0:
-                    self.survey.compare_clocks(reading.stamp_s, now_s)
+                    self.stream.compare_clocks(reading.stamp_s, now_s)
         more = jammed or len(logger_lines) == LINES_PER_STEP
-        return Batch(logger_lines, gnss_lines, fixes, readings, self.survey.take_ready(steady_s), more)
+        return Batch(logger_lines, gnss_lines, fixes, readings, self.stream.take_ready(steady_s), more)
 
     def health(self, now_s: float) -> list[Health]:
         """How all parts are doing.
@@ -136,7 +138,7 @@ class LiveDriver:
         if not self._readers:
             return [Health("driver", Level.STALE, "not active: nothing is read")]
         parts = [link_health(f"{name} link", reader.status) for name, reader in self._readers.items()]
-        return [*parts, records_health(self.survey, now_s), fix_health(self.survey, now_s)]
+        return [*parts, records_health(self.stream, now_s), fix_health(self.stream, now_s)]
 
     def _lines(self, name: str) -> list[bytes]:
         reader = self._readers.get(name)
@@ -145,7 +147,7 @@ class LiveDriver:
     def _open_all(self) -> dict[str, LineSource]:
         settings, playback = self._settings, PlaybackClock()
         retry = Retry(silence_s=settings.silence_limit_s)
-        parser = RecordParser(self.survey.parser.format, self._site.longitude, on_problem=lambda problem: None)
+        parser = RecordParser(self.stream.parser.format, self._site.longitude, on_problem=lambda problem: None)
 
         def logger_stamp(line: bytes) -> float | None:
             record = parser.feed(line)

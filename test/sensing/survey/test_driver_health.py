@@ -11,8 +11,8 @@ from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import LoggerRecord, Position
-from soilmoist_ros.sensing.survey.live_health import fix_health, link_health, records_health
-from soilmoist_ros.sensing.survey.live_survey import LiveSurvey
+from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, records_health
+from soilmoist_ros.sensing.survey.stream import SensorStream
 
 T0 = 1.78e9
 NAN = math.nan
@@ -21,7 +21,7 @@ NAN = math.nan
 @pytest.fixture
 def survey():
     site = Site(corrections={"pressure": None, "humidity": None})
-    return LiveSurvey(site, LocalFrame(50.0, 10.0), "thorvald_crs")
+    return SensorStream(site, LocalFrame(50.0, 10.0), "thorvald_crs")
 
 
 def count(survey, number, late_s=0.0):

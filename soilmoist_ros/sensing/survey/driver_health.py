@@ -1,4 +1,4 @@
-"""How the links, the logger and the GNSS receiver of a live survey are doing, in words and numbers."""
+"""How the links, the logger and the GNSS receiver are doing, in words and numbers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.survey.live_survey import LAST_RECORDS, LiveSurvey
+from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
 CLOCK_TOLERANCE_S = 5.0
 """Clocks that differ by more are told of [s]."""
@@ -50,21 +50,21 @@ def link_health(name: str, status: LinkStatus) -> Health:
     return Health(name, level, message, values)
 
 
-def records_health(survey: LiveSurvey, now_s: float) -> Health:
+def records_health(stream: SensorStream, now_s: float) -> Health:
     """How the records come.
 
-    :param survey: the survey
+    :param stream: the lines and their records
     :param now_s: time [s since 1970 UTC]
     """
-    problems, last = survey.logger_problems, survey.last_record
-    difference_s = survey.clock_difference_s
+    problems, last = stream.logger_problems, stream.last_record
+    difference_s = stream.clock_difference_s
     values = {
-        "logger": survey.parser.format.title,
-        "serial number": survey.parser.serial or "unknown",
-        "records": str(survey.records_out),
-        "records waiting for a fix": str(survey.waiting),
-        "records without a position": str(survey.records_without_position),
-        "records per minute": _number(60 * survey.record_rate_hz, 2),
+        "logger": stream.parser.format.title,
+        "serial number": stream.parser.serial or "unknown",
+        "records": str(stream.records_out),
+        "records waiting for a fix": str(stream.survey.waiting),
+        "records without a position": str(stream.records_without_position),
+        "records per minute": _number(60 * stream.record_rate_hz, 2),
         "records and lines lost": str(problems.losses),
         "logger clock minus ours [s]": _number(difference_s, 1),
         **_by_kind("dropped", problems.lost),
@@ -79,25 +79,25 @@ def records_health(survey: LiveSurvey, now_s: float) -> Health:
         offset_s = 0.0 if math.isnan(difference_s) else difference_s
         silent_s = now_s + offset_s - last.stamp_s
         values["age of the last record [s]"] = f"{silent_s:.1f}"
-        if silent_s > MISSING_RECORDS * (survey.parser.period_s or math.inf):
+        if silent_s > MISSING_RECORDS * (stream.parser.period_s or math.inf):
             level, message = Level.ERROR, f"no record for {silent_s:.0f} s: check the logger"
-        elif survey.losses_of_late >= MANY_LOSSES:
+        elif stream.recent_losses >= MANY_LOSSES:
             example = problems.last_loss.mistake.message if problems.last_loss else ""
-            message = f"{survey.losses_of_late} of the last {LAST_RECORDS} records are lost ({example})"
+            message = f"{stream.recent_losses} of the last {LAST_RECORDS} records are lost ({example})"
             level = Level.WARN
         elif abs(offset_s) > CLOCK_TOLERANCE_S:
             level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
     return Health("records", level, message, values)
 
 
-def fix_health(survey: LiveSurvey, now_s: float) -> Health:
+def fix_health(stream: SensorStream, now_s: float) -> Health:
     """How well the place is known.
 
-    :param survey: the survey
+    :param stream: the lines and their records
     :param now_s: time [s since 1970 UTC]
     """
-    fix = survey.last_fix
-    values = _by_kind("dropped", survey.gnss_problems.lost)
+    fix = stream.last_fix
+    values = _by_kind("dropped", stream.gnss_problems.lost)
     if fix is None:
         return Health("GNSS", Level.STALE, "no fix yet", values)
     age_s = now_s - fix.stamp_s

@@ -1,10 +1,10 @@
-"""From a raw record to a corrected one at its place: the steps that files and live streams have in common."""
+"""The steps from a raw record to a corrected one at its place."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +13,13 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
 from soilmoist_ros.sensing.corrections.tubes import combine_tubes
+from soilmoist_ros.sensing.corrections.weather import Weather
 from soilmoist_ros.sensing.moisture.site import CorrectionSettings, Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 
 _POSITION_GAP_RECORDS = 3.0
 _MIN_POSITION_GAP_S = 5.0
-
-
-@dataclass(frozen=True)
-class Weather:
-    """Air pressure [hPa], temperature [degC] and relative humidity [0..1] at one record; NaN if unknown."""
-
-    pressure_hpa: float
-    temperature_degc: float
-    relative_humidity: float
 
 
 class UnusableRecordError(Exception):

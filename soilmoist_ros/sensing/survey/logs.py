@@ -1,0 +1,188 @@
+"""Logs of a survey -> corrected, geo-tagged counts, with an account of everything that was lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.formats.logger_reader import LogFile
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.survey.correction import UnusableRecordError, counting_interval_s
+from soilmoist_ros.sensing.survey.survey import Survey
+
+
+@dataclass(frozen=True, repr=False)
+class SurveyRecords:
+    """The processed logs of one survey.
+
+    :param records: corrected, geo-tagged records in order of time
+    :param frame: plane in which they lie
+    :param problems: everything that was dropped or kept with a reservation
+    :param tube_share: share of each tube in the rate of the whole sensor, shape (tubes,)
+    """
+
+    records: tuple[CountRecord, ...]
+    frame: LocalFrame
+    problems: tuple[Problem, ...]
+    tube_share: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        lost = sum(problem.lost for problem in self.problems)
+        return f"SurveyRecords({len(self.records)} records, {lost} lost, {len(self.tube_share)} tubes)"
+
+    @property
+    def xy_m(self) -> NDArray[np.float64]:
+        """Places of the records, shape (n, 2) [m]."""
+        return np.array([(record.x_m, record.y_m) for record in self.records], dtype=float).reshape(-1, 2)
+
+    @property
+    def raw_counts(self) -> NDArray[np.float64]:
+        """Raw counts of the records, shape (n,)."""
+        return np.array([record.raw_counts for record in self.records], dtype=float)
+
+    @property
+    def effective_exposure_s(self) -> NDArray[np.float64]:
+        """Effective exposures of the records, shape (n,) [s]."""
+        return np.array([record.effective_exposure_s for record in self.records], dtype=float)
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A record and the log in which it stands."""
+
+    log: LogFile
+    record: LoggerRecord
+
+
+def process_logs(
+    logs: Sequence[LogFile],
+    site: Site,
+    frame: LocalFrame | None = None,
+    track: Track | None = None,
+) -> SurveyRecords:
+    """Correct and geo-tag the records of one probe.
+
+    :param logs: parsed logs, in any order
+    :param site: corrections and tubes
+    :param frame: plane to place the records in; about the mean position if ``None``
+    :param track: positions of a separate GNSS receiver; those of the logger are used if ``None``
+    :raises InputError: if the logs are of different probes, or not one record can be placed and corrected
+    """
+    entries = _in_order_of_time(logs)
+    problems = [problem for log in logs for problem in log.problems]
+    entries = _without_duplicates(entries, problems)
+    survey = _survey_of([entry.record for entry in entries], site, frame, track, problems)
+    # A logger's own positions have the time of its own clock; those of a separate receiver have GNSS time.
+    ahead_s = [0.0 if track is None else _clock_ahead_s(entry.log) for entry in entries]
+    if frame is None:
+        survey.frame = _frame_about(survey, entries, ahead_s)
+    records: list[CountRecord] = []
+    for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
+        survey.take_record(entry.record, clock_ahead_s=clock_ahead_s, path=entry.log.path)
+        records += survey.take_ready()
+    if not records or survey.frame is None or survey.tube_share is None:
+        raise InputError(_all_lost(logs, problems))
+    return SurveyRecords(tuple(records), survey.frame, tuple(problems), survey.tube_share)
+
+
+def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
+    """Raw counts and effective exposures [s] of all records, wherever they were taken, as for a calibration.
+
+    :raises InputError: if the logs are of different probes, or a record cannot be corrected
+    """
+    records = [entry.record for entry in _in_order_of_time(logs)]
+    survey = _survey_of(records, site, None, None, [])
+    try:
+        corrected = [survey.correct(record) for record in records]
+    except UnusableRecordError as loss:
+        raise InputError(loss.message, loss.remedy, logs[0].path) from None
+    return [record.raw_counts for record in corrected], [record.effective_exposure_s for record in corrected]
+
+
+def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:
+    """All records of one probe, at least one."""
+    probes: dict[str, LogFile] = {}
+    for log in logs:
+        if log.serial:
+            probes.setdefault(log.serial, log)
+    if len(probes) > 1:
+        remedy = "map the logs of each probe on their own: probes differ in sensitivity"
+        raise InputError(
+            [Mistake(f"was written by probe {serial}", remedy, log.path) for serial, log in probes.items()]
+        )
+    entries = [_Entry(log, record) for log in logs for record in log.records]
+    if not entries:
+        raise InputError(_all_lost(logs, [problem for log in logs for problem in log.problems]))
+    return sorted(entries, key=lambda entry: entry.record.stamp_s)
+
+
+def _without_duplicates(entries: list[_Entry], problems: list[Problem]) -> list[_Entry]:
+    """Drop records that stand in two of the files."""
+    seen: dict[tuple[object, ...], _Entry] = {}
+    for entry in entries:
+        record = entry.record
+        # NaN differs from itself, so a missing tube is compared by its text.
+        key = (record.stamp_s, record.record_number, str(record.tube_counts))
+        first = seen.setdefault(key, entry)
+        if first is not entry:
+            message = f"repeats the record of {first.log.path}:{first.record.line}"
+            mistake = Mistake(message, "give every log once", entry.log.path, record.line)
+            problems.append(Problem(Kind.DUPLICATE, mistake, lost=True))
+    return list(seen.values())
+
+
+def _survey_of(
+    records: Sequence[LoggerRecord],
+    site: Site,
+    frame: LocalFrame | None,
+    track: Track | None,
+    problems: list[Problem],
+) -> Survey:
+    """A survey that knows all its records beforehand."""
+    if len({len(record.tube_counts) for record in records}) > 1:
+        raise InputError("the logs have different numbers of tubes", "map the logs of each probe on their own")
+    try:
+        return Survey(site, frame, records, track, keep_unplaced=False, on_problem=problems.append)
+    except ValueError as error:
+        raise InputError(f"the logs cannot be used: {error}", "check the detector") from None
+
+
+def _clock_ahead_s(log: LogFile) -> float:
+    """Logger's clock minus GNSS time [s], as far as the log tells."""
+    return log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0
+
+
+def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[float]) -> LocalFrame | None:
+    """The plane about the mean position, ``None`` if no position is known."""
+    places: list[Position] = []
+    previous: LoggerRecord | None = None
+    for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
+        record = entry.record
+        place = survey.position(record, counting_interval_s(record, previous), clock_ahead_s)
+        places += [] if place is None else [place]
+        previous = record
+    if not places:
+        return None
+    # Rounded to about 10 m, so that the datum can be written down and typed in again.
+    latitude = float(np.mean([place.latitude_deg for place in places]))
+    east = np.exp(1j * np.radians([place.longitude_deg for place in places]))
+    return LocalFrame(round(latitude, 4), round(math.degrees(float(np.angle(east.mean()))), 4))
+
+
+def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
+    """Why nothing is left, most frequent reason first, one example each."""
+    lost = [problem for problem in problems if problem.lost]
+    kinds = sorted({problem.kind for problem in lost}, key=lambda kind: -sum(p.kind == kind for p in lost))
+    examples = [next(problem.mistake for problem in lost if problem.kind == kind) for kind in kinds]
+    total = sum(len(log.records) for log in logs)
+    head = Mistake(f"not one of {total} records can be placed on a map", "see the reasons below")
+    return [head, *examples]

@@ -1,0 +1,161 @@
+"""Lines of a logger and of a GNSS receiver, as they come -> records of a survey."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+import numpy as np
+
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
+from soilmoist_ros.sensing.gnss import Fix
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.nmea import NmeaParser
+from soilmoist_ros.sensing.problems import Kind, Problem, Severity
+from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
+from soilmoist_ros.sensing.survey.survey import Survey
+
+LAST_RECORDS = 20
+"""Records by which the present state is judged."""
+
+
+class ProblemCount:
+    """Problems counted by kind, and the last one by which data were lost."""
+
+    def __init__(self) -> None:
+        self.lost: Counter[Kind] = Counter()
+        """What was dropped; a repeated record is dropped, too, but is no loss."""
+        self.noted: Counter[Kind] = Counter()
+        self.last_loss: Problem | None = None
+
+    def __repr__(self) -> str:
+        return f"ProblemCount({self.losses} losses, {self.noted.total()} noted)"
+
+    def add(self, problem: Problem) -> None:
+        """Count a problem."""
+        (self.lost if problem.lost else self.noted)[problem.kind] += 1
+        if problem.severity is Severity.ERROR:
+            self.last_loss = problem
+
+    @property
+    def losses(self) -> int:
+        """Number of problems by which data were lost."""
+        return self.lost.total() - self.lost[Kind.DUPLICATE]
+
+
+class SensorStream:
+    """Feeds a survey with lines, and keeps the figures that show how they come.
+
+    :param site: corrections and tubes
+    :param frame: plane to place the records in
+    :param logger: format of the logger, or its name
+    :param fix_wait_s: longest time that a record waits for a fix [s]
+    :param reference_stamp_s: a time within 12 h of the first fix [s since 1970 UTC], for receivers that send no
+        date; NaN if unknown
+    :raises InputError: if format, tube shares or the file of a neutron monitor cannot be used
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        frame: LocalFrame,
+        logger: LoggerFormat | str,
+        fix_wait_s: float = 2.0,
+        reference_stamp_s: float = NAN,
+    ) -> None:
+        self.logger_problems, self.gnss_problems = ProblemCount(), ProblemCount()
+        self.parser = RecordParser(logger, site.longitude, self._on_problem)
+        self.survey = Survey(
+            site,
+            frame,
+            tubes=len(self.parser.layout.tubes) if self.parser.layout else None,
+            fix_wait_s=fix_wait_s,
+            on_problem=self._on_problem,
+        )
+        self.last_record: LoggerRecord | None = None
+        self.last_fix: Fix | None = None
+        self.records_out = 0
+        self._nmea = NmeaParser(reference_stamp_s=reference_stamp_s, on_problem=self.gnss_problems.add)
+        self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
+        self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
+        self._clock_differences_s: deque[float] = deque(maxlen=LAST_RECORDS)
+
+    def __repr__(self) -> str:
+        return f"SensorStream({self.parser.format.title!r}, {self.records_out} records)"
+
+    def take_logger_line(self, line: bytes, now_s: float) -> LoggerRecord | None:
+        """Take a line of the logger; returns the record in it, with the weather as it was logged.
+
+        :param line: the line, with or without its end
+        :param now_s: monotonic time [s]
+        """
+        record = self.parser.feed(line)
+        if record is None:
+            return None
+        self.last_record = record
+        self._stamps.append(record.stamp_s)
+        offsets = self.parser.gnss_offsets_s
+        self.survey.take_record(
+            record,
+            now_s,
+            clock_ahead_s=float(np.median(offsets)) if offsets else 0.0,
+            unused_tubes=self.parser.unused_tubes,
+        )
+        return record
+
+    def take_nmea_line(self, line: bytes) -> Fix | None:
+        """Take a line of the GNSS receiver; returns the fix that it completes, if any."""
+        fix = self._nmea.feed(line)
+        if fix is not None:
+            self.take_fix(fix)
+        return fix
+
+    def take_fix(self, fix: Fix) -> None:
+        """Take a fix of another source; also one that says that there is none."""
+        self.last_fix = fix
+        self.survey.take_fix(fix)
+
+    def take_ready(self, now_s: float) -> list[CountRecord]:
+        """Records that need not wait any longer, oldest first.
+
+        :param now_s: monotonic time [s]
+        """
+        ready = self.survey.take_ready(now_s)
+        self.records_out += len(ready)
+        self._good.extend([True] * len(ready))
+        return ready
+
+    def compare_clocks(self, stamp_s: float, now_s: float) -> None:
+        """Note the difference of the logger's clock and ours; it corrects nothing.
+
+        :param stamp_s: time in a line that has just come [s since 1970 UTC]
+        :param now_s: time of our clock [s since 1970 UTC]
+        """
+        self._clock_differences_s.append(stamp_s - now_s)
+
+    @property
+    def records_without_position(self) -> int:
+        """Number of records that left without a place."""
+        return self.logger_problems.noted[Kind.NO_POSITION]
+
+    @property
+    def clock_difference_s(self) -> float:
+        """Logger's clock minus ours [s], NaN if unknown: the smallest one lately, since lines may come late."""
+        return min(self._clock_differences_s, key=abs, default=NAN)
+
+    @property
+    def record_rate_hz(self) -> float:
+        """Records per second of the logger's time lately, NaN with fewer than two."""
+        spent_s = self._stamps[-1] - self._stamps[0] if self._stamps else 0.0
+        return (len(self._stamps) - 1) / spent_s if spent_s > 0 else NAN
+
+    @property
+    def recent_losses(self) -> int:
+        """Records lost among the last ones."""
+        return self._good.count(False)
+
+    def _on_problem(self, problem: Problem) -> None:
+        self.logger_problems.add(problem)
+        if problem.severity is Severity.ERROR:
+            self._good.append(False)

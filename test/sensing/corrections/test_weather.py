@@ -1,0 +1,64 @@
+"""Weather at records that lack a value."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.sensing.corrections.weather import MAX_WEATHER_GAP_S, WeatherSeries
+from soilmoist_ros.sensing.records import LoggerRecord
+
+NAN = math.nan
+
+
+def record(stamp_s: float, pressure_hpa: float = 1000.0) -> LoggerRecord:
+    return LoggerRecord(stamp_s, (5.0,), (10.0,), pressure_hpa, 20.0, 0.5)
+
+
+def pressure(series: WeatherSeries, stamp_s: float) -> float:
+    return series.at(record(stamp_s, NAN)).pressure_hpa
+
+
+def test_a_short_gap_is_interpolated_and_a_long_one_is_not() -> None:
+    assert pressure(WeatherSeries([record(0.0), record(1200.0, 1010.0)]), 600.0) == pytest.approx(1005.0)
+    assert math.isnan(pressure(WeatherSeries([record(0.0), record(10_000.0, 1010.0)]), 5000.0))
+    assert math.isnan(pressure(WeatherSeries([record(0.0, NAN), record(20.0, NAN)]), 10.0))
+
+
+def test_a_value_of_the_record_itself_is_used() -> None:
+    assert WeatherSeries([record(0.0), record(20.0)]).at(record(10.0, 990.0)).pressure_hpa == 990.0
+
+
+def test_at_the_end_the_last_value_serves_for_half_the_gap() -> None:
+    series = WeatherSeries([record(0.0)])
+    assert pressure(series, MAX_WEATHER_GAP_S / 2) == 1000.0
+    assert math.isnan(pressure(series, MAX_WEATHER_GAP_S / 2 + 1))
+
+
+def test_values_of_a_clock_that_was_set_back_are_forgotten() -> None:
+    series = WeatherSeries([record(0.0, 990.0), record(5000.0, 1010.0), record(100.0, 995.0)])
+    assert pressure(series, 110.0) == 995.0
+
+
+def test_only_the_latest_values_are_remembered() -> None:
+    series = WeatherSeries(max_values=3)
+    for second in range(100):
+        series.add(record(float(second), 1000.0 + second))
+    assert "pressure_hpa" in repr(series)
+    assert pressure(series, 99.5) == 1099.0
+    assert pressure(series, 0.0) > 1090.0
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 400), st.floats(900, 1100)), min_size=2, max_size=12, unique_by=lambda p: p[0]
+    ),
+    st.integers(0, 400),
+)
+def test_between_values_it_is_the_interpolation_of_numpy(points, stamp_s) -> None:
+    points.sort()
+    stamps, values = zip(*points, strict=True)
+    series = WeatherSeries(record(float(at), value) for at, value in zip(stamps, values, strict=True))
+    assert pressure(series, float(stamp_s)) == np.interp(stamp_s, stamps, values)

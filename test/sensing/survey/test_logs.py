@@ -1,0 +1,184 @@
+import math
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from crnpy import crnpy
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.formats.logger_reader import read_log
+from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
+from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.sensing.survey.logs import corrected_counts, process_logs
+
+NAN = math.nan
+T0 = datetime(2024, 5, 1, tzinfo=UTC).timestamp()
+NO_CORRECTIONS = Site(corrections={"pressure": None, "humidity": None})
+
+
+def record(elapsed_s, counts=5.0, **values):
+    weather = {"pressure_hpa": 1000.0, "temperature_degc": 20.0, "relative_humidity": 0.5}
+    number = int(elapsed_s / 10) + 1
+    return LoggerRecord(
+        T0 + elapsed_s, (counts,) * 12, (10.0,) * 12, **{**weather, "record_number": number, **values}
+    )
+
+
+def write_log(path: Path, records, serial="a"):
+    path.write_text("\n".join([format_header(serial), *map(format_record, records)]) + "\n")
+    return read_log(path, "thorvald_crs")
+
+
+def track(*corners):
+    """A fix every 5 s between (elapsed time, latitude) corners."""
+    elapsed = np.arange(corners[0][0], corners[-1][0] + 1, 5.0)
+    points = zip(elapsed.tolist(), np.interp(elapsed, *zip(*corners, strict=True)).tolist(), strict=True)
+    return Track.from_positions((T0 + stamp, Position(latitude, 10.0)) for stamp, latitude in points)
+
+
+def test_real_roving_record_agrees_with_crnpy(roving_record):
+    log = read_log(roving_record, "hydroinnova_rover", "west")
+    site = Site(
+        longitude="west",
+        corrections={"pressure": {"beta_per_hpa": 1 / 130, "reference_hpa": 976.0}, "humidity": {}},
+    )
+    survey = process_logs([log], site)
+    placed = [r for r in log.records if r.position is not None]
+    assert len(survey.records) == len(placed) == 200
+    for ours, raw in zip(survey.records, placed, strict=True):
+        counts = sum(raw.tube_counts)
+        humidity = crnpy.abs_humidity(100 * raw.relative_humidity, raw.temperature_degc)
+        expected = counts / crnpy.correction_pressure(raw.pressure_hpa, 976.0, 130.0)
+        expected *= crnpy.correction_humidity(humidity, 0.0)
+        assert ours.corrected_rate * ours.exposure_s == pytest.approx(expected, rel=1e-3)
+        assert ours.raw_counts == counts
+    latitude, longitude = survey.frame.to_geographic(survey.xy_m).mean(axis=0)
+    assert (latitude, longitude) == (pytest.approx(38.72, abs=0.05), pytest.approx(-97.41, abs=0.05))
+
+
+def test_moving_records_are_placed_at_the_middle_of_their_interval(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0 * k) for k in range(1, 6)])
+    north = process_logs([log], NO_CORRECTIONS, track=track((0, 50.0), (50, 50.005))).xy_m[:, 1]
+    np.testing.assert_allclose(np.diff(north), 111.2, atol=0.3)  # 0.001 deg of latitude
+    own = [record(10.0 * k, position=Position(50 + 1e-4 * k, 10.0)) for k in range(1, 6)]
+    placed = process_logs([replace_records(log, own)], NO_CORRECTIONS)
+    assert placed.frame.to_geographic(placed.xy_m)[2:, 0] == pytest.approx(
+        [50.00025, 50.00035, 50.00045], abs=1e-8
+    )
+
+
+def test_a_separate_track_is_joined_by_gnss_time_where_the_loggers_clock_is_off(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(200.0 + 10.0 * k) for k in range(1, 6)])
+    moving = track((0, 50.0), (60, 50.006))
+    with pytest.raises(InputError, match="not one of 5 records"):
+        process_logs([log], NO_CORRECTIONS, track=moving)
+    late = process_logs([replace(log, clock_offset_s=200.0)], NO_CORRECTIONS, track=moving)
+    expected = 50.0005 + 0.001 * np.arange(5)
+    assert late.frame.to_geographic(late.xy_m)[:, 0] == pytest.approx(expected, abs=1e-8)
+
+
+def replace_records(log, records):
+    return replace(log, records=tuple(records))
+
+
+def test_a_stationary_probe_stands_where_the_site_file_says(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
+    site = Site(location={"latitude_deg": 50.0, "longitude_deg": 10.0}, corrections=NO_CORRECTIONS.corrections)
+    survey = process_logs([log], site)
+    np.testing.assert_allclose(survey.frame.to_geographic(survey.xy_m), [[50, 10], [50, 10]], atol=1e-9)
+
+
+def test_a_log_without_any_position_says_so(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
+    with pytest.raises(InputError) as caught:
+        process_logs([log], NO_CORRECTIONS)
+    text = str(caught.value)
+    assert "not one of 2 records can be placed" in text
+    assert "--nmea" in text
+    assert "a.log" in text
+
+
+def test_records_without_a_position_are_lost_and_counted(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0 * k) for k in range(1, 40)])
+    survey = process_logs([log], NO_CORRECTIONS, track=track((0, 50.0), (100, 50.001)))
+    lost = [problem for problem in survey.problems if problem.lost]
+    assert len(survey.records) + len(lost) == 39
+    assert {problem.kind for problem in lost} == {Kind.NO_POSITION}
+    assert 9 <= len(survey.records) <= 11
+
+
+def test_logs_of_two_probes_are_refused(tmp_path):
+    logs = [write_log(tmp_path / f"{name}.log", [record(10.0)], serial=name) for name in ("p1", "p2")]
+    with pytest.raises(InputError, match="was written by probe p1") as caught:
+        process_logs(logs, NO_CORRECTIONS)
+    assert [mistake.path.name for mistake in caught.value.mistakes] == ["p1.log", "p2.log"]
+
+
+def test_two_files_of_one_probe_join_in_order_of_time_and_without_repeats(tmp_path):
+    first = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
+    second = write_log(tmp_path / "b.log", [record(20.0), record(30.0)])
+    survey = process_logs([second, first], NO_CORRECTIONS, track=track((0, 50.0), (30, 50.0)))
+    assert [r.stamp_s - T0 for r in survey.records] == [10.0, 20.0, 30.0]
+    assert [problem.kind for problem in survey.problems] == [Kind.DUPLICATE]
+
+
+def test_records_that_cannot_be_corrected_are_lost_with_the_remedy(tmp_path):
+    records = [record(10.0), *[record(4000.0 + 10 * k, pressure_hpa=NAN) for k in range(3)]]
+    log = write_log(tmp_path / "a.log", records)
+    survey = process_logs([log], Site(), track=track((0, 50.0), (5000, 50.0)))
+    assert len(survey.records) <= 1
+    lost = [problem for problem in survey.problems if problem.kind is Kind.NO_CORRECTION]
+    assert len(lost) == 3
+    assert "pressure_hpa must be positive" in str(lost[0].mistake)
+    assert "write null" in lost[0].mistake.remedy
+
+
+def test_a_dead_tube_changes_the_exposure_not_the_rate(tmp_path):
+    rng = np.random.default_rng(1)
+    whole = [
+        LoggerRecord(T0 + 10.0 * k, tuple(map(float, rng.poisson(5.0, 12))), (10.0,) * 12) for k in range(1, 400)
+    ]
+    dead = [
+        LoggerRecord(r.stamp_s, (NAN, *r.tube_counts[1:]), (NAN, *r.tube_live_s[1:]))
+        if r.stamp_s > T0 + 2000
+        else r
+        for r in whole
+    ]
+    paths = track((0, 50.0), (4000, 50.0))
+    survey = process_logs([write_log(tmp_path / "a.log", dead)], NO_CORRECTIONS, track=paths)
+    early = survey.effective_exposure_s[:150]
+    late = survey.effective_exposure_s[-150:]
+    assert early == pytest.approx(10.0)
+    assert late == pytest.approx(10.0 * 11 / 12, rel=0.03)
+    rate = survey.raw_counts[-150:].sum() / late.sum()
+    assert rate == pytest.approx(6.0, rel=0.03)
+
+
+def test_tube_shares_of_the_site_file_are_used(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0)])
+    bad = Site(tube_shares=[1.0, 1.0], corrections=NO_CORRECTIONS.corrections)
+    with pytest.raises(InputError, match="has 2 values, but the logger has 12 tubes"):
+        process_logs([log], bad, track=track((0, 50.0), (10, 50.0)))
+
+
+def test_intensity_comes_from_a_neutron_monitor_file(tmp_path):
+    (tmp_path / "monitor.csv").write_text("2024-05-01 00:00:00;100\n2024-05-01 01:00:00;100\n")
+    (tmp_path / "site.yaml").write_text(
+        "corrections: {pressure: null, humidity: null, intensity: {reference: 150, file: monitor.csv}}\n"
+    )
+    site = load_site(tmp_path / "site.yaml")
+    log = write_log(tmp_path / "a.log", [record(10.0), record(7200.0)])
+    survey = process_logs([log], site, track=track((0, 50.0), (7200, 50.0)))
+    assert [r.f_intensity for r in survey.records] == [1.5]
+    assert [p.kind for p in survey.problems if p.lost] == [Kind.NO_CORRECTION]
+
+
+def test_counts_for_a_calibration_need_no_position(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
+    counts, exposure = corrected_counts([log], NO_CORRECTIONS)
+    assert (counts, exposure) == ([60, 60], [10.0, 10.0])
