@@ -1,0 +1,74 @@
+"""What a robot installs (package.xml by rosdep, requirements-robot.txt by pip) holds all that the product imports."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import re
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+OWN = {"soilmoist_ros", "msg_adapters"}
+ROSDEP_KEYS = {
+    name: f"python3-{name}"
+    for name in ("click", "jinja2", "matplotlib", "numpy", "pyproj", "rich", "scipy", "serial", "shapely")
+}
+"""Imports that Ubuntu packages in a version that is new enough; ROS packages have the name of their import."""
+COMES_WITH = {"markupsafe": "jinja2", "pydantic_core": "pydantic", "ruamel": "ruamel.yaml"}
+OPTIONAL = {
+    "pandas": "campaigns, on a laptop",
+    "pyarrow": "campaigns, on a laptop",
+    "distributed": "campaigns on several machines",
+    "soilmoist_msgs": "interfaces/; without it the planner publishes no visits",
+    "topological_navigation_msgs": "the robot's own workspace has it",
+}
+
+
+@functools.cache
+def imported(root: Path = ROOT) -> dict[str, list[str]]:
+    """Files by the third-party package that they import, wherever in the file."""
+    found: dict[str, list[str]] = {}
+    for folder in ("soilmoist_ros", "msg_adapters", "launch"):
+        for path in sorted((root / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+                if isinstance(node, ast.ImportFrom) and not node.level:
+                    names = [node.module or ""]
+                for name in {name.split(".")[0] for name in names} - OWN - set(sys.stdlib_module_names):
+                    found.setdefault(name, []).append(str(path.relative_to(root)))
+    return found
+
+
+def rosdep_keys() -> set[str]:
+    return {element.text or "" for element in ET.parse(ROOT / "package.xml").getroot().iter("exec_depend")}
+
+
+def pip_names() -> set[str]:
+    lines = (ROOT / "requirements-robot.txt").read_text(encoding="utf-8").splitlines()
+    return {re.split(r"[<>=\[ ]", line)[0] for line in lines if line and not line.startswith("#")}
+
+
+@pytest.mark.parametrize("name", sorted(imported()))
+def test_a_robot_has_what_the_product_imports(name):
+    if name in OPTIONAL:
+        return
+    package = COMES_WITH.get(name, name)
+    installed = ROSDEP_KEYS.get(package, package) in rosdep_keys() or package in pip_names()
+    assert installed, f"{imported()[name][0]} imports {name}: package.xml or requirements-robot.txt must have it"
+
+
+def test_nothing_is_installed_in_vain():
+    needed = {COMES_WITH.get(name, name) for name in imported()}
+    assert pip_names() - needed - {"numpy"} == set()
+    assert {key for key in rosdep_keys() if key.startswith("python3-")} <= {
+        ROSDEP_KEYS.get(name, f"python3-{name}") for name in needed
+    }
+
+
+def test_the_keys_of_optional_packages_do_not_break_rosdep():
+    """Packages below interfaces/ are no keys of rosdep, and it does not look for them inside of this one."""
+    assert rosdep_keys() & set(OPTIONAL) == set()
