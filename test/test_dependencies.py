@@ -1,4 +1,4 @@
-"""What a robot installs (package.xml by rosdep, requirements-robot.txt by pip) holds all that the product imports."""
+"""A robot installs all that the product imports: package.xml by rosdep, requirements-robot.txt by pip."""
 
 from __future__ import annotations
 

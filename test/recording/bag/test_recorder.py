@@ -1,5 +1,6 @@
 import errno
 import os
+import random
 import threading
 import time
 
@@ -119,12 +120,13 @@ def test_what_is_too_much_to_wait_is_dropped_and_counted(make, tmp_path):
     assert stamps(tmp_path / "out" / "run") == [START_NS + n for n in range(10)]
 
 
-def fail_with(monkeypatch, code):
-    """Writes to MCAP files fail until the returned event is set."""
+def fail_with(monkeypatch, code, meanwhile=lambda: None):
+    """Writes to MCAP files fail until the returned event is set; each calls ``meanwhile`` first."""
     healed, real = threading.Event(), os.write
 
     def write(descriptor, data):
         if not healed.is_set() and os.readlink(f"/proc/self/fd/{descriptor}").endswith(".mcap"):
+            meanwhile()
             raise OSError(code, os.strerror(code))
         return real(descriptor, data)
 
@@ -143,6 +145,34 @@ def test_a_full_disk_that_gets_space_costs_nothing(make, tmp_path, monkeypatch):
     wait_for(lambda: recorder.state.messages == 2 and not recorder.state.problem)
     assert recorder.stop().dropped == 0
     assert stamps(tmp_path / "run") == [START_NS, START_NS + 1]
+
+
+def test_a_disk_that_fills_up_within_a_batch_keeps_every_message_once_and_in_order(make, tmp_path, monkeypatch):
+    """Large messages, so that the disk refuses the first of a batch while the others still wait."""
+    large, all_wait, late = text_message(random.Random(1).randbytes(2_000_000).hex()), threading.Event(), [4]
+
+    def new_bag():
+        assert all_wait.wait(20)
+        return next_bag(tmp_path, "run", "jazzy")
+
+    def one_more():
+        while late:
+            recorder.put(NOTES, START_NS + late.pop(), START_NS, DATA)
+
+    healed = fail_with(monkeypatch, errno.ENOSPC, one_more)
+    recorder = make(new_bag=new_bag)
+    recorder.start()
+    for number in range(4):
+        assert recorder.put(NOTES, START_NS + number, START_NS, large)
+    all_wait.set()
+    wait_for(lambda: "full" in recorder.state.problem)
+    assert (recorder.state.messages, recorder.state.waiting_bytes) == (1, 3 * len(large) + len(DATA))
+    healed.set()
+    wait_for(lambda: recorder.state.messages == 5)
+    assert recorder.stop().dropped == 0
+    path = tmp_path / "run" / "run_0.mcap"
+    written = [(message.log_ns, message.data) for message in McapScan(path).messages()]
+    assert written == [(START_NS + number, DATA if number == 4 else large) for number in range(5)]
 
 
 def test_a_disk_that_is_gone_is_left_for_a_new_bag(make, tmp_path, monkeypatch):
