@@ -196,7 +196,7 @@ def loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
     order = sorted(counts, key=lambda key: (not key[1], -counts[key], str(key[0])))
     return [
         LossRow(
-            kind=str(kind.value),
+            kind=kind.text,
             count=counts[kind, lost],
             example=str(replace(examples[kind, lost], remedy="")),
             consequence="lost" if lost else "kept",

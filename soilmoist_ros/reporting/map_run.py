@@ -116,7 +116,7 @@ def _range(factors: Sequence[float]) -> tuple[float, float, float]:
 
 def _warnings(soil_map: SoilMap, site: Site) -> list[str]:
     warnings = []
-    if site.calibration is not None and site.calibration.note and "illustrative" in site.calibration.note:
+    if site.calibration is not None and site.calibration.illustrative:
         warnings.append("The calibration is illustrative: patterns are real, absolute soil moisture is not.")
     if soil_map.undefined_vwc_cells:
         warnings.append(

@@ -19,46 +19,48 @@ class Severity(enum.IntEnum):
     """Data were lost."""
 
 
-class Kind(enum.Enum):
-    """Kinds of problems, with the severity they have when the record is kept."""
+class Kind(enum.StrEnum):
+    """Reason codes of problems, each with a text for people and its severity when the record is kept."""
 
-    NO_HEADER = "no header", Severity.WARNING
-    BAD_HEADER = "header without the columns needed", Severity.ERROR
-    TOO_LONG = "line too long", Severity.WARNING
-    UNREADABLE = "not text", Severity.WARNING
-    CHECKSUM = "wrong checksum", Severity.WARNING
-    TRUNCATED = "truncated line", Severity.WARNING
-    WRONG_FIELDS = "wrong number of fields", Severity.WARNING
-    BAD_TIME = "no valid time", Severity.WARNING
-    NOT_A_NUMBER = "not a number", Severity.WARNING
-    NEGATIVE_COUNT = "negative count", Severity.WARNING
-    NOT_WHOLE = "count that is not whole", Severity.WARNING
-    ROUNDED_COUNT = "count rounded", Severity.NOTE
-    OUT_OF_RANGE = "value out of range", Severity.WARNING
-    SENTINEL = "value marked as missing", Severity.NOTE
-    MISSING_COLUMN = "no column of a quantity", Severity.WARNING
-    MISSING_VALUE = "no value", Severity.NOTE
-    MISSING_TUBE = "tube without counts", Severity.WARNING
-    NO_COUNTS = "no tube with counts", Severity.WARNING
-    SHORT_LIVE_TIME = "short live time", Severity.NOTE
-    ASSUMED_LIVE_TIME = "live time assumed", Severity.WARNING
-    NO_LIVE_TIME = "no live time", Severity.WARNING
-    DUPLICATE = "duplicate record", Severity.NOTE
-    SAME_TIME = "other record of the same time", Severity.WARNING
-    CLOCK_BACKWARDS = "clock went backwards", Severity.WARNING
-    GAP = "records missing", Severity.NOTE
-    NO_FIX = "no position fix", Severity.NOTE
-    CLOCK_OFFSET = "logger clock differs from GNSS time", Severity.WARNING
-    NO_POSITION = "no position", Severity.WARNING
-    NO_CORRECTION = "cannot be corrected", Severity.WARNING
-    NO_DATE = "no date yet", Severity.NOTE
+    NO_HEADER = "no_header", "no header", Severity.WARNING
+    BAD_HEADER = "bad_header", "header without the columns needed", Severity.ERROR
+    TOO_LONG = "too_long", "line too long", Severity.WARNING
+    UNREADABLE = "unreadable", "not text", Severity.WARNING
+    CHECKSUM = "checksum", "wrong checksum", Severity.WARNING
+    TRUNCATED = "truncated", "truncated line", Severity.WARNING
+    WRONG_FIELDS = "wrong_fields", "wrong number of fields", Severity.WARNING
+    BAD_TIME = "bad_time", "no valid time", Severity.WARNING
+    NOT_A_NUMBER = "not_a_number", "not a number", Severity.WARNING
+    NEGATIVE_COUNT = "negative_count", "negative count", Severity.WARNING
+    NOT_WHOLE = "not_whole", "count that is not whole", Severity.WARNING
+    ROUNDED_COUNT = "rounded_count", "count rounded", Severity.NOTE
+    OUT_OF_RANGE = "out_of_range", "value out of range", Severity.WARNING
+    SENTINEL = "sentinel", "value marked as missing", Severity.NOTE
+    MISSING_COLUMN = "missing_column", "no column of a quantity", Severity.WARNING
+    MISSING_VALUE = "missing_value", "no value", Severity.NOTE
+    MISSING_TUBE = "missing_tube", "tube without counts", Severity.WARNING
+    NO_COUNTS = "no_counts", "no tube with counts", Severity.WARNING
+    SHORT_LIVE_TIME = "short_live_time", "short live time", Severity.NOTE
+    ASSUMED_LIVE_TIME = "assumed_live_time", "live time assumed", Severity.WARNING
+    NO_LIVE_TIME = "no_live_time", "no live time", Severity.WARNING
+    DUPLICATE = "duplicate", "duplicate record", Severity.NOTE
+    SAME_TIME = "same_time", "other record of the same time", Severity.WARNING
+    CLOCK_BACKWARDS = "clock_backwards", "clock went backwards", Severity.WARNING
+    GAP = "gap", "records missing", Severity.NOTE
+    NO_FIX = "no_fix", "no position fix", Severity.NOTE
+    CLOCK_OFFSET = "clock_offset", "logger clock differs from GNSS time", Severity.WARNING
+    NO_POSITION = "no_position", "no position", Severity.WARNING
+    NO_CORRECTION = "no_correction", "cannot be corrected", Severity.WARNING
+    NO_DATE = "no_date", "no date yet", Severity.NOTE
 
+    text: str
     severity: Severity
 
-    def __new__(cls, text: str, severity: Severity) -> Kind:
-        """The value of a member is its text."""
-        kind = object.__new__(cls)
-        kind._value_ = text
+    def __new__(cls, code: str, text: str, severity: Severity) -> Kind:
+        """The value of a member is its code."""
+        kind = str.__new__(cls, code)
+        kind._value_ = code
+        kind.text = text
         kind.severity = severity
         return kind
 

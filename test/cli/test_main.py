@@ -88,6 +88,7 @@ def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_recor
     log = roving_record
     result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
+    assert "warning    The calibration is illustrative" in result.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["n_records"] == 200
     assert summary["simulated"] is False

@@ -118,7 +118,7 @@ def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | No
     :raises InputError: if the file cannot be read or written
     """
     content = read_yaml(site_file)
-    content["calibration"] = calibration.model_dump(exclude_none=True)
+    content["calibration"] = calibration.model_dump(exclude_defaults=True)
     if soil is not None:
         content["soil"] = soil.model_dump()
     text = StringIO()

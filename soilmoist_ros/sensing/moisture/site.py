@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,6 +12,7 @@ from soilmoist_ros.foundation.configuration import Section, load_model
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
+_log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
@@ -81,6 +83,8 @@ class Calibration(Section):
     """Day of the calibration."""
     note: str | None = None
     """How it was obtained."""
+    illustrative: bool = False
+    """Whether N0 is a guess, not a calibration: the report then warns that absolute moisture is not real."""
 
 
 class Location(Section):
@@ -149,14 +153,27 @@ class Site(Section):
 
 
 def load_site(path: Path) -> Site:
-    """Read a site file; a relative path of the intensity file is taken from the site file's folder.
+    """Read a site file; a relative path of the intensity file starts at the site file's folder.
+
+    Files of release 0.1 mark a guessed N0 by the word *illustrative* in the note of the calibration. They are read
+    like files with the key ``illustrative: true``, with a warning.
 
     :raises InputError: with every mistake in the file
     """
-    site = load_model(path, Site)
+    site = _with_key_illustrative(load_model(path, Site), path)
     intensity = site.corrections.intensity
     if intensity is None or intensity.file is None or intensity.file.is_absolute():
         return site
     resolved = intensity.model_copy(update={"file": path.parent / intensity.file})
     corrections = site.corrections.model_copy(update={"intensity": resolved})
     return site.model_copy(update={"corrections": corrections})
+
+
+def _with_key_illustrative(site: Site, path: Path) -> Site:
+    calibration = site.calibration
+    if calibration is None or "illustrative" in calibration.model_fields_set:
+        return site
+    if "illustrative" not in (calibration.note or ""):
+        return site
+    _log.warning("%s: write 'illustrative: true' below 'calibration'; the note will not be searched for it", path)
+    return site.model_copy(update={"calibration": calibration.model_copy(update={"illustrative": True})})

@@ -117,9 +117,7 @@ def fix_health(stream: SensorStream, now_s: float) -> Health:
 
 
 def _by_kind(what: str, counted: Counter[Kind]) -> dict[str, str]:
-    return {
-        f"{what}: {kind.value}": str(number) for kind, number in sorted(counted.items(), key=lambda i: i[0].value)
-    }
+    return {f"{what}: {kind.text}": str(number) for kind, number in sorted(counted.items())}
 
 
 def _number(value: float, digits: int) -> str:

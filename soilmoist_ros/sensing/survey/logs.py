@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -181,8 +182,8 @@ def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[fl
 def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
     """Why nothing is left, most frequent reason first, one example each."""
     lost = [problem for problem in problems if problem.lost]
-    kinds = sorted({problem.kind for problem in lost}, key=lambda kind: -sum(p.kind == kind for p in lost))
-    examples = [next(problem.mistake for problem in lost if problem.kind == kind) for kind in kinds]
+    kinds = Counter(problem.kind for problem in lost).most_common()
+    examples = [next(problem.mistake for problem in lost if problem.kind is kind) for kind, _ in kinds]
     total = sum(len(log.records) for log in logs)
     head = Mistake(f"not one of {total} records can be placed on a map", "see the reasons below")
     return [head, *examples]

@@ -59,3 +59,22 @@ def test_intensity_file_is_relative_to_the_site_file(tmp_path):
     intensity = load_site(path).corrections.intensity
     assert intensity is not None
     assert intensity.file == tmp_path / "monitor.csv"
+
+
+def test_an_illustrative_calibration_has_a_key(tmp_path, caplog):
+    path = tmp_path / "site.yaml"
+    path.write_text("calibration: {n0_cps: 6, illustrative: true, note: a guess}\n")
+    assert load_site(path).calibration.illustrative
+    path.write_text("calibration: {n0_cps: 6, illustrative: false, note: not illustrative}\n")
+    assert not load_site(path).calibration.illustrative
+    assert not caplog.records
+
+
+def test_the_word_in_the_note_of_an_old_file_is_read_with_a_warning(tmp_path, caplog):
+    path = tmp_path / "site.yaml"
+    path.write_text("calibration: {n0_cps: 6, note: 'illustrative: no cores'}\n")
+    assert load_site(path).calibration.illustrative
+    (record,) = caplog.records
+    assert "write 'illustrative: true'" in record.getMessage()
+    assert load_site(config_folder() / "sites" / "gypsum_transect.yaml").calibration.illustrative
+    assert len(caplog.records) == 1
