@@ -72,8 +72,12 @@ def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
 @click.argument("bag", type=FILE)
 @click.option("--field", help="Field file. Default: that of the run.")
 @click.option("--site", help="Site file: corrections, soil, calibration. Default: that of the run.")
-@click.option("--truth", help="Surrogate field to compare with: a built-in one, or a field file with a truth.")
-@click.option("--also-truth", help="The same for the map of a second property.")
+@click.option("--property", "properties", multiple=True,
+              help="Property of the bag to map, repeatable. Default: all.")  # fmt: skip
+@click.option("--truth", "truths", multiple=True, metavar="[PROPERTY=]FIELD",
+              help="Surrogate field to compare with: a built-in one, or a field file with a truth. Of the first "
+              "property if none is named; repeatable.")  # fmt: skip
+@click.option("--also-truth", hidden=True)
 @click.option("--model", type=click.Choice(MODELS), help="Variogram model. Default: that of the run.")
 @click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: that of the run.")
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
@@ -104,6 +108,8 @@ def replay_command(
     topics: str | None,
     speed: float | None,
     start_s: float | None,
+    truths: tuple[str, ...],
+    also_truth: str | None,
     **choices: Any,
 ) -> None:
     """Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.
@@ -126,13 +132,23 @@ def replay_command(
     from soilmoist_ros.reporting import write_outputs
 
     keep_nugget = None if nugget is None else nugget == "keep"
+    named: dict[str | int, str] = dict(_truth(text) for text in truths)
+    if also_truth is not None:
+        click.echo("warning: --also-truth is deprecated: give --truth PROPERTY=FIELD", err=True)
+        named[1] = also_truth
     with progress_bar() as progress:
-        replay = replay_bag(bag, ReplaySettings(keep_nugget=keep_nugget, **choices), progress)
+        replay = replay_bag(bag, ReplaySettings(keep_nugget=keep_nugget, truths=named, **choices), progress)
         progress("writing the results", 1.0)
         written = write_outputs(out, replay.run, crs)
     print_replay(replay)
     for path in written:
         click.echo(f"wrote {path}")
+
+
+def _truth(text: str) -> tuple[str | int, str]:
+    """Property, 0 for the first, and field of a ``--truth``; an = in the path of a file splits nothing."""
+    name, equals, field = text.partition("=")
+    return (name, field) if equals and name.isidentifier() else (0, text)
 
 
 def _play(bag: Path, topics: str | None, speed: float, start_s: float) -> None:
@@ -199,24 +215,25 @@ def bag_recover_command(bag: Path, out: Path) -> None:
 
 def print_replay(replay: Replay) -> None:
     """What a run came to, in a few lines."""
-    mission, samples = replay.run.mission, replay.run.soil_map.samples
+    from soilmoist_ros.reporting.page.statistics import truth_score
+
+    mission = replay.run.mission
     if mission is not None and mission.series:
         last = mission.series[-1]
         click.echo(
             f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, "
             f"{last.samples} stops: {mission.ended}"
         )
-        if math.isfinite(last.mse):
-            click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
         if math.isfinite(last.vwc_rmse):
             click.echo(f"moisture   RMSE {last.vwc_rmse:.4f} m3/m3")
-        if math.isfinite(last.also_mse):
-            click.echo(f"also       {rate_error(last.also_mse, last.also_coverage95)}")
-    click.echo(f"records    {len(replay.run.track)}, merged into {len(samples)} samples")
-    click.echo(f"map        {replay.comparison}")
-    if mission is not None and mission.also is not None:
-        click.echo(f"beside     {mission.also.name}, {len(mission.also.records)} records")
-        click.echo(f"map beside {replay.also_comparison}")
+    for run, comparison in zip(replay.run.properties, replay.comparisons, strict=True):
+        click.echo(
+            f"property   {run.name}, {len(run.track)} records merged into {len(run.soil_map.samples)} samples"
+        )
+        if run.truth_rate is not None:
+            score = truth_score(run.soil_map, run.truth_rate)
+            click.echo(f"rate       {rate_error(score.rmse**2, score.coverage95)}")
+        click.echo(f"map        {comparison.message}")
 
 
 @contextmanager

@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
-from soilmoist_ros.replay.comparison import OnLine, compare, read_on_line
+from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows
-from soilmoist_ros.replay.mission import last_mission, read_statuses, replay_mission
+from soilmoist_ros.replay.mission import replay_mission
 from soilmoist_ros.replay.online_survey import OnlineSurvey, open_survey
+from soilmoist_ros.replay.properties import (
+    PropertyTopic,
+    ReplayedProperty,
+    chosen_properties,
+    named_truths,
+    property_topics,
+)
 from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
-from soilmoist_ros.replay.second import Second, not_mapped, read_second
+from soilmoist_ros.replay.statuses import Status, last_mission, read_statuses
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
+from soilmoist_ros.replay.visits import mission_visits, read_visits
 from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Progress = Callable[[str, float], None]
 Source = Literal["counts", "raw"]
@@ -35,11 +44,13 @@ _OPTIONS = ("cell_m", "model", "fit", "keep_nugget", "merge_radius_m")
 
 @dataclass(frozen=True)
 class ReplaySettings:
-    """Choices of a replay; what is ``None`` is as the mapper had it on line.
+    """Choices of a replay; what is ``None`` is as the mapper had it.
 
     :param field: field file, or name of a shipped one
     :param site: site file, or name of a shipped one; other corrections need the source ``raw``
-    :param truth: surrogate field to compare with: a built-in name, or a field file with a truth
+    :param properties: names of the properties to map; empty for all in the bag
+    :param truths: surrogate fields to compare with: built-in names, or field files with a truth; each by the name
+        of its property, or by its place in the list of properties, from 0
     :param model: variogram model
     :param fit: how the variogram is fitted
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
@@ -49,12 +60,12 @@ class ReplaySettings:
     :param source: what is mapped: ``counts``, the records as the driver corrected and placed them, or ``raw``,
         the lines of logger and receiver (``raw/logger``, ``raw/gnss``), corrected and placed anew
     :param logger: format of the raw lines of the logger; told from their header if ``None``
-    :param also_truth: surrogate field to compare the map of a second property with
     """
 
     field: str | None = None
     site: str | None = None
-    truth: str | None = None
+    properties: Sequence[str] = ()
+    truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
     model: str | None = None
     fit: str | None = None
     keep_nugget: bool | None = None
@@ -63,24 +74,22 @@ class ReplaySettings:
     counts_topic: str = "counts"
     source: Source = "counts"
     logger: str | None = None
-    also_truth: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What a replay comes to.
+    """The result of a replay.
 
-    :param run: for the outputs; the map of a second property is with its mission
-    :param as_on_line: whether the map of the same records equals the last one that the mapper published, bit for
-        bit; ``None`` if there is none, or it was not made of the records in the bag
-    :param comparison: the same in words, with the reason
-    :param also_comparison: the same of the map of a second property, empty without one
+    :param run: for the outputs, with all properties
+    :param comparisons: how each property's map compares with the last one that its mapper published
     """
 
     run: MapRun
-    as_on_line: bool | None
-    comparison: str
-    also_comparison: str = ""
+    comparisons: Sequence[Comparison]
+
+    def __repr__(self) -> str:
+        names = ", ".join(run.name for run in self.run.properties)
+        return f"Replay({names}: {len(self.run.track)} records, {self.comparisons[0].message})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +98,10 @@ class _Content:
 
     records: Sequence[CountRecord]
     raw: RawSurvey | None
-    statuses: Sequence[dict[str, str]]
-    on_line: OnLine | None
+    statuses: Sequence[Status]
+    visits: Sequence[Visit] | None
     simulated: bool
-    second: Second | None
-    left_out: Sequence[str]
+    properties: Sequence[ReplayedProperty]
 
 
 def replay_bag(
@@ -113,33 +121,46 @@ def replay_bag(
     with BagReader(bag) as reader:
         configuration = configuration_of(bag)
         survey, warnings = _survey(bag, configuration, chosen)
-        truth = None if chosen.truth is None else surrogate_field(chosen.truth)
-        content = _read(reader, survey, chosen, configuration)
-    states = [survey.online.state for record in content.records if survey.online.add(record) is None]
-    if not states:
-        raise InputError(_why_nothing(survey, content.records), "check the field file and the GNSS", bag)
+        content = _read(reader, survey, chosen, configuration, warnings)
+    first = content.properties[0]
+    if not first.states:
+        raise InputError(_why_nothing(first.survey, first.records), "check the field file and the GNSS", bag)
     progress("mapping", 0.0)
-    run = survey.run(survey.online.snapshot())
-    as_on_line, comparison = None, "not compared: made anew from what logger and receiver sent"
-    if content.raw is None:
-        as_on_line, comparison = compare(survey.online, states, content.on_line)
+    mapped = []
+    for one in content.properties:
+        try:
+            run = one.survey.run(one.survey.online.snapshot())
+        except InputError as error:
+            if one is first:
+                raise
+            warnings.append(f"{one.name} is not mapped: {error}.")
+            continue
+        label = one.name if one.truth is None else one.truth.title
+        mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
+    properties = [one for one, _ in mapped]
+    run, *others = (run for _, run in mapped)
+    raw = content.raw
     run = replace(
         run,
         inputs=[*(input_file(path, "bag") for path in _files(bag)), *run.inputs],
-        warnings=[*run.warnings, *warnings, *content.left_out],
-        losses=[*loss_rows(content.raw.problems if content.raw else ()), *run.losses],
-        logger_format=content.raw.format_title if content.raw else "",
-        simulated=run.simulated or content.simulated or truth is not None,
-        truth_rate=None if truth is None else _true_raster(truth, survey),
+        warnings=[*run.warnings, *warnings],
+        losses=[*loss_rows(raw.problems if raw else ()), *run.losses],
+        logger_format=raw.format_title if raw else "",
+        simulated=run.simulated or content.simulated or any(one.truth is not None for one in properties),
+        others=others,
     )
     statuses = last_mission(content.statuses)
-    if not statuses:
-        return Replay(run, as_on_line, comparison)
-    second = content.second
-    mission = replay_mission(survey, states, statuses, truth, configuration, content.records, progress, second)
-    mission = replace(mission, soil_map=run.soil_map, also=None if second is None else second.mapped())
-    also_comparison = "" if second is None else second.compared()
-    return Replay(replace(run, mission=mission), as_on_line, comparison, also_comparison)
+    if statuses:
+        visits = mission_visits(statuses, content.visits, content.records)
+        mission = replay_mission(properties, statuses, visits, configuration, content.records, progress)
+        run = replace(run, mission=replace(mission, soil_map=run.soil_map))
+    return Replay(run, [_compared(one, raw is not None and one.survey is survey) for one in properties])
+
+
+def _compared(one: ReplayedProperty, from_raw: bool) -> Comparison:
+    if from_raw:
+        return Comparison(None, "not compared: made anew from what logger and receiver sent")
+    return one.compared()
 
 
 def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[OnlineSurvey, list[str]]:
@@ -162,8 +183,8 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) 
 
     :param had: parameters of the mapper
     """
-    field = chosen.field or had.get("field")
-    if not field:
+    field_file = chosen.field or had.get("field")
+    if not field_file:
         raise InputError("does not say which field it is of", "give the field file with --field", bag)
     options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
     options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
@@ -171,39 +192,70 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) 
         if options.get(name, known[0]) not in known:
             raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
     try:
-        return open_survey(field, site, **options)
+        return open_survey(field_file, site, **options)
     except ValueError as error:
         raise InputError(str(error), "change this setting") from None
 
 
-def _read(reader: BagReader, survey: OnlineSurvey, chosen: ReplaySettings, configuration: Path | None) -> _Content:
-    raw, simulated = None, False
+def _read(
+    reader: BagReader,
+    survey: OnlineSurvey,
+    chosen: ReplaySettings,
+    configuration: Path | None,
+    warnings: list[str],
+) -> _Content:
+    """All that is needed from the bag.
+
+    :param survey: the map of the robot's own records, without records
+    :param warnings: takes what the user should know
+    """
+    raw = None
     if chosen.source == "raw":
-        topics = RunTopics.beside_raw(reader, chosen.counts_topic)
+        topics = RunTopics.of_raw_lines(reader, chosen.counts_topic)
         raw = read_raw(topics, survey.site, survey.field.frame, chosen.logger)
         records: Sequence[CountRecord] = raw.records
     else:
-        topics = RunTopics.beside(reader, reader.find_topic(chosen.counts_topic, CLOUD))
+        topics = RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))
         records = reader.read_counts(topics.counts)
         if not records:
             raise InputError(f"{topics.counts} has no messages", "was the driver running?", reader.path)
     logger = topics.find("raw/logger", TEXT)
-    if logger is not None:
-        simulated = says_simulated(reader, logger)
-    statuses = read_statuses(topics)
-    second = None
-    if last_mission(statuses):
-        second = read_second(
-            topics,
-            configuration,
-            lambda had: _open(reader.path, had, chosen, had.get("site", "")),
-            chosen.also_truth,
-        )
-    if second is None and chosen.also_truth is not None:
-        remedy = "it takes a mission whose planner had properties; leave --also-truth out"
-        raise InputError("has no second property to compare with a truth", remedy, reader.path)
-    left_out = not_mapped(topics, configuration, second)
-    return _Content(records, raw, statuses, read_on_line(topics), simulated, second, left_out)
+    found = property_topics(topics, configuration)
+    wanted = chosen_properties(found, chosen.properties, reader.path)
+    truths = named_truths(found, chosen.truths, reader.path)
+    properties: list[ReplayedProperty] = []
+    for one in wanted:
+        own = one.counts == topics.counts
+        try:
+            counted = records if own else reader.read_counts(one.counts)
+        except InputError as error:
+            if one.weight or one.name in chosen.properties:
+                raise
+            warnings.append(f"{one.counts} is not mapped: {error}.")
+            continue
+        if not counted:
+            continue
+        mapped = survey if own else _open_of(one, reader.path, configuration, chosen)
+        truth = truths.get(one.name)
+        states = [mapped.online.state for record in counted if mapped.online.add(record) is None]
+        published = read_published_map(topics if own else RunTopics(reader, one.counts, alone=False))
+        known = None if truth is None else surrogate_field(truth)
+        properties.append(ReplayedProperty(one.name, one.weight, mapped, counted, states, published, known))
+    if not properties:
+        raise InputError("has no records of these properties", "choose others, or none for all", reader.path)
+    simulated = logger is not None and says_simulated(reader, logger)
+    return _Content(records, raw, read_statuses(topics), read_visits(topics), simulated, properties)
+
+
+def _open_of(one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings) -> OnlineSurvey:
+    """The map of a property as its mapper had it, without records.
+
+    Without parameters of that mapper in the bag it is mapped as the robot's own records, but without the site:
+    a calibration belongs to one sensor.
+    """
+    had = read_parameters(configuration, one.mapper)
+    had = had or {**read_parameters(configuration, "mapper"), "site": ""}
+    return _open(bag, had, chosen, had.get("site", ""))
 
 
 def _files(bag: Path) -> list[Path]:
@@ -219,8 +271,3 @@ def _why_nothing(survey: OnlineSurvey, records: Sequence[CountRecord]) -> str:
         for reason, entry in survey.online.skipped.items()
     ]
     return f"not one of {len(records)} records is in the field {survey.field.name!r}: {'; '.join(reasons)}"
-
-
-def _true_raster(truth: SurrogateField, survey: OnlineSurvey) -> Any:
-    grid = survey.online.grid
-    return grid.to_raster(truth.rate_at(grid.cells))

@@ -1,7 +1,8 @@
-"""Whether a replayed map is the one that the mapper had made on line."""
+"""Whether a replayed map equals the one that the mapper had published."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,16 +18,16 @@ from soilmoist_ros.replay.topics import CLOUD, RunTopics
 
 _BANDS = ("rate", "rate_sd", "vwc", "vwc_sd")
 _ROUNDING = 1e-4
-"""Relative difference below which a map is taken for one of other rounding."""
+"""Relative difference below which maps differ by rounding only."""
 
 
 @dataclass(frozen=True, eq=False)
-class OnLine:
+class PublishedMap:
     """The last map that the mapper published.
 
     :param stamp_s: end of the last record in it [s since 1970-01-01 UTC]; 0 without records
     :param cells: its cells, shape (ny, nx)
-    :param raw_counts: counts of all records in it, ``None`` if the bag does not tell
+    :param raw_counts: counts of all records in it, ``None`` if the bag has no samples of that time
     :param was_reset: whether an empty map came after another one
     """
 
@@ -36,7 +37,27 @@ class OnLine:
     was_reset: bool
 
 
-def read_on_line(topics: RunTopics) -> OnLine | None:
+@dataclass(frozen=True)
+class Comparison:
+    """How a replayed map compares with the last one that its mapper published.
+
+    :param same: whether they are equal, bit for bit; ``None`` if they were not compared
+    :param message: result and reason, for people
+    :param difference: largest difference as a share of the largest value of its band; NaN if there are no
+        values to compare
+    """
+
+    same: bool | None
+    message: str
+    difference: float = math.nan
+
+    @property
+    def is_rounding(self) -> bool:
+        """Whether the maps differ by no more than rounding does, as on another processor."""
+        return self.difference < _ROUNDING
+
+
+def read_published_map(topics: RunTopics) -> PublishedMap | None:
     """The last map in a bag, ``None`` if there is none.
 
     :raises InputError: if it cannot be read
@@ -58,61 +79,64 @@ def read_on_line(topics: RunTopics) -> OnLine | None:
         raw_counts = _raw_counts(topics, _stamp_s(last))
     except (KeyError, ValueError) as error:
         raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", reader.path) from None
-    return OnLine(_stamp_s(last), cells, raw_counts, was_reset)
+    return PublishedMap(_stamp_s(last), cells, raw_counts, was_reset)
 
 
-def compare(online: FieldMap, states: Sequence[MapState], last: OnLine | None) -> tuple[bool | None, str]:
-    """Whether the map of the same records is the same, bit for bit, and that in words.
+def compare(field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None) -> Comparison:
+    """Compare the replayed map of the same records with the last one published.
 
-    Recorder and mapper begin and end at their own times, so the maps compared are those up to the last record
-    of the map on line. ``None`` if that was not made of the records in the bag.
+    Recorder and mapper begin and end at different times, so the maps compared are those up to the last record
+    of the published map.
 
-    :param online: settings, and all that makes maps
+    :param field_map: settings, and all that makes maps
     :param states: states after each record
-    :param last: the last map on line
+    :param last: the last map published
     """
     if last is None:
-        return None, "not compared: the bag has no map"
+        return Comparison(None, "not compared: the bag has no map")
     if last.stamp_s == 0:
-        return None, "not compared: the robot's last map is empty" + (", it was reset" if last.was_reset else "")
+        reset = ", it was reset" if last.was_reset else ""
+        return Comparison(None, f"not compared: the robot's last map is empty{reset}")
     same_time = [
         state
         for state, later in zip(states, [*states[1:], None], strict=True)
         if state.stamp_s == last.stamp_s and (later is None or later.stamp_s != last.stamp_s)
     ]
     if not same_time:
-        return None, "not compared: the robot's last map ends with a record that is not in the bag"
+        return Comparison(None, "not compared: the robot's last map ends with a record that is not in the bag")
     alike = [state for state in same_time if last.raw_counts in (None, float(state.samples.counts.sum()))]
     if not alike or (last.was_reset and last.raw_counts is None):
-        return None, (
+        return Comparison(
+            None,
             "not compared: the robot's last map was made of other records than those in the bag up to then "
-            "(it was reset, or began before the recording)"
+            "(it was reset, or began before the recording)",
         )
-    return _same(online.compute(alike[-1]), last.cells)
+    return _compare_bands(field_map.compute(alike[-1]), last.cells)
 
 
-def _same(soil_map: SoilMap | None, cells: NDArray[Any]) -> tuple[bool, str]:
+def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any]) -> Comparison:
     differs = "differs from the robot's last one: "
     if any(name not in (cells.dtype.names or ()) for name in _BANDS):
-        return False, f"{differs}that lacks bands"
+        return Comparison(False, f"{differs}that lacks bands")
     shape = np.shape(cells) if soil_map is None else soil_map.rate.shape
     if shape != cells.shape:
-        return False, f"{differs}it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
+        sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
+        return Comparison(False, f"{differs}{sizes}")
     largest = 0.0
     for name in _BANDS:
         there = cells[name]
         here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
         here = here.astype(there.dtype)
         if not np.array_equal(np.isnan(here), np.isnan(there)):
-            return False, f"{differs}other cells have a {name}"
+            return Comparison(False, f"{differs}other cells have a {name}")
         known = ~np.isnan(there)
         if known.any():
             error = np.abs(here[known].astype(float) - there[known])
             largest = max(largest, float(error.max()) / max(float(np.abs(there[known]).max()), 1e-30))
     if largest == 0:
-        return True, "equals the robot's last one, bit for bit"
+        return Comparison(True, "equals the robot's last one, bit for bit", 0.0)
     why = ": rounding, as on another processor or with more threads" if largest < _ROUNDING else ""
-    return False, f"{differs}by up to {largest:.1e} of its largest values{why}"
+    return Comparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
 
 
 def _raw_counts(topics: RunTopics, stamp_s: float) -> float | None:

@@ -27,7 +27,7 @@ class RunTopics:
     alone: bool
 
     @classmethod
-    def beside(cls, reader: BagReader, counts: str) -> Self:
+    def of_counts(cls, reader: BagReader, counts: str) -> Self:
         """The topics of the robot whose records have this full name."""
         last = counts.rsplit("/", 1)[-1]
         others = [
@@ -38,10 +38,10 @@ class RunTopics:
         return cls(reader, counts, not others)
 
     @classmethod
-    def beside_raw(cls, reader: BagReader, counts: str) -> Self:
+    def of_raw_lines(cls, reader: BagReader, counts: str) -> Self:
         """The topics of the robot whose raw lines are in the bag, maybe without its records.
 
-        :param counts: topic with the records, if it has one: tells which robot is meant
+        :param counts: topic with the records, if it has one; its namespace says which robot is meant
         :raises InputError: if there are no raw lines, or those of several robots and it is not said of which
         """
         named = counts if counts.startswith("/") else f"/{counts}"
@@ -70,8 +70,8 @@ class RunTopics:
         :param kind: its type
         """
         topics = self.reader.topics
-        beside = f"{self.counts.rpartition('/')[0]}/{name}"
-        if topics.get(beside) == kind:
-            return beside
+        own = f"{self.counts.rpartition('/')[0]}/{name}"
+        if topics.get(own) == kind:
+            return own
         named = [topic for topic, type_name in topics.items() if topic.endswith(f"/{name}") and type_name == kind]
         return named[0] if self.alone and len(named) == 1 else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soilmoist_ros import __version__
+from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.strict_json import write_json
 from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary
-from soilmoist_ros.reporting.outputs import NAMES, second_names, write_outputs
+from soilmoist_ros.reporting.outputs import NAMES, property_names, write_outputs
 from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.simulation.mission.mission_run import MissionResult
 
@@ -46,7 +47,7 @@ def write_mission(
         return write_outputs(folder, mission_run(result, created), crs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in NAMES + second_names(result):
+        for name in NAMES + (property_names(result.also.name) if result.also else ()):
             (folder / name).unlink(missing_ok=True)
         about = {
             "schema": SCHEMA,
@@ -76,7 +77,7 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
     if result.soil_map is None:
         raise ValueError("the mission ended before its first map")
     settings = result.settings
-    return MapRun(
+    run = MapRun(
         soil_map=result.soil_map,
         frame=result.frame,
         created_utc=created_utc,
@@ -90,7 +91,18 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
         truth_rate=result.truth_rate,
         footprint_radius_m=settings.footprint_m,
         mission=result,
+        name=property_name(settings.field),
+        label=result.field_title or settings.field,
     )
+    others = [
+        replace(
+            run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
+            mission=None, field_name=other.field_title, name=other.name, label=other.field_title,
+        )
+        for other in ([result.also] if result.also else [])
+        if other.soil_map is not None
+    ]  # fmt: skip
+    return replace(run, others=others)
 
 
 def _left_out(result: MissionResult) -> Iterator[LossRow]:

@@ -13,14 +13,11 @@ from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
-from soilmoist_ros.reporting.page.properties_section import second_run
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
     from pyproj import CRS
-
-    from soilmoist_ros.simulation.mission.mission_run import MissionResult
 
 NAMES = ("summary.json", "map.tif", "samples.geojson", "report.html")
 MISSION_NAMES = ("series.csv", "visits.csv")
@@ -29,11 +26,11 @@ MISSION_NAMES = ("series.csv", "visits.csv")
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson`` and ``report.html``.
 
-    For a mission also ``series.csv`` and ``visits.csv``, and for a second property ``map_NAME.tif`` and
+    A mission adds ``series.csv`` and ``visits.csv``; each property after the first adds ``map_NAME.tif`` and
     ``samples_NAME.geojson`` with its name.
 
-    All are first written to a hidden folder beside their place and moved only when every one is complete,
-    so that a reader never meets half a file, nor a map with another run's report after a failure.
+    All files are first written to a hidden folder in ``folder`` and moved when every one is complete, so that a
+    reader never meets half a file, nor a map with another run's report after a failure.
 
     :param folder: output folder; made if missing
     :param run: the run
@@ -42,33 +39,22 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
     """
     target = export_crs(run.frame, crs)
-    second = second_run(run)
     names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
-    if second is not None:
-        names += second_names(run.mission)
-    tags = {
-        "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
-        "SOILMOIST_CREATED_UTC": run.created,
-        "SOILMOIST_FIELD": run.field_name,
-    }
+    names += tuple(name for other in run.others for name in property_names(other.name))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         workshop = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
     try:
-        write_geotiff(workshop / "map.tif", run.soil_map, run.frame, target, tags)
-        write_samples(workshop / "samples.geojson", run)
+        for number, one in enumerate(run.properties):
+            of_map, of_samples = property_names(one.name if number else "")
+            write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
+            write_samples(workshop / of_samples, one)
         write_report(workshop / "report.html", run)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)
-        if second is not None:
-            of_map, of_samples = (workshop / name for name in second_names(run.mission))
-            write_geotiff(
-                of_map, second.soil_map, run.frame, target, {**tags, "SOILMOIST_FIELD": second.field_name}
-            )
-            write_samples(of_samples, second)
         write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=names)
         for name in names:
             os.replace(workshop / name, folder / name)
@@ -77,7 +63,19 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     return [folder / name for name in names]
 
 
-def second_names(mission: MissionResult | None) -> tuple[str, ...]:
-    """Names of the files of a mission's second property, none without one."""
-    also = None if mission is None else mission.also
-    return () if also is None else (f"map_{also.name}.tif", f"samples_{also.name}.geojson")
+def property_names(name: str) -> tuple[str, str]:
+    """Names of the files with the map and the samples of a property.
+
+    :param name: name of the property, empty for the first
+    """
+    end = f"_{name}" if name else ""
+    return f"map{end}.tif", f"samples{end}.geojson"
+
+
+def _tags(run: MapRun) -> dict[str, str]:
+    return {
+        "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
+        "SOILMOIST_CREATED_UTC": run.created,
+        "SOILMOIST_FIELD": run.field_name,
+        **({"SOILMOIST_PROPERTY": run.name} if run.name else {}),
+    }

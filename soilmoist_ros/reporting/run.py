@@ -100,7 +100,7 @@ class CalibrationInfo:
 
 @dataclass(frozen=True)
 class MapRun:
-    """One finished mapping run: the map and all that a reader needs to judge it.
+    """One finished mapping run: the map of a property and all that a reader needs to judge it.
 
     :param soil_map: the map
     :param frame: local frame in which the map and the track lie
@@ -120,7 +120,10 @@ class MapRun:
     :param settings: settings of the run, name (with its unit) -> value
     :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
     :param footprint_radius_m: radius of the soil seen by the sensor [m], 0 for a point, ``None`` if unknown
-    :param mission: the simulated mission behind the map, if there was one
+    :param mission: the mission behind the map, if there was one
+    :param name: name of the property for files: letters, digits and _
+    :param label: name of the property for readers
+    :param others: maps of the other properties of this run; they have no mission and no others
     :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
     :param uncertain_rate_share: the same for the rate, as a share of the rate [-]
     :raises ValueError: if ``created_utc`` has no time zone
@@ -145,12 +148,20 @@ class MapRun:
     truth_rate: NDArray[np.float64] | None = None
     footprint_radius_m: float | None = None
     mission: MissionResult | None = None
+    name: str = ""
+    label: str = ""
+    others: Sequence[MapRun] = ()
     uncertain_vwc_sd: float = 0.03
     uncertain_rate_share: float = 0.05
 
     def __post_init__(self) -> None:
         if self.created_utc.tzinfo is None:
             raise ValueError("created_utc must have a time zone")
+
+    @property
+    def properties(self) -> list[MapRun]:
+        """The runs of all properties, this one first."""
+        return [self, *self.others]
 
     @property
     def created(self) -> str:

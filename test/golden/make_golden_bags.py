@@ -253,7 +253,7 @@ def summary(run: Path, **settings: Any) -> dict[str, Any]:
         "samples": len(soil_map.samples),
         "raw_counts": float(soil_map.samples.counts.sum()),
         "lost": {row.kind: row.count for row in replay.run.losses},
-        "as_on_line": replay.as_on_line,
+        "as_on_line": replay.comparisons[0].same,
         "bands": {
             name: [float(f(getattr(soil_map, name))) for f in (np.nanmin, np.nanmean, np.nanmax)]
             for name in ("rate", "rate_sd", "vwc", "vwc_sd")

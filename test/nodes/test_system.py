@@ -115,8 +115,8 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     names = {path.name for path in (tmp_path / "map").iterdir()}
     assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv"}
 
-    replay = replay_bag(tmp_path / "bag", ReplaySettings(truth="synthetic-high"))
-    assert replay.as_on_line is True
+    replay = replay_bag(tmp_path / "bag", ReplaySettings(truths={0: "synthetic-high"}))
+    assert replay.comparisons[0].same is True
     mission = replay.run.mission
     assert mission is not None
     assert mission.settings.strategy == "ivr"

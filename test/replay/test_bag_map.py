@@ -15,7 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.replay import ReplaySettings, replay_bag
-from soilmoist_ros.replay.mission import last_mission
+from soilmoist_ros.replay.comparison import Comparison
+from soilmoist_ros.replay.statuses import Status, last_mission
 from soilmoist_ros.reporting.outputs import write_outputs
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
@@ -116,9 +117,9 @@ def test_golden_bags(case, name):
         found = [np.nanmin(values), np.nanmean(values), np.nanmax(values)]
         assert found == pytest.approx(expected["bands"][band], rel=1e-5)
     if expected["as_on_line"]:
-        assert replay.as_on_line or "rounding" in replay.comparison
+        assert replay.comparisons[0].same or replay.comparisons[0].is_rounding
     else:
-        assert replay.as_on_line is None
+        assert replay.comparisons[0].same is None
     assert run.simulated
     told = expected.get("mission")
     assert (run.mission is None) == (told is None)
@@ -134,14 +135,14 @@ def test_golden_bags(case, name):
 def test_the_map_is_the_one_made_on_line_bit_for_bit(makers, tmp_path, case):
     makers.CASES[case](tmp_path / case)
     replay = replay_bag(tmp_path / case)
-    assert (replay.as_on_line, replay.comparison) == (True, "equals the robot's last one, bit for bit")
+    assert replay.comparisons == [Comparison(True, "equals the robot's last one, bit for bit", 0.0)]
 
 
 @pytest.mark.slow
 def test_the_mission_is_told_as_it_was(makers, tmp_path):
     events, mission = makers.mission()
     makers.write_bag(tmp_path / "run", events)
-    run = replay_bag(tmp_path / "run", ReplaySettings(truth="half-wet")).run
+    run = replay_bag(tmp_path / "run", ReplaySettings(truths={0: "half-wet"})).run
     assert len(run.mission.visits) == len(mission.visits) > 4
     for found, wanted in zip(run.mission.visits, mission.visits, strict=True):
         assert (found.name, found.raw_counts) == (wanted.name, wanted.raw_counts)
@@ -190,7 +191,7 @@ def test_bags_of_other_recorders(tmp_path, options, in_file):
     own = replay_bag(GOLDEN / "one_stop")
     for band, values in bands(own.run.soil_map).items():
         assert values.tobytes() == bands(replay.run.soil_map)[band].tobytes()
-    assert replay.as_on_line == own.as_on_line
+    assert replay.comparisons == own.comparisons
     files = [item for item in replay.run.inputs if item.role == "bag"]
     assert len(files) == 1
 
@@ -203,8 +204,8 @@ def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):
     }
     for name, (keep, why) in cases.items():
         replay = replay_bag(copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / name, keep), with_files("one_stop"))
-        assert replay.as_on_line is None
-        assert why in replay.comparison
+        assert replay.comparisons[0].same is None
+        assert why in replay.comparisons[0].message
 
 
 def test_a_reset_is_told_even_without_the_samples(makers, tmp_path):
@@ -221,8 +222,8 @@ def test_a_reset_is_told_even_without_the_samples(makers, tmp_path):
     bag = copy_bag(tmp_path / "bag", tmp_path / "no_samples", keep)
     for path in (tmp_path / "bag", bag):
         replay = replay_bag(path)
-        assert replay.as_on_line is None
-        assert "it was reset" in replay.comparison
+        assert replay.comparisons[0].same is None
+        assert "it was reset" in replay.comparisons[0].message
 
 
 @pytest.mark.parametrize(
@@ -233,9 +234,9 @@ def test_a_reset_is_told_even_without_the_samples(makers, tmp_path):
 )  # fmt: skip
 def test_other_settings_give_another_map(changes, why):
     replay = replay_bag(GOLDEN / "drive_and_stop", ReplaySettings(**changes))
-    assert replay.as_on_line is False
-    assert why in replay.comparison
-    assert "rounding" not in replay.comparison
+    assert replay.comparisons[0].same is False
+    assert why in replay.comparisons[0].message
+    assert not replay.comparisons[0].is_rounding
 
 
 def test_another_calibration_changes_the_moisture_only(edited_site):
@@ -259,7 +260,7 @@ def test_other_corrections_need_the_raw_lines(edited_site):
         [record.f_pressure for record in raw.run.track], [record.f_pressure * factor for record in own.track]
     )
     assert np.nanmin(raw.run.soil_map.rate) > np.nanmax(own.soil_map.rate)
-    assert raw.as_on_line is None
+    assert raw.comparisons[0].same is None
     assert not any("on the robot" in warning for warning in raw.run.warnings)
     assert raw.run.logger_format
 
@@ -307,7 +308,7 @@ def test_topics_beside_are_found_where_there_is_one_robot(tmp_path):
         GOLDEN / "one_stop" / "bag", tmp_path / "bag",
         rename=lambda topic: "/sensor/counts" if topic == "/counts" else topic,
     )  # fmt: skip
-    assert replay_bag(bag, with_files("one_stop")).comparison == replay_bag(GOLDEN / "one_stop").comparison
+    assert replay_bag(bag, with_files("one_stop")).comparisons == replay_bag(GOLDEN / "one_stop").comparisons
 
 
 @pytest.mark.slow
@@ -326,7 +327,7 @@ def test_bad_input_is_told_with_a_remedy(tmp_path):
     refused("there is no fit 'ols'", fit="ols")
     refused("radius_m must be >= 0", merge_radius_m=-1.0)
     refused("cannot be gridded", cell_m=900.0)
-    refused("half-wat", truth="half-wat")
+    refused("half-wat", truths={0: "half-wat"})
 
 
 def other_field(folder):
@@ -340,7 +341,7 @@ def other_field(folder):
 
 def test_missions_one_after_the_other():
     def status(used, samples=0):
-        return {"time_used_s": str(used), "samples": str(samples)}
+        return Status("planning", "", "", 0.0, 0.0, 0.0, used, 0.0, 0.0, samples, 0.0, 0, used)
 
     first, second = [status(0), status(0), status(40), status(90, 2)], [status(0), status(10)]
     assert last_mission([]) == []

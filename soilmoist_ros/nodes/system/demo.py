@@ -100,7 +100,8 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
                     path = _with_ports(path, out, group)
                 group.start(name, path)
             _watch(group, live, show)
-    return replay_bag(out / "bag", ReplaySettings(truth=settings.field, also_truth=settings.also or None))
+    of_others: dict[str | int, str] = {also: settings.also} if also else {}
+    return replay_bag(out / "bag", ReplaySettings(truths={0: settings.field, **of_others}))
 
 
 def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:

@@ -13,7 +13,6 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.geometry import map_extent
 from soilmoist_ros.reporting.page import maps
-from soilmoist_ros.reporting.page.properties_section import second_sections, side_by_side
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.style import (
     BLUE,
@@ -53,7 +52,6 @@ class MissionPart:
     :param visits: the first stops
     :param hidden: number of stops that are left out of the table
     :param several: whether there are several robots
-    :param properties: both properties side by side, if there are two
     """
 
     text: str
@@ -61,7 +59,6 @@ class MissionPart:
     visits: tuple[Visit, ...]
     hidden: int
     several: bool = False
-    properties: Section | None = None
 
 
 def mission_part(run: MapRun) -> MissionPart | None:
@@ -95,11 +92,10 @@ def mission_part(run: MapRun) -> MissionPart | None:
                 "measurement was finished.",
             )
         )  # fmt: skip
-    sections += second_sections(run)
     shown = tuple(mission.visits[:MAX_VISITS])
     hidden = len(mission.visits) - len(shown)
     several = len(mission.tracks) > 1
-    return MissionPart(_text(mission), tuple(sections), shown, hidden, several, side_by_side(run))
+    return MissionPart(_text(mission), tuple(sections), shown, hidden, several)
 
 
 def _text(mission: MissionResult) -> str:

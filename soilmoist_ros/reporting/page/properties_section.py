@@ -1,9 +1,9 @@
-"""The part of a report about a second property: its maps, and both properties side by side."""
+"""The part of a report about several properties: the maps of each, and all of them side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,45 +40,43 @@ TOO_LOW, INSIDE, TOO_HIGH = "#e08214", "#eef1f4", "#8073ac"
 """Where the true rate lies above, in and below the 95 % interval of the map; as on the map of the error."""
 
 
-def second_run(run: MapRun) -> MapRun | None:
-    """The map of the second property as a run of its own, ``None`` if there is none."""
-    also = run.mission.also if run.mission is not None else None
-    if also is None or also.soil_map is None:
-        return None
-    title = also.field_title
-    return replace(run, soil_map=also.soil_map, truth_rate=also.known_truth, track=also.records, field_name=title)
+def property_sections(run: MapRun) -> list[Section]:
+    """Map and uncertainty of each property after the first, whose maps head the page."""
+    return [section for other in run.others for section in _sections(other)]
 
 
-def second_sections(run: MapRun) -> list[Section]:
-    """Map and uncertainty of the second property, none without."""
-    second = second_run(run)
-    if second is None:
-        return []
-    about = f"of the second property ({second.field_name})"
-    return [
-        Section(
-            "also-rate", "Second property",
-            picture(maps.band_map(second, maps.RATE), f"Map of the count rate {about}"),
-            f"The count rate {about}, which was counted and mapped beside.",
-        ),
-        Section(
-            "also-rate-sd", "Uncertainty of the second property",
-            picture(maps.band_map(second, maps.RATE_SD), f"Map of the standard deviation of the rate {about}"),
-            "One standard deviation of its true rate, given all its counts.",
-        ),
-    ]  # fmt: skip
+def _sections(run: MapRun) -> Iterator[Section]:
+    name = run.label or run.name
+    if run.calibrated:
+        yield Section(
+            f"{run.name}-vwc", f"{name}: soil water content",
+            picture(maps.band_map(run, maps.VWC), f"Map of the soil water content of {name}"),
+            "Dark blue is wet, pale is dry. White dots are the places that were measured.",
+        )  # fmt: skip
+    yield Section(
+        f"{run.name}-rate", f"{name}: count rate",
+        picture(maps.band_map(run, maps.RATE), f"Map of the count rate of {name}"),
+        f"The count rate of {name}, from its own sensor.",
+    )  # fmt: skip
+    yield Section(
+        f"{run.name}-rate-sd", f"{name}: uncertainty",
+        picture(maps.band_map(run, maps.RATE_SD), f"Map of the standard deviation of the count rate of {name}"),
+        "One standard deviation of the true rate, given all counts.",
+    )  # fmt: skip
 
 
 def side_by_side(run: MapRun) -> Section | None:
-    """Both properties in rows of small maps, ``None`` without a second, or where no truth is known."""
-    second = second_run(run)
-    if second is None or (run.truth_rate is None and second.truth_rate is None):
+    """All properties in rows of small maps, ``None`` if there is only one."""
+    runs = run.properties
+    if len(runs) < 2:
         return None
-    shown = "true rate, map, error, and where the truth lies in the 95 % interval of the map"
+    shown = "map of the rate and its standard deviation"
+    if any(one.truth_rate is not None for one in runs):
+        shown = "true rate, map, error, and where the truth lies in the 95 % interval of the map"
     return Section(
-        "properties", "Both properties",
-        picture(small_multiples([run, second]), f"Both properties in rows of small maps: {shown}"),
-        f"A row each: {shown}. Truth and map have the same colours; errors are the map less the truth.",
+        "properties", "All properties",
+        picture(small_multiples(runs), f"All properties in rows of small maps: {shown}"),
+        f"One row for each property: {shown}. Truth and map have the same colours; error is map minus truth.",
     )  # fmt: skip
 
 
@@ -103,8 +101,8 @@ def small_multiples(runs: Sequence[MapRun]) -> Figure:
     for run, row, height in zip(runs, rows, heights, strict=True):
         bottom = top - TOP_IN - height
         x = LEFT_IN / figure.get_figwidth() / 2
-        figure.text(x, (bottom + height / 2) / total, run.field_name, rotation=90, ha="center", va="center",
-                    fontsize=SMALL, color=INK, fontweight="bold", wrap=True)  # fmt: skip
+        figure.text(x, (bottom + height / 2) / total, run.label or run.field_name, rotation=90, ha="center",
+                    va="center", fontsize=SMALL, color=INK, fontweight="bold", wrap=True)  # fmt: skip
         for column, panel in enumerate(row):
             left = LEFT_IN + column * (width + GAP_IN)
             _draw(figure, run, panel, (left, bottom, width, height))
@@ -133,7 +131,7 @@ def _panels(run: MapRun) -> list[_Panel]:
     return [
         _Panel("True rate", np.where(inside, run.truth_rate, np.nan), limits, rates),
         of_map,
-        _Panel("Map less truth", error, (-most, most), "PuOr"),
+        _Panel("Error (map minus truth)", error, (-most, most), "PuOr"),
         _Panel("Truth in the 95 % interval", np.where(np.isfinite(error), outside, np.nan), (-1.5, 1.5)),
     ]
 

@@ -12,6 +12,7 @@ import numpy as np
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.reporting.page import charts, maps, wording
 from soilmoist_ros.reporting.page.mission_section import mission_part
+from soilmoist_ros.reporting.page.properties_section import property_sections, side_by_side
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.statistics import TruthScore, leave_one_out, truth_score
 from soilmoist_ros.reporting.page.style import picture
@@ -39,6 +40,8 @@ def render_report(run: MapRun) -> str:
         headline=wording.headline(run),
         notes=[*run.warnings, *wording.doubts(run)],
         maps=list(_maps(run)),
+        properties=side_by_side(run),
+        property_sections=property_sections(run),
         mission=mission_part(run),
         charts=list(_charts(run)),
         truth=_truth(run),

@@ -28,8 +28,7 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
     logs = {path.name: path.read_text(errors="replace") for path in (out / "log").glob("*.log")}
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}\n{logs}"
     assert "rough_mapper.log" in logs
-    assert "map        equals the robot's last one, bit for bit" in done.stdout
-    assert "map beside equals the robot's last one, bit for bit" in done.stdout
+    assert done.stdout.count("map        equals the robot's last one, bit for bit") == 2
 
     with BagReader(out / "bag") as bag:
         first, second = bag.read_counts("/counts"), bag.read_counts("/rough/counts")

@@ -1,4 +1,4 @@
-"""A second property in the outputs: files of its own, and both side by side in the report."""
+"""Several properties in the outputs: files of each, and all side by side in the report."""
 
 from __future__ import annotations
 
@@ -11,18 +11,13 @@ import pytest
 import rasterio
 
 from soilmoist_ros.reporting.mission_report import mission_run, write_mission
-from soilmoist_ros.reporting.outputs import MISSION_NAMES, NAMES, second_names
-from soilmoist_ros.reporting.page.properties_section import (
-    second_run,
-    second_sections,
-    side_by_side,
-    small_multiples,
-)
+from soilmoist_ros.reporting.outputs import MISSION_NAMES, NAMES
+from soilmoist_ros.reporting.page.properties_section import property_sections, side_by_side, small_multiples
 from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
-SECOND = ("map_synthetic_low.tif", "samples_synthetic_low.geojson")
+OTHER = ("map_synthetic_low.tif", "samples_synthetic_low.geojson")
 
 
 @pytest.fixture(scope="module")
@@ -35,71 +30,68 @@ def titles(figure):
 
 
 @pytest.mark.slow
-def test_it_has_the_files_of_the_first_by_its_name(mission, tmp_path):
+def test_each_property_has_files_by_its_name(mission, tmp_path):
     written = write_mission(tmp_path, mission, created_utc=NOW)
-    assert tuple(path.name for path in written) == NAMES + MISSION_NAMES + SECOND
+    assert tuple(path.name for path in written) == NAMES + MISSION_NAMES + OTHER
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in written)
-    also = mission.also.soil_map
-    with rasterio.open(tmp_path / SECOND[0]) as raster, rasterio.open(tmp_path / "map.tif") as first:
+    other = mission_run(mission, NOW).others[0]
+    with rasterio.open(tmp_path / OTHER[0]) as raster, rasterio.open(tmp_path / "map.tif") as first:
         assert raster.descriptions == first.descriptions
-        assert raster.tags()["SOILMOIST_FIELD"] == mission.also.field_title
+        assert raster.tags()["SOILMOIST_FIELD"] == other.field_name
+        assert raster.tags()["SOILMOIST_PROPERTY"] == "synthetic_low"
         assert raster.tags()["SOILMOIST_SIMULATED"] == "yes"
-        assert raster.read(1, masked=True).mean() == pytest.approx(np.nanmean(also.rate), rel=0.02)
+        assert raster.read(1, masked=True).mean() == pytest.approx(np.nanmean(other.soil_map.rate), rel=0.02)
         assert not np.array_equal(raster.read(1), first.read(1))
-    features = json.loads((tmp_path / SECOND[1]).read_text())["features"]
+    features = json.loads((tmp_path / OTHER[1]).read_text())["features"]
     counts = [one["properties"]["raw_counts"] for one in features if one["properties"]["kind"] == "sample"]
-    assert counts == also.samples.counts.tolist()
+    assert counts == other.soil_map.samples.counts.tolist()
     about = json.loads((tmp_path / "summary.json").read_text())
-    assert set(SECOND) < set(about["outputs"])
+    assert set(OTHER) < set(about["outputs"])
     assert about["mission"]["also"]["name"] == "synthetic_low"
-    assert "<code>map_synthetic_low.tif</code>" in (tmp_path / "report.html").read_text()
+    html = (tmp_path / "report.html").read_text()
+    assert "<code>map_synthetic_low.tif</code>" in html
+    assert 'id="synthetic_low-rate-sd"' in html
 
 
-def test_an_older_mission_s_files_do_not_stay_beside_one_without_a_map(mission, tmp_path):
-    for name in (*NAMES, *SECOND):
+def test_files_of_an_older_mission_do_not_stay_when_a_new_one_has_no_map(mission, tmp_path):
+    for name in (*NAMES, *OTHER):
         (tmp_path / name).touch()
     write_mission(tmp_path, replace(mission, soil_map=None), created_utc=NOW)
     assert {path.name for path in tmp_path.iterdir()} == {"summary.json", *MISSION_NAMES}
 
 
 @pytest.mark.slow
-def test_both_are_shown_in_rows_of_small_maps(mission):
+def test_all_are_shown_in_rows_of_small_maps(mission):
     run = mission_run(mission, NOW)
-    second = second_run(run)
-    known = ["True rate", "Map of the rate", "Map less truth", "Truth in the 95 % interval"]
-    assert titles(small_multiples([run, second])) == 2 * known
-    unknown = replace(second, truth_rate=None)
+    (other,) = run.others
+    known = ["True rate", "Map of the rate", "Error (map minus truth)", "Truth in the 95 % interval"]
+    assert titles(small_multiples([run, other, other])) == 3 * known
+    unknown = replace(other, truth_rate=None)
     assert titles(small_multiples([run, unknown])) == [*known, "Map of the rate", "Standard deviation"]
-    covered = np.abs(second.soil_map.rate - second.truth_rate) <= 1.96 * second.soil_map.rate_sd
-    panel = next(axes for axes in small_multiples([second]).axes if axes.get_title(loc="left") == known[3])
+    covered = np.abs(other.soil_map.rate - other.truth_rate) <= 1.96 * other.soil_map.rate_sd
+    panel = next(axes for axes in small_multiples([other]).axes if axes.get_title(loc="left") == known[3])
     shown = panel.images[0].get_array()
-    inside = second.soil_map.grid.mask
+    inside = other.soil_map.grid.mask
     np.testing.assert_array_equal(shown[inside] == 0, covered[inside])
     # A row shows its own property.
     maps = [
-        axes.images[0].get_array() for axes in small_multiples([run, second]).axes if axes.get_title(loc="left")
+        axes.images[0].get_array() for axes in small_multiples([run, other]).axes if axes.get_title(loc="left")
     ]
     np.testing.assert_array_equal(maps[0][inside], run.truth_rate[inside])
-    np.testing.assert_array_equal(maps[5][inside], second.soil_map.rate[inside])
+    np.testing.assert_array_equal(maps[5][inside], other.soil_map.rate[inside])
 
 
-def test_without_a_second_map_there_is_nothing(mission):
+def test_one_property_alone_has_no_comparison(mission):
     run = mission_run(mission, NOW)
-    for also in (None, replace(mission.also, soil_map=None)):
-        alone = replace(run, mission=replace(mission, also=also))
-        assert (second_run(alone), side_by_side(alone)) == (None, None)
-    assert second_names(replace(mission, also=None)) == second_names(None) == ()
+    assert side_by_side(run) is not None
+    assert side_by_side(replace(run, others=())) is None
+    assert property_sections(replace(run, others=())) == []
 
 
 @pytest.mark.slow
-def test_side_by_side_they_are_shown_where_a_truth_is_known(mission):
+def test_with_three_properties_each_has_its_sections(mission):
     run = mission_run(mission, NOW)
-    nothing = np.full_like(run.truth_rate, np.nan)
-    unknown = replace(run, mission=replace(mission, also=replace(mission.also, truth_rate=nothing)))
-    assert side_by_side(run) is not None
-    assert side_by_side(unknown) is not None
-    assert side_by_side(replace(unknown, truth_rate=None)) is None
-    assert [section.key for section in second_sections(replace(unknown, truth_rate=None))] == [
-        "also-rate",
-        "also-rate-sd",
-    ]
+    (other,) = run.others
+    three = replace(run, others=[other, replace(other, name="salt", label="Salt", truth_rate=None)])
+    keys = [section.key for section in property_sections(three)]
+    assert keys == [f"{name}-{band}" for name in ("synthetic_low", "salt") for band in ("rate", "rate-sd")]

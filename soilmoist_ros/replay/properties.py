@@ -1,0 +1,166 @@
+"""The properties in a bag: each was counted by a sensor, and is mapped again with the settings of its mapper."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.planning.property_names import property_weights
+from soilmoist_ros.foundation.errors import IllConditionedError, InputError
+from soilmoist_ros.mapping.field_map import MapState
+from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.replay.comparison import Comparison, PublishedMap, compare
+from soilmoist_ros.replay.online_survey import OnlineSurvey
+from soilmoist_ros.replay.topics import CLOUD, STATUS, TEXT, RunTopics
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.mission.map_errors import map_errors
+
+Array = NDArray[np.float64]
+
+FIRST = "moisture"
+"""Name of the property that is counted on the topic ``counts`` in the robot's own namespace."""
+
+
+@dataclass(frozen=True)
+class PropertyTopic:
+    """Where the records of a property are in a bag.
+
+    :param name: name of the property, for files and options
+    :param counts: full name of the topic with its records
+    :param mapper: name of its mapper, below the robot's namespace
+    :param weight: weight of its variation in the planner; 0 if it was not planned for
+    """
+
+    name: str
+    counts: str
+    mapper: str
+    weight: float
+
+
+def property_topics(topics: RunTopics, configuration: Path | None) -> list[PropertyTopic]:
+    """The properties that a robot counted, in the order in which its planner had them, others by name.
+
+    A topic ``counts`` in a namespace below the robot's is one, unless that namespace is another robot's.
+
+    :param topics: topics of the robot
+    :param configuration: folder with the parameters of its nodes, if there is one
+    :raises InputError: if the planner's properties are damaged
+    """
+    space, _, last = topics.counts.rpartition("/")
+    planned = property_weights(read_parameters(configuration, "planner").get("properties", ()))
+    for name, weight in planned.items():
+        if topics.counts.endswith(f"/{name.strip('/')}/{last}"):  # it is replayed alone
+            return [PropertyTopic(Path(name).name, topics.counts, f"{name.strip('/')}/mapper", weight)]
+    clouds = {name for name, kind in topics.reader.topics.items() if kind == CLOUD and name.endswith(f"/{last}")}
+    paths = {f"{name if name.startswith('/') else f'{space}/{name}'}/{last}": name for name in planned}
+    for path in sorted(clouds - {topics.counts}):
+        if path.startswith(f"{space}/") and not _is_robot(topics, path):
+            paths.setdefault(path, path.removeprefix(f"{space}/").removesuffix(f"/{last}"))
+    found = [PropertyTopic(FIRST, topics.counts, "mapper", 1.0)]
+    for path, name in paths.items():
+        if path in clouds:
+            whole = name.strip("/")
+            taken = {one.name for one in found}
+            own = Path(whole).name if Path(whole).name not in taken else whole.replace("/", "_")
+            found.append(PropertyTopic(own, path, f"{whole}/mapper", planned.get(name, 0.0)))
+    return found
+
+
+def _is_robot(topics: RunTopics, counts: str) -> bool:
+    """Whether a namespace is that of another robot: it has a mission or the lines of a receiver."""
+    space = counts.rpartition("/")[0]
+    own = {"mission": STATUS, "raw/gnss": TEXT, "raw/logger": TEXT, "fix": "sensor_msgs/msg/NavSatFix"}
+    return any(topics.reader.topics.get(f"{space}/{name}") == kind for name, kind in own.items())
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayedProperty:
+    """A property of a bag with the map of its records.
+
+    :param name: its name
+    :param weight: weight of its variation in the planner
+    :param survey: makes its maps
+    :param records: all its records
+    :param states: states of its map after each record
+    :param published: the last map that its mapper published
+    :param truth: its truth, if known
+    """
+
+    name: str
+    weight: float
+    survey: OnlineSurvey
+    records: Sequence[CountRecord]
+    states: Sequence[MapState]
+    published: PublishedMap | None
+    truth: SurrogateField | None
+
+    @cached_property
+    def true_rate(self) -> Array:
+        """True rate of the cells [counts/s], NaN if it is unknown."""
+        cells = self.survey.online.grid.cells
+        return np.full(len(cells), np.nan) if self.truth is None else self.truth.rate_at(cells)
+
+    @property
+    def truth_rate(self) -> Array | None:
+        """True rate on the map's grid, shape (ny, nx) [counts/s]; ``None`` if it is unknown."""
+        return None if self.truth is None else self.survey.online.grid.to_raster(self.true_rate)
+
+    def compared(self) -> Comparison:
+        """How the map compares with the one that its mapper had."""
+        return compare(self.survey.online, self.states, self.published)
+
+    def errors_at(self, stamp_s: float) -> tuple[float, float, float]:
+        """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""
+        unknown = math.nan, math.nan, math.nan
+        # A record with a wrong clock must not hide those before it.
+        known = [state for state in self.states if state.stamp_s <= stamp_s]
+        if self.truth is None or not known:
+            return unknown
+        online = self.survey.online
+        try:
+            soil_map = online.compute(known[-1])
+        except IllConditionedError:  # the mapper had no map then either
+            return unknown
+        if soil_map is None:
+            return unknown
+        mask = online.grid.mask
+        return map_errors(soil_map.rate[mask], soil_map.rate_sd[mask], self.true_rate, self.truth.curve)
+
+
+def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag: Path) -> list[PropertyTopic]:
+    """The properties of these names in the order of the bag, all if no name is given.
+
+    :param bag: named in the message
+    :raises InputError: if there is no property of one of the names
+    """
+    for name in names:
+        _require(name, found, bag)
+    return [one for one in found if not names or one.name in names]
+
+
+def named_truths(found: Sequence[PropertyTopic], truths: Mapping[str | int, str], bag: Path) -> dict[str, str]:
+    """The truths by the names of their properties.
+
+    :param truths: by name, or by the place of the property in the list, from 0
+    :param bag: named in the message
+    :raises InputError: if there is no such property
+    """
+    named = {}
+    for key, field in truths.items():
+        if isinstance(key, int) and key < len(found):
+            key = found[key].name
+        _require(str(key), found, bag)
+        named[str(key)] = field
+    return named
+
+
+def _require(name: str, found: Sequence[PropertyTopic], bag: Path) -> None:
+    if name not in {one.name for one in found}:
+        raise InputError(f"has no property {name!r}", f"there are: {', '.join(one.name for one in found)}", bag)

@@ -1,0 +1,100 @@
+"""The visits of a recorded mission: from the topic ``visits``, in older bags estimated from the statuses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.recording.bag.reader import VISIT
+from soilmoist_ros.replay.statuses import Status
+from soilmoist_ros.replay.topics import RunTopics
+from soilmoist_ros.sensing.records import CountRecord
+
+_CLOCK_S = 1e-3
+
+
+def read_visits(topics: RunTopics) -> list[Visit] | None:
+    """The visits that a robot's planner published, ``None`` if the bag lacks the topic.
+
+    :raises InputError: if the topic holds something else
+    """
+    name = topics.find("visits", VISIT)
+    return None if name is None else topics.reader.read_visits(name)
+
+
+def mission_visits(
+    statuses: Sequence[Status], visits: Sequence[Visit] | None, records: Sequence[CountRecord]
+) -> list[Visit]:
+    """The visits of one mission, in order.
+
+    :param statuses: statuses of the mission, which was started, in order
+    :param visits: visits of all missions in the bag, ``None`` if the bag lacks them
+    :param records: all records of the robot
+    """
+    if visits is None:
+        return estimate_visits(statuses, records)
+    first = next(status for status in statuses if status.time_used_s > 0)
+    began_s = first.stamp_s - first.time_used_s
+    return [visit for visit in visits if visit.arrival_stamp_s >= began_s - _CLOCK_S]
+
+
+def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) -> list[Visit]:
+    """The visits that the statuses of one mission show, in order.
+
+    :param statuses: statuses of a mission that was started, in order
+    :param records: all records of the robot
+    """
+    first = next(status for status in statuses if status.time_used_s > 0)
+    began_s = first.stamp_s - first.time_used_s
+    visits: list[Visit] = []
+    stop: list[Status] = []
+    chosen_because = ""
+    before = statuses[0]
+    for status in statuses:
+        if status.samples > before.samples and stop:
+            visits.append(_visit(stop, status, began_s, chosen_because, records))
+        if status.state == "travelling":  # it may end a stop as well: the reason is that of the next
+            chosen_because = status.reason.partition(": ")[2] or status.reason
+        if status.state == "counting":
+            stop = [*stop, status] if stop and stop[-1].target == status.target else [status]
+        elif status.state != "paused":  # a pause does not end a stop
+            stop = []
+        before = status
+    return visits
+
+
+def _visit(
+    stop: Sequence[Status], done: Status, began_s: float, reason: str, records: Sequence[CountRecord]
+) -> Visit:
+    last = stop[-1]
+    arrived_s = stop[0].stamp_s - stop[0].elapsed_dwell_s
+    return Visit(
+        last.target,
+        last.target_x_m,
+        last.target_y_m,
+        arrived_s - began_s,
+        last.elapsed_dwell_s + done.counting_s - last.counting_s,
+        _raw_counts(last, done, arrived_s, records),
+        reason,
+    )
+
+
+def _raw_counts(last: Status, done: Status, arrived_s: float, records: Sequence[CountRecord]) -> int:
+    """Counts of a stop: those of its last status, and of the records that came later.
+
+    The last record ends a stop at once, so no status at the stop has its counts. A record may be stamped before
+    the last status and still arrive after it: counts decide which records the status has, not stamps. After a
+    pause the records at the stop are more than those counted, and stamps decide.
+    """
+    there = [
+        record
+        for record in records
+        if record.stamp_s <= done.stamp_s and record.stamp_s - record.exposure_s >= arrived_s - _CLOCK_S
+    ]
+    sums = list(accumulate((record.raw_counts for record in there), initial=0))
+    if last.raw_counts in sums:
+        later = there[sums.index(last.raw_counts) :]
+    else:
+        later = [record for record in there if record.stamp_s > last.stamp_s]
+    return last.raw_counts + sum(record.raw_counts for record in later)

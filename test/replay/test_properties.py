@@ -1,0 +1,119 @@
+"""Bags with several properties: made of a golden one, whose counts come twice."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters, write_parameters
+from soilmoist_ros.replay import ReplaySettings, replay_bag
+
+GOLDEN = Path(__file__).resolve().parent.parent / "golden" / "drive_and_stop"
+TWICE = ("/counts", "/samples", "/soil_map")
+
+
+@pytest.fixture
+def run_with(tmp_path):
+    """Make a run whose planner had these properties, and whose bag has the counts again as those of salt."""
+
+    def make(properties, mapper=True, mission=True):
+        run = tmp_path / "run"
+        shutil.copytree(GOLDEN / CONFIGURATION, run / CONFIGURATION)
+        had = {name: read_parameters(run / CONFIGURATION, name) for name in ("planner", "mapper")}
+        write_parameters(run, "planner", {**had["planner"], "properties": properties})
+        if mapper:
+            write_parameters(run, "salt/mapper", {**had["mapper"], "fit": "soft_l1"})
+        with (
+            AnyReader([GOLDEN / "bag"]) as reader,
+            Writer(run / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+        ):
+
+            def add(name, connection):
+                return writer.add_connection(name, connection.msgtype, typestore=reader.typestore)
+
+            connections = [one for one in reader.connections if mission or one.topic != "/mission"]
+            topics = {one.id: [add(one.topic, one)] for one in connections}
+            for one in connections:
+                topics[one.id] += [add(f"/salt{one.topic}", one)] if one.topic in TWICE else []
+            for connection, stamp_ns, data in reader.messages(connections):
+                for topic in topics[connection.id]:
+                    writer.write(topic, stamp_ns, data)
+        return run
+
+    return make
+
+
+def test_all_are_mapped_each_as_its_mapper_did(run_with):
+    replay = replay_bag(run_with(["salt:0.5"]), ReplaySettings(truths={0: "half-wet", "salt": "half-wet"}))
+    moisture, salt = replay.run.properties
+    assert (moisture.name, salt.name) == ("moisture", "salt")
+    assert [record.raw_counts for record in salt.track] == [record.raw_counts for record in moisture.track]
+    assert (moisture.soil_map.fit.method, salt.soil_map.fit.method) == ("reml", "soft_l1")
+    np.testing.assert_array_equal(salt.truth_rate, moisture.truth_rate)
+    of_moisture, of_salt = replay.comparisons
+    assert of_moisture.same or of_moisture.is_rounding
+    assert (of_salt.same, of_salt.is_rounding) == (False, False), "its mapper had another fit"
+
+
+def test_without_its_settings_it_is_mapped_like_the_first_but_without_the_calibration(run_with):
+    moisture, salt = replay_bag(run_with(["salt"], mapper=False)).run.properties
+    assert moisture.calibrated
+    assert not salt.calibrated
+    assert salt.soil_map.fit.method == "reml"
+    assert salt.truth_rate is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("properties", "mission"), [([], True), (["clay"], True), (["/elsewhere/salt"], True), (["salt"], False)]
+)
+def test_it_is_mapped_whether_the_planner_knew_it_or_not(run_with, properties, mission):
+    run = replay_bag(run_with(properties, mission=mission)).run
+    assert [one.name for one in run.properties] == ["moisture", "salt"]
+    assert (run.mission is not None) == mission
+
+
+@pytest.mark.slow
+def test_properties_are_chosen_by_name(run_with):
+    run = run_with(["salt"])
+    for chosen in (["salt"], ["moisture"], ["salt", "moisture"]):
+        found = replay_bag(run, ReplaySettings(properties=chosen)).run
+        assert [one.name for one in found.properties] == sorted(chosen)
+        assert len(found.mission.visits) == 7
+    for wrong in ({"properties": ["clay"]}, {"truths": {"clay": "half-wet"}}, {"truths": {2: "half-wet"}}):
+        with pytest.raises(InputError, match=r"has no property .* -> there are: moisture, salt"):
+            replay_bag(run, ReplaySettings(**wrong))
+
+
+def test_one_alone_is_a_replay_of_its_own(run_with):
+    run = replay_bag(run_with(["salt"]), ReplaySettings(counts_topic="/salt/counts")).run
+    assert run.mission is None
+    assert [one.name for one in run.properties] == ["salt"]
+
+
+@pytest.mark.slow
+def test_the_command_writes_all_maps_and_says_so(run_with, tmp_path, capsys):
+    out = tmp_path / "out"
+    command = ["replay", str(run_with(["salt:2"])), "--truth", "salt=half-wet", "--out", str(out)]
+    main(command, standalone_mode=False)
+    said = capsys.readouterr().out
+    assert "property   salt, " in said
+    assert "map_salt.tif" in said
+    assert {"map_salt.tif", "samples_salt.geojson"} <= {path.name for path in out.iterdir()}
+    assert 'id="salt-rate-sd"' in (out / "report.html").read_text()
+
+
+@pytest.mark.slow
+def test_the_old_option_means_the_second_property_and_warns(run_with, tmp_path, capsys):
+    command = ["replay", str(run_with(["salt"])), "--also-truth", "half-wet", "--out", str(tmp_path / "out")]
+    main(command, standalone_mode=False)
+    said = capsys.readouterr()
+    assert "--also-truth is deprecated: give --truth PROPERTY=FIELD" in said.err
+    assert said.out.index("property   salt") < said.out.index("rate       MSE")

@@ -1,0 +1,55 @@
+"""Visits estimated from statuses."""
+
+from __future__ import annotations
+
+from soilmoist_ros.replay.statuses import Status
+from soilmoist_ros.replay.visits import estimate_visits
+from soilmoist_ros.sensing.records import CountRecord
+
+
+def status(now_s, state, counted_s=0.0, raw_counts=0, samples=0, counting_s=0.0, reason="", target="n1"):
+    return Status(
+        state, reason, target, 5.0, 6.0, counted_s, now_s, 100.0, 0.0, samples, counting_s, raw_counts, now_s
+    )
+
+
+def record(stamp_s, raw_counts):
+    return CountRecord(stamp_s, 5.0, 6.0, 30.0, raw_counts, 10.0, 10.0)
+
+
+def test_a_record_that_arrives_after_the_last_status_is_counted():
+    """The status at 22 s is newer than the end of the record, but was published before the record arrived."""
+    statuses = [
+        status(1.0, "travelling", reason="going to n1: largest variance"),
+        status(12.0, "counting"),
+        status(22.5, "counting", 10.5, counting_s=10.5),
+        status(22.8, "planning", samples=1, counting_s=10.8),
+    ]
+    (visit,) = estimate_visits(statuses, [record(11.0, 40), record(22.0, 27), record(33.0, 50)])
+    assert (visit.name, visit.raw_counts, visit.reason) == ("n1", 27, "largest variance")
+    assert (visit.arrived_s, visit.dwell_s) == (12.0, 10.8)
+
+
+def test_the_records_of_a_pause_are_not_counted():
+    statuses = [
+        status(1.0, "travelling", reason="going to n1"),
+        status(10.0, "counting"),
+        status(21.0, "counting", 11.0, 20, counting_s=11.0),
+        status(22.0, "paused", 12.0, 20, counting_s=12.0),
+        status(40.0, "counting", 12.0, 20, counting_s=12.0),
+        status(51.0, "counting", 23.0, 43, counting_s=23.0),
+        status(61.0, "planning", samples=1, counting_s=33.0),
+    ]
+    at_stop = [record(20.0, 20), record(30.0, 21), record(39.0, 22), record(50.0, 23), record(60.0, 24)]
+    (visit,) = estimate_visits(statuses, at_stop)
+    assert visit.raw_counts == 20 + 23 + 24
+
+
+def test_a_stop_without_a_sample_is_no_visit():
+    statuses = [
+        status(1.0, "travelling"), status(10.0, "counting"), status(12.0, "planning"),
+        status(13.0, "travelling", target="n2"), status(20.0, "counting", target="n2"),
+        status(31.0, "finished", target="", samples=1, counting_s=11.0),
+    ]  # fmt: skip
+    (visit,) = estimate_visits(statuses, [record(30.5, 9)])
+    assert (visit.name, visit.raw_counts) == ("n2", 9)
