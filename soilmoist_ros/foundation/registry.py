@@ -27,6 +27,7 @@ class Registry(Generic[T]):
     :param built_in: the objects of this package, or a function that returns them; called at the first use
     :param check: returns the object of a plug-in as it is used from then on;
         raises ``ValueError``, ``TypeError`` or :class:`InputError` if it cannot be used
+    :param advice: what an unknown name is answered with, before "one of:" and the names
 
     >>> shapes = Registry("example.shapes", "shape", {"circle": 0, "square": 4})
     >>> shapes.names()
@@ -45,11 +46,13 @@ class Registry(Generic[T]):
         noun: str,
         built_in: Mapping[str, T] | Callable[[], Mapping[str, T]],
         check: Callable[[Any], T] = lambda plug_in: plug_in,
+        advice: str = "use",
     ) -> None:
         self._group = group
         self._noun = noun
         self._built_in = built_in
         self._check = check
+        self._advice = advice
         self._own: dict[str, T] | None = None
         self._plug_ins: dict[str, list[EntryPoint]] | None = None
         self._loaded: dict[str, T] = {}
@@ -79,7 +82,7 @@ class Registry(Generic[T]):
             return self._loaded[name]
         names = self.names()
         there_is_none = f"there is no {self._noun} {name!r}" if name else f"no {self._noun} is given"
-        raise InputError(there_is_none, f"use one of: {listing(names)}{did_you_mean(name, names)}")
+        raise InputError(there_is_none, f"{self._advice} one of: {listing(names)}{did_you_mean(name, names)}")
 
     def add(self, name: str, item: T) -> None:
         """Add an object at run time, for instance in a notebook.

@@ -13,6 +13,7 @@ from soilmoist_ros.foundation.configuration import read_yaml, resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.run_folder import BAG, CONFIGURATION, write_parameters
 from soilmoist_ros.recording.whole_file import write_whole
+from soilmoist_ros.sensing.formats.logger_format import logger_path
 
 _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_format": "loggers"}
 """Parameters that name a file, and where the shipped files of that kind are."""
@@ -74,7 +75,7 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
     if parameter not in _KINDS or not isinstance(value, str) or not value:
         return value
     try:
-        source = resource(_KINDS[parameter], value)
+        source = logger_path(value) if parameter == "logger_format" else resource(_KINDS[parameter], value)
     except InputError:  # no file, or one of another computer
         return value
     for stem in (parameter, f"{node.replace('/', '_')}_{parameter}"):

@@ -10,7 +10,7 @@ from pathlib import Path
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout, is_header, plain_name
 from soilmoist_ros.sensing.formats.log_values import decode_line, split_lines
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, available_formats, load_logger_format
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 
 HEADER_LINES = 200
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
@@ -77,10 +77,10 @@ def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list
 
 
 def matching_formats(lines: Sequence[bytes]) -> list[str]:
-    """Names of the shipped formats whose columns the first lines hold, the best match first."""
+    """Names of the formats whose columns the first lines hold, the best match first."""
     matches = []
-    for name in available_formats():
-        logger = _shipped(name)
+    for name in logger_names():
+        logger = _known_format(name)
         best = max((_number_of_sources(logger, names) for names in header_candidates(logger, lines)), default=0)
         if best:
             matches.append((-best, name))
@@ -88,7 +88,7 @@ def matching_formats(lines: Sequence[bytes]) -> list[str]:
 
 
 @cache
-def _shipped(name: str) -> LoggerFormat:
+def _known_format(name: str) -> LoggerFormat:
     return load_logger_format(name)
 
 
@@ -129,7 +129,7 @@ def nothing_usable(
     """
     first = mistakes[0]
     fitting = matching_formats(lines)
-    same = any(_shipped(name) == logger for name in fitting[:1])
+    same = any(_known_format(name) == logger for name in fitting[:1])
     remedy = first.remedy or "check the file" if same else other_format(lines)
     message = f"{logger.title}: none of the {len(mistakes)} records is usable; the first: {first.message}"
     return Mistake(message, remedy, path, first.line, first.column)
@@ -143,7 +143,7 @@ def other_format(lines: Sequence[bytes]) -> str:
     if any(_GNSS_SENTENCE.match(line) for line in lines[:HEADER_LINES]):
         return "this looks like the log of a GNSS receiver: pass it with --nmea, beside the neutron log"
     return (
-        f"the shipped formats are {', '.join(available_formats())}; for another logger copy the nearest YAML "
+        f"the known formats are {', '.join(logger_names())}; for another logger copy the nearest YAML "
         "file of config/loggers, change the column names, and pass its path with --logger"
     )
 

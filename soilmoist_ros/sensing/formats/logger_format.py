@@ -1,19 +1,23 @@
 """A logger format is data: which column of which logger means what, in which unit.
 
 One YAML file in ``config/loggers`` describes one logger. A new logger needs a new file, no code: copy the
-nearest one, and rename the columns. Column names are compared without regard to case, blanks and
-punctuation, so that ``N1ET_sec``, ``N1ETsec`` and `` N1ETsec `` are one name.
+nearest one, and rename the columns. Another package adds a format with an entry point of the group
+``soilmoist_ros.loggers``: the path of its YAML file, or a function that returns the path.
+
+Column names are compared without regard to case, blanks and punctuation, so that ``N1ET_sec``, ``N1ETsec`` and
+`` N1ETsec `` are one name.
 """
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
 from soilmoist_ros.foundation.configuration import Section, load_model, resource, resource_names
+from soilmoist_ros.foundation.registry import Registry
 
 PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa"]
 TemperatureUnit = Literal["degC", "degF", "K"]
@@ -256,15 +260,53 @@ class LoggerFormat(Section):
         return self
 
 
-def available_formats() -> list[str]:
-    """Names of the shipped logger formats, sorted."""
-    return resource_names("loggers")
+def _plug_in_path(plug_in: Any) -> Path:
+    """The file of a format that another package adds: its path, or a function that returns it."""
+    found = plug_in() if callable(plug_in) else plug_in
+    if not isinstance(found, str | Path):
+        raise TypeError(f"a logger is the path of a YAML file, or a function that returns one, not {found!r}")
+    path = Path(found)
+    if not path.is_file():
+        raise ValueError(f"there is no file {path}")
+    return path
+
+
+LOGGERS: Registry[Path] = Registry(
+    "soilmoist_ros.loggers",
+    "logger",
+    lambda: {name: resource("loggers", name) for name in resource_names("loggers")},
+    _plug_in_path,
+    "give the path of a YAML file or",
+)
+"""Files of the logger formats; another package adds one with an entry point of the group."""
+
+
+def logger_names() -> list[str]:
+    """Names of all logger formats: of this package, and of installed packages.
+
+    >>> "hydroinnova_rover" in logger_names()
+    True
+    """
+    return LOGGERS.names()
+
+
+def logger_path(name_or_path: str | Path) -> Path:
+    """The YAML file of a logger format.
+
+    :param name_or_path: name of a format, such as ``hydroinnova_rover``, or path of a YAML file
+    :raises InputError: if there is none
+    """
+    path = Path(name_or_path)
+    return path if path.is_file() else LOGGERS.get(str(name_or_path))
 
 
 def load_logger_format(name_or_path: str | Path) -> LoggerFormat:
     """Read a logger format.
 
-    :param name_or_path: name of a shipped format, such as ``hydroinnova_rover``, or path of a YAML file
+    >>> load_logger_format("thorvald_crs").time.columns
+    ('stamp_utc',)
+
+    :param name_or_path: name of a format, such as ``hydroinnova_rover``, or path of a YAML file
     :raises InputError: if there is none, or with every mistake in the file
     """
-    return load_model(resource("loggers", str(name_or_path)), LoggerFormat)
+    return load_model(logger_path(name_or_path), LoggerFormat)

@@ -31,7 +31,7 @@ from soilmoist_ros.sensing.formats.log_layout import (
 )
 from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
 from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, strip_checksum
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, available_formats, load_logger_format
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -99,7 +99,7 @@ class LogFile:
 class RecordParser:
     """Turns lines into records, one at a time, and never raises on what a line holds.
 
-    :param logger: the format, or the name of a shipped one
+    :param logger: the format, or its name
     :param longitude: ``east`` or ``west`` of Greenwich, for formats that write longitudes without a sign; the
         others do not look at it
     :param on_problem: called with each problem; if not given, they collect in :attr:`problems`
@@ -326,9 +326,9 @@ def read_log(path: Path | str, logger: LoggerFormat | str, longitude: Longitude 
     """Read a logger's file.
 
     :param path: the file
-    :param logger: its format: a model, the name of a shipped one, or the path of a YAML file
+    :param logger: its format: a model, its name, or the path of a YAML file
     :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
-    :raises InputError: if the file cannot be read at all, or is not of this format: then it names the shipped
+    :raises InputError: if the file cannot be read at all, or is not of this format: then it names the known
         formats that fit
     """
     path = Path(path)
@@ -375,23 +375,23 @@ def parse_log(
 
 
 def detect_format(path: Path | str) -> LoggerFormat:
-    """The shipped logger format that a file is of.
+    """The known logger format that a file is of.
 
     Told by the names of its columns; a file without names is of the format by which its first lines can be read.
 
-    :raises InputError: if the file cannot be read, or no shipped format fits it
+    :raises InputError: if the file cannot be read, or no known format fits it
     """
     path = Path(path)
     lines, _ = read_lines(path)
     for name in matching_formats(lines):
         return load_logger_format(name)
-    for name in available_formats():
+    for name in logger_names():
         logger = load_logger_format(name)
         if logger.header.columns:
             parser = RecordParser(logger, "east")
             if any(parser.feed(line) is not None for line in lines[:HEADER_LINES]):
                 return logger
-    raise InputError("is not of any shipped logger format", other_format(lines), path)
+    raise InputError("is not of any known logger format", other_format(lines), path)
 
 
 def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None) -> Longitude:

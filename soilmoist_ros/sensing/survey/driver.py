@@ -33,7 +33,7 @@ class DriverSettings:
     """What to read.
 
     :param logger_uri: where the logger is
-    :param logger_format: its format: name of a shipped one, or a file
+    :param logger_format: its format: its name, or a YAML file
     :param gnss_uri: where the GNSS receiver is; empty if fixes come from outside
     :param silence_limit_s: a link is made anew after so long without a byte [s]
     :param fix_wait_s: longest time that a record waits for a fix [s]

@@ -1,6 +1,7 @@
 import ast
 import inspect
 import itertools
+import sys
 
 import pytest
 from hypothesis import given, settings
@@ -9,7 +10,8 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout, plain_name
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, available_formats, load_logger_format
+from soilmoist_ros.sensing.formats.logger_format import LOGGERS, LoggerFormat, load_logger_format, logger_names
+from soilmoist_ros.sensing.formats.logger_reader import detect_format, read_log
 
 MINIMAL = """
 title: mine
@@ -22,7 +24,7 @@ record_period: {default_s: 60}
 
 
 def test_shipped_formats_are_valid() -> None:
-    names = available_formats()
+    names = logger_names()
     assert {"hydroinnova_rover", "hydroinnova_crs1000", "thorvald_crs", "finapp", "styx"} <= set(names)
     for name in names:
         assert load_logger_format(name).title
@@ -53,6 +55,46 @@ def test_a_file_of_ones_own_is_a_format(tmp_path) -> None:
     path.write_text(MINIMAL)
     assert load_logger_format(path) == load_logger_format(str(path))
     assert load_logger_format(path).time.marks == "end"
+
+
+@pytest.fixture
+def plug_ins(tmp_path, monkeypatch):
+    """An installed package that adds two formats by their paths and one by a function, and one without a file."""
+    metadata = tmp_path / "my_loggers-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my_loggers\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(
+        "[soilmoist_ros.loggers]\n"
+        + "".join(f"my_{name} = my_loggers:{name}\n" for name in ("text", "path", "function", "nothing"))
+    )
+    (tmp_path / "mine.yaml").write_text(MINIMAL.replace('"c{tube}"', "my_counts").replace("[t]", "[my_time]"))
+    (tmp_path / "my_loggers.py").write_text(
+        "from pathlib import Path\n"
+        "path = Path(__file__).with_name('mine.yaml')\n"
+        "text = str(path)\n"
+        "nothing = text + '.gone'\n"
+        "def function(): return path\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "my_loggers", raising=False)
+    LOGGERS.refresh()
+    yield
+    monkeypatch.undo()
+    LOGGERS.refresh()
+
+
+@pytest.mark.usefixtures("plug_ins")
+def test_an_installed_package_adds_a_format(tmp_path, caplog) -> None:
+    assert {"my_text", "my_path", "my_function"} <= set(logger_names())
+    assert "'my_nothing'" in caplog.text
+    for name in ("my_text", "my_path", "my_function"):
+        assert load_logger_format(name).title == "mine"
+    with pytest.raises(InputError, match="did you mean 'my_function'"):
+        load_logger_format("my_funktion")
+    log = tmp_path / "some.log"
+    log.write_text("my_time,my_counts\n2024-05-01T10:00:00Z,7\n")
+    assert detect_format(log).title == "mine"
+    assert read_log(log, "my_path").records[0].tube_counts == (7,)
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
