@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 import soilmoist_ros
 from soilmoist_ros.cli.main import main
@@ -21,25 +22,39 @@ from soilmoist_ros.simulation.campaign.campaign_file import load_campaign, missi
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+    for path in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "examples/README.md")
+}
+"""README and every page of the documentation, by path."""
 
 
-def readme_blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+def blocks(page, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", PAGES[page], re.DOTALL | re.MULTILINE)
 
 
-def readme_table(first_heading):
+def table(page, first_heading):
     """The `names` in the first column of a table, which is found by the heading of that column."""
-    table = re.search(rf"^ *\| {re.escape(first_heading)} \|.*\n *\|[-|]+\n((?: *\|.*\n)+)", README, re.MULTILINE)
-    return [name for row in table[1].splitlines() for name in re.findall("`([^`]+)`", row.split("|")[1])]
+    found = re.search(
+        rf"^ *\| {re.escape(first_heading)} \|.*\n *\|[-|]+\n((?: *\|.*\n)+)", PAGES[page], re.MULTILINE
+    )
+    return [name for row in found[1].splitlines() for name in re.findall("`([^`]+)`", row.split("|")[1])]
 
 
-def readme_commands():
-    """Every `soilmoist` command of the README, as arguments."""
-    shell = "".join(readme_blocks("sh")).replace("\\\n", " ").splitlines()
-    inline = re.findall(r"`((?:\.venv/bin/)?soilmoist [^`]+)`", README.replace("\n", " "))
+def commands(page):
+    """Every `soilmoist` command of a page, as arguments."""
+    shell = "".join(blocks(page, "sh")).replace("\\\n", " ").splitlines()
+    prose = re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.MULTILINE)
+    inline = re.findall(r"`((?:\.venv/bin/)?soilmoist [^`]+)`", prose.replace("\n", " "))
     found = [shlex.split(line, comments=True) for line in [*shell, *inline]]
     return [words[1:] for words in found if words and words[0].removeprefix(".venv/bin/") == "soilmoist"]
+
+
+def anchors(page):
+    """What a link may name after `#`: the headings, as the viewers of Markdown write them."""
+    prose = re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.MULTILINE)
+    titles = re.findall(r"^#+ (.*)$", prose, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title).strip().lower().replace(" ", "-") for title in titles}
 
 
 def test_package_xml_says_what_setup_py_says():
@@ -107,22 +122,35 @@ def test_the_core_is_light_to_import(module, more):
     assert run.stdout.split() == []
 
 
-@pytest.mark.parametrize("arguments", readme_commands(), ids=" ".join)
-def test_the_command_takes_what_the_readme_gives_it(arguments):
+@pytest.mark.parametrize(
+    ("page", "arguments"),
+    [pytest.param(page, words, id=f"{page}: {' '.join(words)}") for page in PAGES for words in commands(page)],
+)
+def test_the_command_line_takes_the_commands_of_the_pages(page, arguments):
     name, *rest = arguments
     command = main.commands[name]
+    while isinstance(command, click.Group) and rest:
+        command, rest = command.commands[rest[0]], rest[1:]
     if not rest or rest == ["--help"]:  # the command is only named
         return
-    context = command.make_context(name, rest)
-    assert isinstance(context, click.Context)
+    assert isinstance(command.make_context(name, rest), click.Context)
 
 
-def test_the_readme_shows_every_command():
-    shown = {arguments[0] for arguments in readme_commands() if "--help" not in arguments}
+def test_every_command_stands_on_a_page():
+    shown = {words[0] for page in PAGES for words in commands(page) if "--help" not in words}
     assert shown == set(main.commands)
 
 
-def test_the_tables_of_the_readme_are_complete():
+def test_the_readme_is_short():
+    assert len(PAGES["README.md"].splitlines()) <= 150
+
+
+def test_the_readme_leads_to_every_page():
+    linked = set(re.findall(r"\]\(([\w./-]+\.md)", PAGES["README.md"]))
+    assert {page for page in PAGES if page.count("/") <= 1} - {"README.md"} <= linked
+
+
+def test_the_tables_of_the_pages_are_complete():
     with_truth = []
     for name in resource_names("fields"):
         try:
@@ -130,45 +158,65 @@ def test_the_tables_of_the_readme_are_complete():
         except InputError:
             continue
         with_truth.append(name)
-    assert sorted(readme_table("`--field`")) == sorted([*surrogate_field_names(), *with_truth])
-    assert tuple(readme_table("`--strategy`")) == STRATEGIES
-    assert [str(parse_dwell(text)) for text in readme_table("`--dwell`")] == readme_table("`--dwell`")
-    assert sorted(readme_table("name")) == resource_names("loggers")
+    research = "docs/research.md"
+    assert sorted(table(research, "`--field`")) == sorted([*surrogate_field_names(), *with_truth])
+    assert tuple(table(research, "`--strategy`")) == STRATEGIES
+    assert [str(parse_dwell(text)) for text in table(research, "`--dwell`")] == table(research, "`--dwell`")
+    assert sorted(table("docs/crns.md", "name")) == resource_names("loggers")
     folders = {path.name for path in (ROOT / "soilmoist_ros").iterdir() if (path / "__init__.py").is_file()}
-    named = {Path(name).name for name in readme_table("folder") if name.startswith("soilmoist_ros/")}
-    assert named <= folders
-    assert {"sensing", "mapping", "exploration", "simulation", "reporting"} <= named
+    named = {Path(name).name for name in table("CONTRIBUTING.md", "folder") if name.startswith("soilmoist_ros/")}
+    assert named == folders
+    benchmarks = {f"scripts/{path.name}" for path in (ROOT / "scripts").glob("bench_*.py")}
+    assert set(table("docs/benchmarks.md", "script")) == benchmarks
 
 
-def test_the_paths_and_links_of_the_readme_lead_somewhere():
-    paths = re.findall(r"`((?:config|scripts|soilmoist_ros|msg_adapters|launch)/[\w./-]*)`", README)
-    assert paths
-    assert [path for path in paths if not (ROOT / path).exists()] == []
-    anchors = {re.sub(r"[^\w -]", "", title).strip().lower().replace(" ", "-")
-               for title in re.findall(r"^#+ (.*)$", README, re.MULTILINE)}  # fmt: skip
-    links = re.findall(r"\]\(#([\w-]+)\)", README)
-    assert links
-    assert set(links) <= anchors
+@pytest.mark.parametrize("page", PAGES)
+def test_the_paths_of_a_page_are_there(page):
+    folders = "config|scripts|soilmoist_ros|msg_adapters|interfaces|launch|test|docs|examples"
+    paths = re.findall(rf"[` (]((?:{folders})/[\w./-]*)", PAGES[page])
+    paths = [path.rstrip(".") for path in paths if not re.search("NAME|NODE", path)]
+    here = (ROOT, (ROOT / page).parent)
+    assert [path for path in paths if not any((folder / path).exists() for folder in here)] == []
 
 
-def test_the_campaign_of_the_readme_can_be_run(tmp_path):
-    block, team = readme_blocks("yaml")
-    assert "others: [/robot_1, /robot_2]" in team
+@pytest.mark.parametrize("page", PAGES)
+def test_the_links_of_a_page_lead_somewhere(page):
+    broken = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", PAGES[page]):
+        if link.startswith("https://"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = ((ROOT / page).parent / path).resolve() if path else ROOT / page
+        name = target.relative_to(ROOT).as_posix()
+        if not target.exists() or (anchor and anchor not in anchors(name)):
+            broken.append(link)
+    assert broken == []
+
+
+def test_the_campaign_of_the_research_page_can_be_run(tmp_path):
+    (block,) = blocks("docs/research.md", "yaml")
     (tmp_path / "campaign.yaml").write_text(block)
     planned = missions(load_campaign(str(tmp_path / "campaign.yaml")))
     assert len(planned) == 5 * 2 * 3 * 2
-    count = re.search(r"(\d+) missions", README)[1]
+    count = re.search(r"(\d+) missions", PAGES["docs/research.md"])[1]
     assert int(count) == len(missions(load_campaign("paper")))
 
 
-def test_the_python_of_the_readme_runs(capsys):
+def test_the_team_of_the_robot_page_is_what_the_nodes_read():
+    (block,) = blocks("docs/robot.md", "yaml")
+    content = YAML(typ="safe").load(block)
+    assert set(content) == {"/**/mapper", "/**/planner"}
+    assert all(node["ros__parameters"] == {"others": ["/robot_1", "/robot_2"]} for node in content.values())
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
+def test_the_python_of_a_page_runs(page, capsys):
     rng = np.random.default_rng(1)
     xy = rng.uniform(0, 50, (30, 2))
     names = {"xy": xy, "xy_new": xy[:3] + 1, "counts": rng.poisson(1000, 30), "exposure_s": np.full(30, 300.0)}
-    for block in readme_blocks("python"):
+    for block in blocks(page, "python"):
         exec(block, names)
-    assert names["rate"].shape == names["variance"].shape == (3,)
-    assert (
-        capsys.readouterr().out
-        == f"{names['mission'].series[-1].vwc_rmse} {[v.name for v in names['mission'].visits]}\n"
-    )
+    if "rate" in names:
+        assert names["rate"].shape == names["variance"].shape == (3,)
+    if "mission" in names:
+        assert capsys.readouterr().out.startswith(f"{names['mission'].series[-1].vwc_rmse} [")
