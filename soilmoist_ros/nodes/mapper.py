@@ -30,7 +30,8 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespa
 from soilmoist_ros.nodes.parameters.parameter import Parameter
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
-from soilmoist_ros.replay.online_survey import open_survey, read_earlier
+from soilmoist_ros.recording.earlier_records import read_earlier
+from soilmoist_ros.reporting.field_survey import open_survey
 
 PARAMETERS = (
     Parameter(name="field", default="", description="field file, or the name of a shipped one"),
@@ -90,7 +91,7 @@ class Mapper(Node):
         for name in ("frame", "save_dir", "start_from", "start_property", "others"):
             del options[name]
         self._survey = open_survey(**options)
-        self._online = self._survey.online
+        self._online = self._survey.map
         self._guard = threading.Lock()  # records come in one thread, and are saved in another
         self._samples = self.create_publisher(PointCloud2, "samples", qos.LATCHED)
         self._model = self.create_publisher(String, "model", qos.LATCHED)

@@ -12,6 +12,9 @@ from typing import Final
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.records import CountRecord
 
+RECORDS: Final = "records.csv"
+"""Name of the table of records in an output folder, from which a later map can start."""
+
 COLUMNS: Final = tuple(field.name for field in fields(CountRecord))
 
 

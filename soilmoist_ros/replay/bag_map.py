@@ -18,7 +18,6 @@ from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_pa
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows
 from soilmoist_ros.replay.mission import replay_mission
-from soilmoist_ros.replay.online_survey import OnlineSurvey, open_survey
 from soilmoist_ros.replay.properties import (
     PropertyTopic,
     ReplayedProperty,
@@ -30,6 +29,7 @@ from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
 from soilmoist_ros.replay.statuses import Status, last_mission, read_statuses
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
+from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
 from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.sensing.moisture.site import load_site
@@ -129,7 +129,7 @@ def replay_bag(
     mapped = []
     for one in content.properties:
         try:
-            run = one.survey.run(one.survey.online.snapshot())
+            run = one.survey.run(one.survey.map.snapshot())
         except InputError as error:
             if one is first:
                 raise
@@ -163,7 +163,7 @@ def _compared(one: ReplayedProperty, from_raw: bool) -> Comparison:
     return one.compared()
 
 
-def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[OnlineSurvey, list[str]]:
+def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[str]]:
     """The on-line map without records, and what the user should know of it."""
     had = read_parameters(configuration, "mapper")
     survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
@@ -178,7 +178,7 @@ def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tu
     ]
 
 
-def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> OnlineSurvey:
+def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> FieldSurvey:
     """An on-line map as a mapper had it, but for what is chosen.
 
     :param had: parameters of the mapper
@@ -199,7 +199,7 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) 
 
 def _read(
     reader: BagReader,
-    survey: OnlineSurvey,
+    survey: FieldSurvey,
     chosen: ReplaySettings,
     configuration: Path | None,
     warnings: list[str],
@@ -237,7 +237,7 @@ def _read(
             continue
         mapped = survey if own else _open_of(one, reader.path, configuration, chosen)
         truth = truths.get(one.name)
-        states = [mapped.online.state for record in counted if mapped.online.add(record) is None]
+        states = [mapped.map.state for record in counted if mapped.map.add(record) is None]
         published = read_published_map(topics if own else RunTopics(reader, one.counts, alone=False))
         known = None if truth is None else surrogate_field(truth)
         properties.append(ReplayedProperty(one.name, one.weight, mapped, counted, states, published, known))
@@ -247,7 +247,7 @@ def _read(
     return _Content(records, raw, read_statuses(topics), read_visits(topics), simulated, properties)
 
 
-def _open_of(one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings) -> OnlineSurvey:
+def _open_of(one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings) -> FieldSurvey:
     """The map of a property as its mapper had it, without records.
 
     Without parameters of that mapper in the bag it is mapped as the robot's own records, but without the site:
@@ -265,9 +265,8 @@ def _files(bag: Path) -> list[Path]:
     return [path for path in sorted(bag.iterdir()) if {".mcap", ".db3"} & set(path.suffixes)]
 
 
-def _why_nothing(survey: OnlineSurvey, records: Sequence[CountRecord]) -> str:
+def _why_nothing(survey: FieldSurvey, records: Sequence[CountRecord]) -> str:
     reasons = [
-        f"{entry.count} {reason.value} (the last: {entry.example})"
-        for reason, entry in survey.online.skipped.items()
+        f"{entry.count} {reason.value} (the last: {entry.example})" for reason, entry in survey.map.skipped.items()
     ]
     return f"not one of {len(records)} records is in the field {survey.field.name!r}: {'; '.join(reasons)}"

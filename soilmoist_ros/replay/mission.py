@@ -54,7 +54,7 @@ def replay_mission(
         tracks=(np.array(placed).reshape(-1, 2),),
         records=first.records,
         soil_map=None,
-        truth_rate=survey.online.grid.to_raster(first.true_rate),
+        truth_rate=survey.map.grid.to_raster(first.true_rate),
         frame=survey.field.frame,
         field_title=survey.field.name,
         ended=end,
@@ -64,10 +64,10 @@ def replay_mission(
 
 def _mapped(other: ReplayedProperty) -> Mapped:
     """A further property, as a mission has it."""
-    online = other.survey.online
-    soil_map = online.compute(other.states[-1]) if other.states else None
+    field_map = other.survey.map
+    soil_map = field_map.compute(other.states[-1]) if other.states else None
     title = other.name if other.truth is None else other.truth.title
-    return Mapped(other.name, title, other.records, soil_map, online.grid.to_raster(other.true_rate))
+    return Mapped(other.name, title, other.records, soil_map, field_map.grid.to_raster(other.true_rate))
 
 
 def _row(status: Status, properties: Sequence[ReplayedProperty]) -> SeriesRow:

@@ -16,8 +16,8 @@ from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.comparison import Comparison, PublishedMap, compare
-from soilmoist_ros.replay.online_survey import OnlineSurvey
 from soilmoist_ros.replay.topics import CLOUD, STATUS, TEXT, RunTopics
+from soilmoist_ros.reporting.field_survey import FieldSurvey
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.map_errors import map_errors
@@ -95,7 +95,7 @@ class ReplayedProperty:
 
     name: str
     weight: float
-    survey: OnlineSurvey
+    survey: FieldSurvey
     records: Sequence[CountRecord]
     states: Sequence[MapState]
     published: PublishedMap | None
@@ -104,17 +104,17 @@ class ReplayedProperty:
     @cached_property
     def true_rate(self) -> Array:
         """True rate of the cells [counts/s], NaN if it is unknown."""
-        cells = self.survey.online.grid.cells
+        cells = self.survey.map.grid.cells
         return np.full(len(cells), np.nan) if self.truth is None else self.truth.rate_at(cells)
 
     @property
     def truth_rate(self) -> Array | None:
         """True rate on the map's grid, shape (ny, nx) [counts/s]; ``None`` if it is unknown."""
-        return None if self.truth is None else self.survey.online.grid.to_raster(self.true_rate)
+        return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
     def compared(self) -> Comparison:
         """How the map compares with the one that its mapper had."""
-        return compare(self.survey.online, self.states, self.published)
+        return compare(self.survey.map, self.states, self.published)
 
     def errors_at(self, stamp_s: float) -> tuple[float, float, float]:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""
@@ -123,14 +123,14 @@ class ReplayedProperty:
         known = [state for state in self.states if state.stamp_s <= stamp_s]
         if self.truth is None or not known:
             return unknown
-        online = self.survey.online
+        field_map = self.survey.map
         try:
-            soil_map = online.compute(known[-1])
+            soil_map = field_map.compute(known[-1])
         except IllConditionedError:  # the mapper had no map then either
             return unknown
         if soil_map is None:
             return unknown
-        mask = online.grid.mask
+        mask = field_map.grid.mask
         return map_errors(soil_map.rate[mask], soil_map.rate_sd[mask], self.true_rate, self.truth.curve)
 
 

@@ -31,7 +31,7 @@ from soilmoist_ros.recording.bag.definitions import find_definition
 from soilmoist_ros.recording.bag.metadata import Qos, Topic
 from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.run_folder import write_parameters
-from soilmoist_ros.replay.online_survey import open_survey
+from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.position.track import Track
@@ -63,7 +63,7 @@ class Robot:
         self._namespace = namespace
         self.online: FieldMap = open_survey(
             str(run / "configuration" / "field.yaml"), str(run / "configuration" / "site.yaml"), cell_m=CELL_M
-        ).online
+        ).map
         self._now_s = START_S
 
     def publish(self, event: Event) -> None:

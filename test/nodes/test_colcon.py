@@ -100,5 +100,5 @@ def test_a_node_from_there_works(ros, executables, sourced):
         str(executables / "mapper"), extra=["-p", "field:=example", "-p", "site:=example"], namespace="/robot"
     )
     answer = ros.call(Trigger, "/robot/mapper/save", timeout=60)
-    assert "not samples enough" in answer.message
+    assert "too few samples" in answer.message
     assert mapper.stop() == 0

@@ -28,7 +28,7 @@ from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.journal_lines import decode
 from soilmoist_ros.replay import replay_bag
-from soilmoist_ros.replay.online_survey import open_survey
+from soilmoist_ros.reporting.field_survey import open_survey
 
 # What rclpy says when a server of the test goes away in the middle of an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -278,7 +278,7 @@ def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
         ros.start("mapper", params={**field, **start, "start_property": "salt"}, namespace="/salt")
         ros.start("mapper", params={**field, **start})
         ros.wait_for(lambda: mapped("salt") and mapped(""), message="both maps so far")
-        expected = open_survey(field["field"]).online
+        expected = open_survey(field["field"]).map
         for one in told[: len(written)]:
             expected.add(one)
         assert mapped("salt") == expected.state.samples.counts.sum() > 1000

@@ -24,7 +24,7 @@ from msg_adapters.soil_map import map_cells, soil_map_from_message, uncertainty_
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.replay.online_survey import open_survey
+from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 BEGIN_S = 1.78e9
@@ -104,8 +104,8 @@ def on_line(field, records, **options):
     """The core, fed with the records as they come out of messages."""
     survey = open_survey(str(field), "example", **options)
     for one in records:
-        survey.online.add(counts_from_message(counts_to_message([one]))[0])
-    return survey.online
+        survey.map.add(counts_from_message(counts_to_message([one]))[0])
+    return survey.map
 
 
 def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
@@ -195,7 +195,7 @@ def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start,
     process, publisher = start()
     empty = ros.call(Trigger, "mapper/save")
     assert not empty.success
-    assert "not samples enough" in empty.message
+    assert "too few samples" in empty.message
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-2].stamp_s))
     answer = ros.call(Trigger, "mapper/save", timeout=60)

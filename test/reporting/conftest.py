@@ -10,8 +10,8 @@ import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
-from soilmoist_ros.reporting import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
 from soilmoist_ros.reporting.page import style
+from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 

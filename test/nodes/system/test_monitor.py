@@ -16,7 +16,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.system.monitor import Monitor
-from soilmoist_ros.replay.online_survey import open_survey
+from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.reporting.live.live_mission import LiveMission
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -44,7 +44,7 @@ STATUS = MissionStatus(
 def live(ros):
     """A live mission that a monitor feeds, and the monitor; errors in its callbacks end it, as in the demo."""
     survey = open_survey("example")
-    found = LiveMission("test", beside=LiveMission("salt", np.full(survey.online.grid.mask.shape, 4.0)))
+    found = LiveMission("test", beside=LiveMission("salt", np.full(survey.map.grid.mask.shape, 4.0)))
     executor = SingleThreadedExecutor(context=ros.context)
     monitor = Monitor(found, survey.field.frame, ros.context, "salt")
     executor.add_node(monitor)
@@ -62,12 +62,12 @@ def publisher(ros, kind, topic, profile=qos.LATCHED):
 def test_it_hears_everything(ros, live):
     survey = live.survey
     for number in range(4):
-        survey.online.add(CountRecord(1e9 + number, 10.0 * number + 5, 20.0, 30.0, 400, 100.0, 95.0))
-    soil_map = survey.online.compute(survey.online.state)
+        survey.map.add(CountRecord(1e9 + number, 10.0 * number + 5, 20.0, 30.0, 400, 100.0, 95.0))
+    soil_map = survey.map.compute(survey.map.state)
     publisher(ros, DiagnosticStatus, "mission").publish(mission_to_message(STATUS))
-    publisher(ros, PointCloud2, "samples").publish(samples_to_message(survey.online.state.samples, 1e9))
-    publisher(ros, PointCloud2, "soil_map").publish(soil_map_to_message(survey.online.grid, soil_map, 1e9))
-    publisher(ros, PointCloud2, "salt/soil_map").publish(soil_map_to_message(survey.online.grid, soil_map, 1e9))
+    publisher(ros, PointCloud2, "samples").publish(samples_to_message(survey.map.state.samples, 1e9))
+    publisher(ros, PointCloud2, "soil_map").publish(soil_map_to_message(survey.map.grid, soil_map, 1e9))
+    publisher(ros, PointCloud2, "salt/soil_map").publish(soil_map_to_message(survey.map.grid, soil_map, 1e9))
     latitude, longitude = survey.field.frame.to_geographic([(12.0, 34.0)])[0].tolist()
     fixes = publisher(ros, NavSatFix, "fix", qos.SENSOR)
     fix = NavSatFix(status=NavSatStatus(status=0), latitude=latitude, longitude=longitude)
@@ -87,7 +87,7 @@ def test_it_hears_everything(ros, live):
     assert live.state == "counting: because"
     view = live.view()
     assert view.target_xy == (3.0, 4.0)
-    np.testing.assert_allclose(view.samples_xy, survey.online.state.samples.xy)
+    np.testing.assert_allclose(view.samples_xy, survey.map.state.samples.xy)
     assert view.extent == pytest.approx((0, 60, 0, 50), abs=0.6)
     fix.status.status = -1
     fix.latitude = 0.0

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from soilmoist_ros.reporting import write_summary
-from soilmoist_ros.reporting.files.summary import summary
+from soilmoist_ros.reporting.files.summary import summary, write_summary
 
 
 def refuse(constant):

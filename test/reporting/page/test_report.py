@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import Variogram, estimate_variogram, make_soil_map
-from soilmoist_ros.reporting import InputFile, LossRow
 from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.report import readout, render_report
 from soilmoist_ros.reporting.page.style import Picture
+from soilmoist_ros.reporting.run import InputFile, LossRow
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 

@@ -1,4 +1,4 @@
-"""The on-line map around its core: from names of files to a map, from a map to the output folder."""
+"""A map that grows, opened from the files of a field and a site, and saved as an output folder."""
 
 from __future__ import annotations
 
@@ -12,48 +12,43 @@ from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
-from soilmoist_ros.recording.journal import ENTRIES, load_journal
-from soilmoist_ros.recording.record_table import read_records, write_records
+from soilmoist_ros.recording.record_table import RECORDS, write_records
 from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun
 
-RECORDS = "records.csv"
-"""Name of the table of records in an output folder, from which a later map can start."""
-
 
 @dataclass(frozen=True)
-class OnlineSurvey:
-    """Field, site and choices of an on-line map.
+class FieldSurvey:
+    """A field, the site of a sensor, and the map that grows with its records.
 
     :param field: the field
     :param site: the sensor and its soil
-    :param online: takes the records
-    :param files: role and path of the files behind it
+    :param map: takes the records
+    :param files: role and path of the files of field and site
     :param simulated: the counts come from a simulation; every output says so
     """
 
     field: Field
     site: Site
-    online: FieldMap
+    map: FieldMap
     files: tuple[tuple[str, Path], ...] = ()
     simulated: bool = False
 
     def run(self, snapshot: Snapshot) -> MapRun:
-        """The map of a snapshot, and all that the outputs tell of it.
+        """The map of a snapshot with all that its outputs show.
 
-        :raises InputError: if there are not samples enough for a map
+        :raises InputError: if there are too few samples for a map
         :raises IllConditionedError: as :meth:`FieldMap.compute`
         """
         from soilmoist_ros.reporting.map_run import input_file, make_run
         from soilmoist_ros.reporting.run import LossRow
 
-        soil_map = self.online.compute(snapshot.state)
+        soil_map = self.map.compute(snapshot.state)
         if soil_map is None:
-            raise InputError("there are not samples enough for a map", "wait for more records")
-        settings = self.online.settings
+            raise InputError("there are too few samples for a map", "wait for more records")
+        settings = self.map.settings
         return make_run(
             soil_map,
             snapshot.track,
@@ -64,8 +59,8 @@ class OnlineSurvey:
                 "variogram_model": settings.model,
                 "variogram_fit": settings.fit,
                 "nugget": "kept" if settings.keep_nugget else "filtered",
-                "merge_radius_m": self.online.merge_radius_m,
-                "cell_m": self.online.grid.cell_m,
+                "merge_radius_m": self.map.merge_radius_m,
+                "cell_m": self.map.grid.cell_m,
                 "deconvolved_footprint_m": settings.footprint_radius_m,
             },
             inputs=[input_file(path, role) for role, path in self.files],
@@ -101,8 +96,8 @@ def open_survey(
     keep_nugget: bool = True,
     merge_radius_m: float = 0.0,
     simulated: bool = False,
-) -> OnlineSurvey:
-    """An on-line map without records.
+) -> FieldSurvey:
+    """A field survey without records.
 
     :param field: field file, or the name of a shipped one
     :param site: site file, or the name of a shipped one; empty for none, then there is a rate map only
@@ -133,35 +128,4 @@ def open_survey(
         the_site.curve,
         the_site.support_radius_m,
     )
-    return OnlineSurvey(the_field, the_site, FieldMap(grid, settings), tuple(files), simulated)
-
-
-def read_earlier(path: Path, name: str = "") -> list[CountRecord]:
-    """Records to start from.
-
-    :param path: a folder that :meth:`OnlineSurvey.save` has written, a bag with ``counts``, or the journal of a
-        mission: then the records of the mission that was interrupted, none if it had ended
-    :param name: of the further property whose records are wanted from a journal or bag, as the planner knows it;
-        empty for those of the first
-    :raises InputError: if it is none of these
-    """
-    if (path / ENTRIES).is_file():
-        from soilmoist_ros.exploration.mission.journal import interrupted_records
-
-        found = load_journal(path, whole=True)
-        return interrupted_records(found.snapshot, (entry.payload for entry in found.entries), name)
-    if (path / RECORDS).is_file():
-        return read_records(path / RECORDS)
-    if path.is_dir() and not any(path.glob("*.mcap")) and not (path / "metadata.yaml").is_file():
-        raise InputError(
-            f"holds neither {RECORDS} nor a bag nor a journal",
-            "give a folder that the mapper has saved, a bag, or the journal of a mission",
-            path,
-        )
-    from soilmoist_ros.recording.bag.reader import BagReader
-
-    with BagReader(path) as bag:
-        if not name:
-            return bag.read_counts()
-        ending = f"/{name.strip('/')}/counts"
-        return bag.read_counts(next((topic for topic in sorted(bag.topics) if topic.endswith(ending)), ending))
+    return FieldSurvey(the_field, the_site, FieldMap(grid, settings), tuple(files), simulated)

@@ -1,0 +1,41 @@
+"""Records of an earlier run, from which a map can start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.journal import ENTRIES, load_journal
+from soilmoist_ros.recording.record_table import RECORDS, read_records
+from soilmoist_ros.sensing.records import CountRecord
+
+
+def read_earlier(path: Path, name: str = "") -> list[CountRecord]:
+    """Records to start from.
+
+    :param path: an output folder with a table of records, a bag with ``counts``, or the journal of a mission. A
+        journal gives the records of a mission that was interrupted, none if the mission had ended
+    :param name: property whose records are wanted from a journal or bag, as the planner knows it; empty for the
+        robot's own
+    :raises InputError: if the path is none of these
+    """
+    if (path / ENTRIES).is_file():
+        from soilmoist_ros.exploration.mission.journal import interrupted_records
+
+        found = load_journal(path, whole=True)
+        return interrupted_records(found.snapshot, (entry.payload for entry in found.entries), name)
+    if (path / RECORDS).is_file():
+        return read_records(path / RECORDS)
+    if path.is_dir() and not any(path.glob("*.mcap")) and not (path / "metadata.yaml").is_file():
+        raise InputError(
+            f"holds neither {RECORDS} nor a bag nor a journal",
+            "give a folder that the mapper has saved, a bag, or the journal of a mission",
+            path,
+        )
+    from soilmoist_ros.recording.bag.reader import BagReader
+
+    with BagReader(path) as bag:
+        if not name:
+            return bag.read_counts()
+        ending = f"/{name.strip('/')}/counts"
+        return bag.read_counts(next((topic for topic in sorted(bag.topics) if topic.endswith(ending)), ending))

@@ -1,0 +1,103 @@
+"""A map that grows, from files to an output folder."""
+
+import json
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field_map import Skip
+from soilmoist_ros.recording.earlier_records import read_earlier
+from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.sensing.records import NAN, CountRecord
+
+
+def records(n=8):
+    rng = np.random.default_rng(5)
+    places = rng.uniform((2, 2), (58, 48), (n, 2)).astype(np.float32).tolist()
+    return [
+        CountRecord(1.78e9 + i, x, y, 30.0, int(rng.poisson(400)), 100.0, 95.0) for i, (x, y) in enumerate(places)
+    ]
+
+
+def filled(many, **options):
+    survey = open_survey("example", "example", **options)
+    for record in many:
+        survey.map.add(record)
+    return survey
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("saved")
+    survey = filled([*records(), CountRecord(1.78e9, NAN, NAN, NAN, 400, 100.0, 95.0)], simulated=True)
+    survey.map.skip(Skip.UNREADABLE, "too short")
+    return survey, folder, survey.save(folder, survey.map.snapshot())
+
+
+def test_what_is_saved_tells_the_whole_story(saved):
+    _, folder, written = saved
+    assert {path.name for path in written} == {path.name for path in folder.iterdir()}
+    summary = json.loads((folder / "summary.json").read_text())
+    assert (summary["n_records"], summary["n_placed_records"], summary["n_samples"]) == (9, 8, 8)
+    assert summary["n_lost"] == {"no position": 1, "unreadable message": 1}
+    assert (summary["site"], summary["field"], summary["simulated"]) == ("Example site", "Example field", True)
+    assert [item["role"] for item in summary["inputs"]] == ["field", "site"]
+    assert summary["calibration"]["n0_cps"] == 6.0
+
+
+def test_a_map_that_starts_from_what_was_saved_is_the_same(saved):
+    survey, folder, _ = saved
+    again = filled(read_earlier(folder))
+    expected = survey.map.compute(survey.map.state)
+    found = again.map.compute(again.map.state)
+    for band, wanted in zip(found.bands, expected.bands, strict=True):
+        assert band.tobytes() == wanted.tobytes()
+
+
+def test_options_reach_the_map():
+    survey = filled(
+        records(), cell_m=5.0, model="spherical", fit="soft_l1", keep_nugget=False, merge_radius_m=100.0
+    )
+    assert survey.map.grid.cell_m == 5.0
+    assert len(survey.map.state.samples) == 1
+    with pytest.raises(InputError, match="there are too few samples for a map"):
+        survey.run(survey.map.snapshot())
+    survey = filled(records(), model="spherical", fit="soft_l1", keep_nugget=False)
+    assert survey.map.grid.cell_m == 0.5  # the field's own
+    run = survey.run(survey.map.snapshot())
+    assert run.soil_map.variogram.model == "spherical"
+    assert run.soil_map.fit.method == "soft_l1"
+    assert not run.soil_map.kriging.keep_nugget
+    assert run.settings["nugget"] == "filtered"
+
+
+def test_without_a_site_there_is_a_rate_map():
+    survey = open_survey("example")
+    for record in records():
+        survey.map.add(record)
+    run = survey.run(survey.map.snapshot())
+    assert run.title == "Neutron count rate map"
+    assert np.isnan(run.soil_map.vwc).all()
+
+
+def test_mistakes_are_told_with_a_remedy():
+    with pytest.raises(InputError, match=r"did you mean 'example'\?"):
+        open_survey("exampel")
+    with pytest.raises(InputError, match=r"cannot be gridded: .*change the cell size"):
+        open_survey("example", cell_m=500.0)
+
+
+def test_only_a_site_that_says_so_deconvolves_the_footprint(tmp_path):
+    site = tmp_path / "site.yaml"
+    for text, radius_m in (
+        ("footprint_radius_m: 8\n", 0.0),
+        ("footprint_radius_m: 8\ndeconvolve_footprint: true\n", 8.0),
+        ("deconvolve_footprint: true\n", 10.0),
+    ):
+        site.write_text(text)
+        online = open_survey("example", str(site)).map
+        assert online.settings.footprint_radius_m == radius_m
+        online.add(CountRecord(1.78e9, *online.grid.cells[0].tolist(), 30.0, 400, 100.0, 95.0))
+        np.testing.assert_array_equal(online.state.samples.spread, [[radius_m**2 / 4, 0, radius_m**2 / 4]])
+    assert open_survey("example").map.settings.footprint_radius_m == 0
