@@ -1,9 +1,9 @@
 """Time of maps on line: mean and variance of 70,000 cells after each of 300 records, against libKriging.
 
-Every record begins a new sample. This package goes on from the map before (MapFollower); libKriging computes each
-anew, the fastest of the packages that bench_mapping.py compares. It is timed for a few numbers of samples, and its
-total summed up by linear interpolation. Samples and fixed covariance parameters are those of bench_mapping.py;
-nothing is fitted. One BLAS thread, CPU time, medians of three runs.
+Every record begins a new sample. This package goes on from the map before (RasterKriging). libKriging, the
+fastest of the packages in bench_mapping.py, computes each map anew. It is timed for a few numbers of samples,
+and its total summed up by linear interpolation. Samples and fixed covariance parameters are those of
+bench_mapping.py; nothing is fitted. One BLAS thread, CPU time, medians of three runs.
 
 Usage: python scripts/bench_online.py [--quick] [--models NAME ...] [--records N] [--cells N] [--out DIR]
 """
@@ -25,8 +25,8 @@ import bench_mapping  # limits the threads before numpy is imported
 import numpy as np
 from bench_mapping import RANGE_M, ROOT, SILL, Task, make_task
 
-from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.kriging.raster import MapFollower
+from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
+from soilmoist_ros.mapping.kriging.raster import RasterKriging
 
 LIBKRIGING_SHARES = (1 / 30, 1 / 3, 2 / 3, 1.0)
 """Shares of the records after which libKriging is timed."""
@@ -56,22 +56,22 @@ def mean_rate(task: Task) -> float:
     return float(task.counts.sum() / task.exposure_s.sum())
 
 
-def follow(task: Task) -> tuple[list[float], MapFollower, np.ndarray]:
+def update(task: Task) -> tuple[list[float], RasterKriging, np.ndarray]:
     """CPU times of the maps after each record [s], what made them, and the last."""
     everywhere = np.ones((len(task.y_m), len(task.x_m)), bool)
-    follower = MapFollower(FieldGrid(task.x_m, task.y_m, 1.0, everywhere, ()), keep_nugget=True)
+    raster = RasterKriging(task.x_m, task.y_m, everywhere, keep_nugget=True)
     times = []
     for n in range(1, len(task.xy) + 1):
-        seconds, found = followed(follower, first(task, n), mean_rate(task))
+        seconds, found = updated(raster, first(task, n), mean_rate(task))
         times.append(seconds)
-    return times, follower, found
+    return times, raster, found
 
 
-def followed(follower: MapFollower, task: Task, mean_rate_cps: float) -> tuple[float, np.ndarray]:
+def updated(raster: RasterKriging, task: Task, mean_rate_cps: float) -> tuple[float, np.ndarray]:
     """CPU time of one map [s], and the map."""
     start = time.process_time()
     samples = Samples(task.xy, task.counts, task.exposure_s)
-    found = follower.follow(samples, Variogram(task.model, 0.0, RANGE_M, SILL), mean_rate_cps)
+    found = raster.update(samples, Variogram(task.model, 0.0, RANGE_M, SILL), mean_rate_cps)
     seconds = time.process_time() - start
     assert found is not None
     return seconds, found
@@ -88,10 +88,10 @@ def cpu_s(run: Callable[[], object]) -> float:
 
 
 def _memory_child(model: str, records: int, cells: int, connection: object) -> None:
-    follow(make_task(model, 30, 500))  # libraries loaded
+    update(make_task(model, 30, 500))  # libraries loaded
     task = make_task(model, records, cells)
     before = bench_mapping._peak_mb()
-    follow(task)
+    update(task)
     connection.send(bench_mapping._peak_mb() - before)  # type: ignore[attr-defined]
 
 
@@ -111,8 +111,8 @@ def compare(model: str, records: int, cells: int) -> dict[str, object]:
     task = make_task(model, records, cells)
     runs = []
     for _ in range(4):
-        follower = None  # its memory is free for the next
-        times, follower, found = follow(task)
+        raster = None  # its memory is free for the next
+        times, raster, found = update(task)
         runs.append(times)
     new = np.median(runs[1:], axis=0)  # the first loads libraries and gets memory from the system
     kriging = PoissonKriging(Variogram(model, 0.0, RANGE_M, SILL))
@@ -123,10 +123,10 @@ def compare(model: str, records: int, cells: int) -> dict[str, object]:
     for _ in range(LAST):
         for shift_m, seconds in ((0.0, grown), (0.1, moved)):
             standing = after_record(standing, -1, shift_m)
-            seconds.append(followed(follower, standing, rate)[0])
+            seconds.append(updated(raster, standing, rate)[0])
     for _ in range(3):
         standing = after_record(standing, 0, 0.1)
-        anew.append(followed(follower, standing, rate)[0])
+        anew.append(updated(raster, standing, rate)[0])
     row: dict[str, object] = {"model": model, "records": records, "total_s": f"{new.sum():.2f}"}
     if importlib.util.find_spec("pylibkriging") is not None:
         sizes = [max(2, round(records * share)) for share in LIBKRIGING_SHARES]

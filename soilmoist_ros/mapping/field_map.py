@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.kriging.raster import MapFollower
+from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
@@ -179,7 +179,8 @@ class FieldMap:
         chosen_m = settings.merge_radius_m
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None
-        self._raster = None if settings.for_planning else MapFollower(grid, settings.keep_nugget)
+        raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
+        self._raster = None if settings.for_planning else raster
         self._computing = threading.Lock()
         self.reset()
 
@@ -315,7 +316,7 @@ class FieldMap:
             )
         with self._computing:
             return make_soil_map(
-                state.samples, self.grid, fit, settings.curve, settings.keep_nugget, follower=self._raster
+                state.samples, self.grid, fit, settings.curve, settings.keep_nugget, raster=self._raster
             )
 
     def fit(self, state: MapState) -> VariogramFit | None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
-from soilmoist_ros.mapping.kriging.raster import MapFollower
+from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
@@ -54,8 +54,8 @@ class SoilMap:
     :param mean_rate: mean rate m* in the noise of the samples [counts/s]
     :param curve: calibration, ``None`` if the map is of the rate only
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
-    :param made_by: the fitted kriging that made the map; ``None`` if a
-        :class:`MapFollower` did
+    :param made_by: the fitted kriging that made the map; ``None`` if
+        :meth:`RasterKriging.update` did
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
     """
 
@@ -139,7 +139,7 @@ def make_soil_map(
     progress: Callable[[float], None] | None = None,
     max_exact_samples: int = MAX_EXACT_SAMPLES,
     compute: Compute = map,
-    follower: MapFollower | None = None,
+    raster: RasterKriging | None = None,
 ) -> SoilMap:
     """Krige the samples onto the cells of a field: exactly, or tile by tile if they are very many.
 
@@ -155,7 +155,7 @@ def make_soil_map(
     :param max_exact_samples: number of samples beyond which it is
         :class:`TiledKriging` that makes the map
     :param compute: computes the tiles, as there
-    :param follower: of the same grid and nugget, makes the map if it can
+    :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
@@ -163,9 +163,9 @@ def make_soil_map(
     known_rate = (fit.mean_rate or None) if fit is not None else None
     kriging: PoissonKriging | TiledKriging | None = None
     rasters = None
-    if follower is not None and 0 < len(samples) <= max_exact_samples:
+    if raster is not None and 0 < len(samples) <= max_exact_samples:
         mean_rate = known_rate or noise_rate(samples)
-        rasters = follower.follow(samples, model, mean_rate)
+        rasters = raster.update(samples, model, mean_rate)
     if rasters is not None:
         rate, variance = rasters
         clipped = clip_negative(variance, model.sill)

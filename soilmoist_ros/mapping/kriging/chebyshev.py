@@ -8,6 +8,7 @@ variogram are such functions: sums and products of Gaussians.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from functools import lru_cache
@@ -17,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Evaluate = Callable[[Array, Array], Array]
 
 TOLERANCE = 3e-12
 """Size of the last coefficients, relative to the scale of a surface, at which it counts as resolved."""
@@ -32,31 +32,46 @@ _MIN_GROWTH, _LARGEST_GROWTH = 1.12, 1.5
 
 
 def raster_by_interpolation(
-    evaluate: Evaluate, x_m: Array, y_m: Array, length_m: float, scale: Array, cells: int
+    evaluate: Evaluate,
+    x_m: Array,
+    y_m: Array,
+    length_m: float,
+    scale: Array,
+    cells: int,
+    growth: float | None = None,
 ) -> Array | None:
     """Surfaces on a raster, interpolated from Chebyshev points.
 
-    :param evaluate: takes axes (x of shape (p,), y of shape (q,)) and gives the k surfaces there, shape (k, q, p)
+    :param evaluate: gives the k surfaces at some points (p, q along x and y), shape (k, q, p), or ``None``
     :param x_m: columns of the raster, shape (nx,), nx >= 1 [m]
     :param y_m: rows, shape (ny,), ny >= 1 [m]
     :param length_m: length over which the surfaces vary [m], > 0: a start for the search of the number of points
     :param scale: size of each surface, shape (k,), to which :data:`TOLERANCE` is relative
     :param cells: how many cells are wanted in all: what this way must be cheaper than
+    :param growth: how many times more points along each axis to try next; by default what the last coefficients
+        ask for. A fixed factor leads to few different sets of points
     :returns: shape (k, ny, nx), or ``None`` if it would take too many points (a length too short for the raster,
-        or surfaces that are not smooth enough)
+        or surfaces that are not smooth enough), or if ``evaluate`` gave ``None``
     """
-    degrees = first_degrees(x_m, y_m, length_m)
+    first = degrees = first_degrees(x_m, y_m, length_m)
     spent = 0
-    while True:
+    for level in itertools.count(1):
         spent += math.prod(degrees)
         if spent > WORTH_SHARE * cells:
-            return None
+            break
         nodes = _nodes(x_m.tobytes(), y_m.tobytes(), degrees)
-        coefficients = nodes.coefficients(evaluate(nodes.x_m, nodes.y_m))
+        surfaces = evaluate(nodes)
+        if surfaces is None:
+            break
+        coefficients = nodes.coefficients(surfaces)
         tails = nodes.tails(coefficients, scale)
         if max(tails) <= TOLERANCE:
             return nodes.raster(coefficients, scale)
-        degrees = tuple(math.ceil(d * _growth(tail)) for d, tail in zip(degrees, tails, strict=True))
+        if growth is None:
+            degrees = tuple(math.ceil(d * _growth(tail)) for d, tail in zip(degrees, tails, strict=True))
+        else:
+            degrees = tuple(math.ceil(d * growth**level) for d in first)
+    return None
 
 
 class Coefficients(NamedTuple):
@@ -177,6 +192,9 @@ def interpolation(axis_m: Array, degree: int) -> tuple[Array, Array]:
     low, high = float(axis_m.min()), float(axis_m.max())
     matrix = _polynomials(axis_m, degree, low, high) @ _coefficients(np.eye(degree)).T
     return _points(degree, low, high), np.asarray(matrix)
+
+
+Evaluate = Callable[[ChebyshevNodes], Array | None]
 
 
 @lru_cache(maxsize=_KEPT)

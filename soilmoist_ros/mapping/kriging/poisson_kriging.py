@@ -16,18 +16,14 @@ large raster the inverse of L is cheaper: it need not meet all covariances, see
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping.kriging.chebyshev import raster_by_interpolation
-from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT
-from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, check_raster, coincident
-from soilmoist_ros.mapping.kriging.tile_covariances import bands, tile_shape
+from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster, target_variance
+from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system
+from soilmoist_ros.mapping.kriging.targets import Points, Targets
 from soilmoist_ros.mapping.samples.samples import (
     NO_SAMPLES,
     Samples,
@@ -40,27 +36,13 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 JITTER = (0.0, 1e-13, 1e-11, 1e-9)
 """What is added to the diagonal, relative to its mean, until the Cholesky factor exists."""
 MEAN_RATE_DRIFT = 0.01
 """Relative drift of the mean rate after which :meth:`PoissonKriging.add` renews the noise variances."""
-_TILE_ELEMENTS = 400_000
-"""Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
-MIN_TILED = 256
-"""Samples from which on the cells of a large raster are kriged by tiles: about where that is a gain."""
 
 _log = logging.getLogger(__name__)
-
-
-class _Solution(NamedTuple):
-    """What does not depend on the target: L (lower), b = L^-1 1, a = L^-1 (rate - c) and the mean c."""
-
-    factor: Array
-    ones: Array
-    residual: Array
-    mean: float
 
 
 class PoissonKriging:
@@ -99,7 +81,7 @@ class PoissonKriging:
         self._records: Samples | None = None
         self._record_place: NDArray[np.intp] = np.empty(0, int)
         self._places = NO_SAMPLES
-        self._solution = _Solution(np.empty((0, 0)), np.empty(0), np.empty(0), float("nan"))
+        self._system = no_system(variogram)
 
     # -- samples ---------------------------------------------------------------------------------------
 
@@ -111,7 +93,7 @@ class PoissonKriging:
     @property
     def map_mean(self) -> float:
         """Generalised least-squares mean of the rate, which the map tends to far from all samples [counts/s]."""
-        return self._solution.mean
+        return self._system.mean
 
     def fit(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
@@ -192,82 +174,10 @@ class PoissonKriging:
         :raises RuntimeError: before :meth:`fit`
         """
         x, y, wanted = check_raster(x_m, y_m, mask)
-        places = self._fitted()
-        rasters = np.full((2, len(y), len(x)), np.nan)
-        if self.variogram.model == "gaussian" and self._interpolate(rasters, x, y, wanted):
-            if progress is not None:
-                progress(1.0)
-        elif not self._by_tiles(rasters, x, y, wanted, progress):
-            cells = RasterCells(self.variogram, places.xy, x, y, wanted, places.spread)
-            rasters[:, wanted] = self._predict(cells, progress)
-        return rasters[0], rasters[1]
-
-    def _interpolate(self, rasters: Array, x_m: Array, y_m: Array, wanted: NDArray[np.bool_]) -> bool:
-        """Fill the wanted cells by :mod:`chebyshev`, if that is a gain.
-
-        :returns: whether it was; if not, nothing is filled in
-        """
-        if not wanted.any():
-            return False
-        variogram, places = self.variogram, self._places
-        rows, columns = (np.flatnonzero(wanted.any(axis=axis)) for axis in (1, 0))
-        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-
-        def surfaces(x: Array, y: Array) -> Array:
-            every = np.ones((len(y), len(x)), bool)
-            nodes = RasterCells(variogram, places.xy, x, y, every, places.spread)
-            return np.array(self._surfaces(nodes, False, None)).reshape(2, len(y), len(x))
-
-        # A product of two Gaussians, as the variance has them, is narrower than one by the root of two;
-        # across the longest range, by that of the anisotropy too.
-        length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)
-        scale = np.array([math.sqrt(variogram.sill), variogram.sill])
-        cells = int(np.count_nonzero(wanted))
-        found = raster_by_interpolation(surfaces, x_m[box[1]], y_m[box[0]], length_m, scale, cells)
-        if found is None:
-            return False
-        found[1] += self._target_variance
-        rasters[:, *box] = np.where(wanted[box], found, np.nan)
-        self.clipped_variances = clip_negative(rasters[1], variogram.sill)
-        in_column = np.isin(x_m, places.xy[:, 0])
-        if self.keep_nugget and in_column.any():  # where a sample is, the surface with its nugget has a needle
-            row, column = np.nonzero(wanted & np.isin(y_m, places.xy[:, 1])[:, None] & in_column)
-            here, _ = coincident(np.column_stack([x_m[column], y_m[row]]), places.xy)
-            row, column = row[here], column[here]
-            rasters[:, row, column] = self._predict(self._targets(np.column_stack([x_m[column], y_m[row]])), None)
-        return True
-
-    def _by_tiles(
-        self, rasters: Array, x_m: Array, y_m: Array, wanted: NDArray[np.bool_], progress: Progress | None
-    ) -> bool:
-        """Fill the wanted cells by :mod:`tile_covariances`, if that is a gain.
-
-        :returns: whether it was; if not, nothing is filled in
-        """
-        from scipy.linalg.lapack import dtrtri
-
-        places, (factor, ones, residual, mean) = self._places, self._solution
-        if len(places) < MIN_TILED or self.variogram.model == "spherical":  # whose edge meets many tiles
-            return False
-        if not all((np.diff(axis) > 0).all() for axis in (x_m, y_m)):
-            return False
-        shape = tile_shape(self.variogram, x_m, y_m, wanted)
-        if shape is None or (np.diag(factor) ** 2 < MIN_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
-            return False
-        inverse = np.ascontiguousarray(np.tril(dtrtri(factor, lower=1)[0]))
-        samples = np.column_stack([places.xy, places.spread])
-        done, cells = 0, int(np.count_nonzero(wanted))
-        for band, tiles in bands(self.variogram, samples, x_m, y_m, wanted, self.keep_nugget, shape):
-            rate, of_ones, squares = tiles.sums(inverse, np.array([residual, ones]))
-            surfaces = np.array(
-                [mean + rate, (of_ones - 1) ** 2 / (ones @ ones) - squares + self._target_variance]
-            )
-            rasters[:, band] = np.where(wanted[band], surfaces.take(tiles.position, axis=1), np.nan)
-            done += int(np.count_nonzero(wanted[band]))
-            if progress is not None:
-                progress(done / cells)
-        self.clipped_variances = clip_negative(rasters[1], self.variogram.sill)
-        return True
+        self._fitted()
+        rate, variance = RasterKriging(x, y, wanted, self.keep_nugget).solve(self._system, progress)
+        self.clipped_variances = clip_negative(variance, self.variogram.sill)
+        return rate, variance
 
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
         """Kriging weights and Lagrange multipliers.
@@ -280,9 +190,10 @@ class PoissonKriging:
         from scipy.linalg import solve_triangular
 
         targets = self._targets(check_xy(xy))
-        factor, ones, _, _ = self._solution
+        factor, ones = self._system.factor, self._system.ones
         solved = np.concatenate(
-            [tile for _, tile in self._solved_tiles(targets, self.keep_nugget)] or [np.empty((0, len(ones)))]
+            [tile for _, tile in self._system.solved_tiles(targets, self.keep_nugget)]
+            or [np.empty((0, len(ones)))]
         )
         lagrange = (solved @ ones - 1) / (ones @ ones)
         right = (solved - lagrange[:, None] * ones).T
@@ -304,54 +215,17 @@ class PoissonKriging:
         places = check_xy(xy)
         structured = self.variogram.structured_sill
         known = self._targets(places).correlation(slice(0, len(places))) * structured
-        factor, ones, _, _ = self._solution
+        factor, ones = self._system.factor, self._system.ones
         solved = solve_triangular(factor, known.T, lower=True, check_finite=False)
         mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
         between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
         return np.asarray(between - solved.T @ solved + np.outer(mean, mean))
 
-    @property
-    def _target_variance(self) -> float:
-        return self.variogram.sill if self.keep_nugget else self.variogram.structured_sill
-
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
-        rate, variance = self._surfaces(targets, self.keep_nugget, progress)
-        variance += self._target_variance
+        rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
+        variance += target_variance(self.variogram, self.keep_nugget)
         self.clipped_variances = clip_negative(variance, self.variogram.sill)
         return rate, variance
-
-    def _surfaces(self, targets: Targets, nugget: bool, progress: Progress | None) -> tuple[Array, Array]:
-        """Rate, and what the samples and the unknown mean add to the variance of the targets (mostly below 0).
-
-        :param nugget: whether targets where a sample is share its nugget
-        """
-        _, ones, residual, mean = self._solution
-        both = np.column_stack([residual, ones])
-        rate, variance = np.empty((2, len(targets.xy)))
-        for tile, solved in self._solved_tiles(targets, nugget):
-            products = solved @ both
-            rate[tile] = mean + products[:, 0]
-            variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
-            if progress is not None:
-                progress(tile.stop / len(rate))
-        return rate, variance
-
-    def _solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:
-        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places)."""
-        from scipy.linalg.blas import dtrsm
-
-        places, variogram = self._places, self.variogram
-        none = np.empty(0, np.intp)
-        target, place = coincident(targets.xy, places.xy) if nugget else (none, none)
-        step = max(1, _TILE_ELEMENTS // len(places))
-        for start in range(0, len(targets.xy), step):
-            tile = slice(start, min(start + step, len(targets.xy)))
-            covariance = targets.correlation(tile)
-            covariance *= variogram.structured_sill
-            if nugget:
-                here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
-                covariance[target[here] - start, place[here]] += variogram.nugget
-            yield tile, dtrsm(1.0, self._solution.factor, covariance.T, lower=1, overwrite_b=1).T
 
     # -- factorisation ---------------------------------------------------------------------------------
 
@@ -403,7 +277,7 @@ class PoissonKriging:
         noise = self.variogram.nugget + self.jitter + self.noise_mean_rate / places.exposure_s[first:]
         rows[np.arange(n - first), np.arange(first, n)] += noise
         factor = np.zeros((n, n), order="F")
-        factor[:known, :known] = self._solution.factor[:known, :known]
+        factor[:known, :known] = self._system.factor[:known, :known]
         # Merging changes the noise of a known place, which is on the diagonal; but also its spread, if it has one.
         changed = first if places.spread.any() else known
         if first > 0 and changed < n:
@@ -415,16 +289,8 @@ class PoissonKriging:
         if info:
             return False
         factor[first:, first:] = tail
-        self._solve_data(factor)
+        self._system = KrigingSystem.of_factor(self.variogram, places, factor)
         return True
-
-    def _solve_data(self, factor: Array) -> None:
-        from scipy.linalg import solve_triangular
-
-        right = np.column_stack([self._places.rate_cps, np.ones(len(self._places))])
-        rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
-        mean = float(rate @ ones / (ones @ ones))
-        self._solution = _Solution(factor, ones, rate - mean * ones, mean)
 
 
 def clip_negative(variance: Array, sill: float) -> int:

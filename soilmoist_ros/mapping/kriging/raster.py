@@ -1,141 +1,261 @@
-"""The cells of one field kriged again and again, while samples are added or grow."""
+"""Kriging of the cells of one raster: by interpolation or by tiles where that is quicker, else cell by cell."""
 
 from __future__ import annotations
 
-import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.chebyshev import TOLERANCE, WORTH_SHARE, ChebyshevNodes, first_degrees
+from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
-from soilmoist_ros.mapping.kriging.rows import KrigingRows
-from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances, tile_shape
+from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
+from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress
+from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
+from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances, bands, tile_shape
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-_FINER = 1.15
-"""How many times more Chebyshev points along each axis are tried where the surfaces are not resolved."""
+MIN_TILED = 256
+"""Samples from which on a factored system is solved by tiles on a large raster: about where that is a gain."""
+_GROWTH = 1.15
+"""How many times more Chebyshev points along each axis rows are kept for where the surfaces are not resolved."""
 
 
-class MapFollower:
-    """Maps one set of samples after the other; quick where they have most in common.
+class RasterKriging:
+    """Krigs the cells of one raster, again and again (:meth:`update`) or once (:meth:`solve`).
 
-    The maps are those of :class:`PoissonKriging`, with errors that are as a
-    rule some 1e-12 of the standard deviation and of the variance of the rate. Each depends on its samples and
-    variogram alone, bit for bit, whatever was mapped before; see :mod:`rows`, which
-    makes the rows: for Gaussian variograms those of Chebyshev points, from which the map is interpolated, for
-    others those of the cells, on large fields by :mod:`tile_covariances`. Not for two
-    threads at a time.
+    Both take the same routes: for Gaussian variograms the surfaces are interpolated from few Chebyshev points
+    (:mod:`chebyshev`); on large rasters covariances come from few points of each tile (:mod:`tile_covariances`);
+    otherwise every cell is kriged. Not for two threads at a time.
 
-    :param grid: the field
+    :param x_m: centres of the columns, shape (nx,) [m]
+    :param y_m: centres of the rows, shape (ny,) [m]
+    :param mask: cells wanted, shape (ny, nx)
     :param keep_nugget: as :class:`PoissonKriging`
     """
 
-    def __init__(self, grid: FieldGrid, keep_nugget: bool) -> None:
-        self.grid = grid
+    def __init__(self, x_m: Array, y_m: Array, mask: Mask, keep_nugget: bool) -> None:
         self.keep_nugget = keep_nugget
+        self._x_m, self._y_m, self._mask = x_m, y_m, mask
+        self._outside = ~mask
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        self._is_empty = not len(rows)
+        self._box = (slice(0), slice(0))
+        if not self._is_empty:
+            self._box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        self._inside = x_m[self._box[1]], y_m[self._box[0]], mask[self._box]
         self._cells: KrigingRows | None = None
         self._tile_shape: tuple[int, int] | None = None
         self._position = np.empty((0, 0), int)  # numbers of the cells of the box among its targets
-        self._levels: list[tuple[ChebyshevNodes, KrigingRows]] = []
-        self._levels_of: Variogram | None = None
-        rows, columns = (np.flatnonzero(grid.mask.any(axis=axis)) for axis in (1, 0))
-        self._outside = ~grid.mask
-        self._box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-        self._inside = grid.x_m[self._box[1]], grid.y_m[self._box[0]], grid.mask[self._box]
+        self._rows: dict[tuple[int, int], KrigingRows] = {}  # of Chebyshev points, by their numbers along y and x
+        self._rows_of: Variogram | None = None
 
-    def follow(self, samples: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
-        """Rate [counts/s] and kriging variance [(counts/s)^2], the variance not yet clipped at 0.
+    def update(self, samples: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+        """Rate and kriging variance from rows of the matrix that are kept for the next update (:mod:`rows`).
+
+        Quick where samples have most in common with those of the last update. The answer depends on the samples
+        and the variogram alone, bit for bit, and differs from that of :meth:`solve` by some 1e-12 of the
+        standard deviation and of the variance of the rate.
 
         :param samples: at least one
         :param variogram: variogram of the latent rate
         :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], > 0
-        :returns: shape (2, ny, nx), NaN outside the field; ``None`` if there is too much to keep or the matrix is
-            too near to singular for this way: which is the case or not whatever was mapped before
+        :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN where
+            no cell is wanted; ``None`` if there is too much to keep or the matrix is too near to singular: which
+            does not depend on earlier updates
         """
         places = samples if _are_distinct(samples.xy) else merge_exactly(samples)[0]
-        found = self._interpolated(places, variogram, mean_rate) if variogram.model == "gaussian" else None
+        found = self._interpolated_rows(places, variogram, mean_rate)
         if found is None:
-            found = self._direct(places, variogram, mean_rate)
+            found = self._rows_of_cells(places, variogram, mean_rate)
         if found is not None:
-            found[1] += variogram.sill if self.keep_nugget else variogram.structured_sill
+            found[1] += target_variance(variogram, self.keep_nugget)
         return found
 
-    def _direct(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
-        """Both surfaces from rows of the cells themselves."""
+    def solve(self, system: KrigingSystem, progress: Progress | None = None) -> Array:
+        """Rate and kriging variance of a factored system.
+
+        :param system: the system
+        :param progress: called with the fraction done, from above 0 to 1
+        :returns: as :meth:`update`, never ``None``
+        """
+        found = self._solved_by_interpolation(system)
+        if found is None:
+            found = self._solved_by_tiles(system, progress)
+        elif progress is not None:
+            progress(1.0)
+        if found is None:
+            variogram, places = system.variogram, system.places
+            cells = RasterCells(variogram, places.xy, self._x_m, self._y_m, self._mask, places.spread)
+            found = np.full((2, *self._mask.shape), np.nan)
+            found[:, self._mask] = system.surfaces(cells, self.keep_nugget, progress)
+        found[1] += target_variance(system.variogram, self.keep_nugget)
+        return found
+
+    # -- interpolation ---------------------------------------------------------------------------------
+
+    def _interpolated(
+        self,
+        variogram: Variogram,
+        places: Samples,
+        evaluate: Callable[[ChebyshevNodes], Array | None],
+        at_places: Callable[[NDArray[np.intp], Array], Array],
+        growth: float | None = None,
+    ) -> Array | None:
+        """Both surfaces from as few Chebyshev points as resolve them; ``None`` if that is no gain.
+
+        :param evaluate: gives the surfaces at Chebyshev points, shape (2, q, p)
+        :param at_places: gives the surfaces where cells have a sample, shape (2, k): their numbers and places
+        """
+        if variogram.model != "gaussian" or variogram.structured_sill == 0 or self._is_empty:
+            return None
+        x_m, y_m, mask = self._inside
+        # A product of two Gaussians, as the variance has them, is narrower than one by the root of two;
+        # across the longest range, by that of the anisotropy too.
+        length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)
+        scale = np.array([math.sqrt(variogram.sill), variogram.sill])
+        cells = int(np.count_nonzero(mask))
+        found = raster_by_interpolation(evaluate, x_m, y_m, length_m, scale, cells, growth)
+        if found is None:
+            return None
+        rasters = self._whole(found)
+        if (
+            self.keep_nugget and variogram.nugget > 0
+        ):  # where a sample is, the surface with its nugget has a needle
+            row, column, number = self._cells_at(places.xy)
+            if len(number):
+                rasters[:, row, column] = at_places(number, np.column_stack([self._x_m[column], self._y_m[row]]))
+        return rasters
+
+    def _solved_by_interpolation(self, system: KrigingSystem) -> Array | None:
+        variogram, places = system.variogram, system.places
+
+        def evaluate(nodes: ChebyshevNodes) -> Array:
+            every = np.ones((len(nodes.y_m), len(nodes.x_m)), bool)
+            cells = RasterCells(variogram, places.xy, nodes.x_m, nodes.y_m, every, places.spread)
+            return np.array(system.surfaces(cells, False)).reshape(2, *every.shape)
+
+        def at_places(_: NDArray[np.intp], xy: Array) -> Array:
+            return np.array(system.surfaces(Points(variogram, places.xy, xy, places.spread), True))
+
+        return self._interpolated(variogram, places, evaluate, at_places)
+
+    def _interpolated_rows(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+        if variogram != self._rows_of:
+            self._rows, self._rows_of = {}, variogram
+        rows: KrigingRows
+
+        def evaluate(nodes: ChebyshevNodes) -> Array | None:
+            nonlocal rows
+            shape = len(nodes.y_m), len(nodes.x_m)
+            if shape not in self._rows:
+                self._rows[shape] = KrigingRows(_of_nodes(variogram, nodes))
+            rows = self._rows[shape]
+            surfaces = rows.update(places, variogram, mean_rate)
+            return None if surfaces is None else surfaces.reshape(2, *shape)
+
+        def at_places(number: NDArray[np.intp], _: Array) -> Array:
+            return rows.at_samples(number)
+
+        return self._interpolated(variogram, places, evaluate, at_places, _GROWTH)
+
+    # -- cells, by tiles if that is a gain -------------------------------------------------------------
+
+    def _solved_by_tiles(self, system: KrigingSystem, progress: Progress | None) -> Array | None:
+        """``None`` if that is no gain, or the matrix is too near to singular for its inverse."""
+        from scipy.linalg.lapack import dtrtri
+
+        variogram, places, factor, ones, residual, mean = system
+        if len(places) < MIN_TILED or variogram.model == "spherical":  # whose edge meets many tiles
+            return None
+        if not all((np.diff(axis) > 0).all() for axis in (self._x_m, self._y_m)):
+            return None
+        shape = tile_shape(variogram, self._x_m, self._y_m, self._mask)
+        if shape is None or (np.diag(factor) ** 2 < MIN_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
+            return None
+        rasters = np.full((2, *self._mask.shape), np.nan)
+        inverse = np.ascontiguousarray(np.tril(dtrtri(factor, lower=1)[0]))
+        samples = np.column_stack([places.xy, places.spread])
+        done, cells = 0, int(np.count_nonzero(self._mask))
+        for band, tiles in bands(variogram, samples, self._x_m, self._y_m, self._mask, self.keep_nugget, shape):
+            wanted = self._mask[band]
+            rate, of_ones, squares = tiles.sums(inverse, np.array([residual, ones]))
+            surfaces = np.array([mean + rate, (of_ones - 1) ** 2 / (ones @ ones) - squares])
+            rasters[:, band] = np.where(wanted, surfaces.take(tiles.position, axis=1), np.nan)
+            done += int(np.count_nonzero(wanted))
+            if progress is not None:
+                progress(done / cells)
+        return rasters
+
+    def _rows_of_cells(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
         x_m, y_m, mask = self._inside
         shape = tile_shape(variogram, x_m, y_m, mask)
         if self._cells is None or shape != self._tile_shape:
             covariances: Covariances
             if shape is None:
-                covariances = PointCovariances(self.grid.cells, self.keep_nugget)
+                row, column = np.nonzero(mask)
+                covariances = PointCovariances(np.column_stack([x_m[column], y_m[row]]), self.keep_nugget)
                 self._position = np.zeros(mask.shape, int)
                 self._position[mask] = np.arange(covariances.size)
             else:
                 covariances = TileCovariances(x_m, y_m, mask, self.keep_nugget, shape)
                 self._position = covariances.position
             self._cells, self._tile_shape = KrigingRows(covariances), shape
-        surfaces = self._cells.follow(places, variogram, mean_rate)
-        if surfaces is None:
-            return None
-        return self._on_grid(surfaces.take(self._position, axis=1))
+        surfaces = self._cells.update(places, variogram, mean_rate)
+        return None if surfaces is None else self._whole(surfaces.take(self._position, axis=1))
 
-    def _interpolated(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
-        """Both surfaces from as few Chebyshev points as resolve them; ``None`` if that is no gain."""
-        if variogram != self._levels_of:
-            self._levels, self._levels_of = [], variogram
-        if variogram.structured_sill == 0:
-            return None
-        x_m, y_m, mask = self._inside
-        length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)  # as in PoissonKriging
-        first, spent = first_degrees(x_m, y_m, length_m), 0
-        for level in itertools.count():
-            degrees = tuple(math.ceil(degree * _FINER**level) for degree in first)
-            spent += math.prod(degrees)
-            if spent > WORTH_SHARE * np.count_nonzero(mask):
-                return None
-            if level == len(self._levels):
-                nodes = ChebyshevNodes(x_m, y_m, degrees)
-                self._levels.append((nodes, KrigingRows(_of_nodes(variogram, nodes))))
-            nodes, rows = self._levels[level]
-            surfaces = rows.follow(places, variogram, mean_rate)
-            if surfaces is None:
-                return None
-            coefficients = nodes.coefficients(surfaces.reshape(2, len(nodes.y_m), len(nodes.x_m)))
-            scale = np.array([math.sqrt(variogram.sill), variogram.sill])
-            if max(nodes.tails(coefficients, scale)) <= TOLERANCE:
-                break
-        rasters = self._on_grid(nodes.raster(coefficients, scale))
-        if self.keep_nugget and variogram.nugget > 0:
-            self._add_needles(rasters, places, rows)
-        return rasters
+    # -- cells and rasters -----------------------------------------------------------------------------
 
-    def _on_grid(self, inside: Array) -> Array:
-        """Rasters of the whole grid from those of the box around the field."""
+    def _whole(self, inside: Array) -> Array:
+        """Rasters of the whole grid from those of the box around the cells wanted."""
         rasters = inside
-        if inside.shape[1:] != self.grid.shape:
-            rasters = np.empty((2, *self.grid.shape))
+        if inside.shape[1:] != self._mask.shape:
+            rasters = np.empty((2, *self._mask.shape))
             rasters[:, *self._box] = inside
         if self._outside.any():
             rasters[:, self._outside] = np.nan
         return rasters
 
-    def _add_needles(self, rasters: Array, places: Samples, rows: KrigingRows) -> None:
-        """Where a sample is, the surface with its nugget has a needle."""
-        grid = self.grid
-        x, y = places.xy.T
-        column, row = (
-            np.minimum(np.searchsorted(axis, values), len(axis) - 1)
-            for axis, values in ((grid.x_m, x), (grid.y_m, y))
-        )
-        here = np.flatnonzero((grid.x_m[column] == x) & (grid.y_m[row] == y) & grid.mask[row, column])
-        if len(here):
-            rasters[:, row[here], column[here]] = rows.at_samples(here)
+    def _cells_at(self, xy: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of the cells whose centre is exactly at a place, row by row; numbers of the places."""
+        column, row = (_positions(axis, values) for axis, values in zip((self._x_m, self._y_m), xy.T, strict=True))
+        number = np.flatnonzero((self._x_m[column] == xy[:, 0]) & (self._y_m[row] == xy[:, 1]))
+        number = number[self._mask[row[number], column[number]]]
+        number = number[np.lexsort((column[number], row[number]))]
+        return row[number], column[number], number
+
+
+def target_variance(variogram: Variogram, keep_nugget: bool) -> float:
+    """Variance C_00 of a target before anything is known of it [(counts/s)^2]."""
+    return variogram.sill if keep_nugget else variogram.structured_sill
+
+
+def check_raster(
+    x_m: ArrayLike, y_m: ArrayLike, mask: NDArray[np.bool_] | None
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Axes of shapes (nx,) and (ny,) [m], and the cells wanted, of shape (ny, nx); all of them without a mask.
+
+    :raises ValueError: if an axis is not a finite vector or the mask does not fit
+    """
+    x, y = np.asarray(x_m, float), np.asarray(y_m, float)
+    for name, axis in (("x_m", x), ("y_m", y)):
+        if axis.ndim != 1 or not np.isfinite(axis).all():
+            raise ValueError(f"{name} must be a finite vector, got shape {axis.shape}")
+    wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
+    if wanted.shape != (len(y), len(x)):
+        raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
+    return x, y, wanted
+
+
+def _positions(axis: Array, values: Array) -> NDArray[np.intp]:
+    """Where in an axis the values are, if they are."""
+    order = np.argsort(axis, kind="stable")
+    return order[np.minimum(np.searchsorted(axis, values, sorter=order), len(axis) - 1)]
 
 
 def _of_nodes(variogram: Variogram, nodes: ChebyshevNodes) -> Covariances:

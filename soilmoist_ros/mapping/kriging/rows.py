@@ -66,7 +66,7 @@ class KrigingRows:
         # Sums over rows, how many of these are in blocks, and how many they are
         self._sums = (np.empty((3, covariances.size)), 0, -1), (np.empty((3, covariances.size)), 0, -1)
 
-    def follow(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+    def update(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
         """Krige the targets.
 
         :param places: samples at distinct places, n >= 1
@@ -183,7 +183,7 @@ class KrigingRows:
         return surfaces
 
     def at_samples(self, numbers: NDArray[np.intp]) -> Array:
-        """The same exactly where some of the samples of the last :meth:`follow` are, their nugget shared."""
+        """The same exactly where some of the samples of the last :meth:`update` are, their nugget shared."""
         known, n, variogram = self._samples, len(self._samples), self._variogram
         assert variogram is not None
         covariance = np.empty((n, len(numbers)))

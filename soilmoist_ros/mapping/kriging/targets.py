@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import Supports
@@ -110,23 +110,6 @@ class RasterCells:
     def _table(self, axis_m: Array, places_m: Array, range_m: float) -> Array:
         square = ((axis_m[:, None] - places_m) / range_m) ** 2
         return self._variogram.correlation_of_square(square) if self._separable else square
-
-
-def check_raster(
-    x_m: ArrayLike, y_m: ArrayLike, mask: NDArray[np.bool_] | None
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Axes of shapes (nx,) and (ny,) [m], and the cells wanted, of shape (ny, nx); all of them without a mask.
-
-    :raises ValueError: if an axis is not a finite vector or the mask does not fit
-    """
-    x, y = np.asarray(x_m, float), np.asarray(y_m, float)
-    for name, axis in (("x_m", x), ("y_m", y)):
-        if axis.ndim != 1 or not np.isfinite(axis).all():
-            raise ValueError(f"{name} must be a finite vector, got shape {axis.shape}")
-    wanted = np.ones((len(y), len(x)), bool) if mask is None else np.asarray(mask, bool)
-    if wanted.shape != (len(y), len(x)):
-        raise ValueError(f"mask must have shape {(len(y), len(x))}, got {wanted.shape}")
-    return x, y, wanted
 
 
 def coincident(xy: Array, places_xy: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

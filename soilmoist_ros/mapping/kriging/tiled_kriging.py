@@ -21,9 +21,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping.kriging.poisson_kriging import JITTER, Progress
+from soilmoist_ros.mapping.kriging.poisson_kriging import JITTER
+from soilmoist_ros.mapping.kriging.raster import check_raster
 from soilmoist_ros.mapping.kriging.sample_tree import Neighbourhood, SampleTree
-from soilmoist_ros.mapping.kriging.targets import Points, check_raster, coincident
+from soilmoist_ros.mapping.kriging.system import Progress
+from soilmoist_ros.mapping.kriging.targets import Points, coincident
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import spatial_blocks

@@ -1,5 +1,7 @@
 """Interpolated surfaces are the surfaces, and the shortcut is taken where it is one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,9 +9,11 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.mapping.kriging.chebyshev import raster_by_interpolation
+from soilmoist_ros.mapping.kriging.system import KrigingSystem
 
 WIDTH_M, HEIGHT_M = 120.0, 80.0
 X_M, Y_M = np.linspace(3.0, WIDTH_M, 100), np.linspace(-HEIGHT_M, 0.0, 70)
+CELLS = SimpleNamespace(x_m=X_M, y_m=Y_M)
 
 
 def counted(seed, n, exposure_s=300.0):
@@ -21,7 +25,8 @@ def counted(seed, n, exposure_s=300.0):
 def surfaces(length_m, seen):
     """A product of cosines and a Gaussian, and a record of what was asked for."""
 
-    def evaluate(x, y):
+    def evaluate(nodes):
+        x, y = nodes.x_m, nodes.y_m
         seen.append((len(y), len(x)))
         waves = np.cos(y[:, None] / length_m) * np.sin(x / length_m)
         return np.array([waves, 5 * np.exp(-((x - 40) ** 2 + (y[:, None] + 30) ** 2) / length_m**2)])
@@ -33,7 +38,7 @@ def surfaces(length_m, seen):
 def test_smooth_surfaces_are_found_from_few_points(length_m):
     seen = []
     found = raster_by_interpolation(surfaces(length_m, seen), X_M, Y_M, length_m, np.array([1.0, 5.0]), 10**5)
-    np.testing.assert_allclose(found, surfaces(length_m, [])(X_M, Y_M), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found, surfaces(length_m, [])(CELLS), rtol=0, atol=1e-10)
     assert max(sum(rows * columns for rows, columns in seen), 1) < 100 * 70
 
 
@@ -43,7 +48,12 @@ def test_what_would_take_too_many_points_is_left():
     assert not seen
     # A surface with an edge never settles: the search ends before it costs more than the cells.
     edge = raster_by_interpolation(
-        lambda x, y: np.array([np.abs(x - 50) + 0 * y[:, None]]), X_M, Y_M, 100.0, np.ones(1), 7000
+        lambda nodes: np.array([np.abs(nodes.x_m - 50) + 0 * nodes.y_m[:, None]]),
+        X_M,
+        Y_M,
+        100.0,
+        np.ones(1),
+        7000,
     )
     assert edge is None
 
@@ -74,13 +84,13 @@ def test_a_gaussian_raster_is_that_of_its_points(seed, n, range_m, nugget, keep_
 def test_the_shortcut_is_taken_where_it_is_one(monkeypatch, range_m, model):
     kriging = PoissonKriging(Variogram(model, 0.0, range_m, 0.3)).fit(*counted(1, 20))
     evaluated = []
-    original = PoissonKriging._surfaces
+    original = KrigingSystem.surfaces
 
-    def count(self, targets, nugget, progress):
+    def count(self, targets, nugget, progress=None):
         evaluated.append(len(targets.xy))
         return original(self, targets, nugget, progress)
 
-    monkeypatch.setattr(PoissonKriging, "_surfaces", count)
+    monkeypatch.setattr(KrigingSystem, "surfaces", count)
     kriging.predict_grid(X_M, Y_M)
     assert (sum(evaluated) < 3500) == (range_m == 60.0 and model == "gaussian")
     assert sum(evaluated) <= 7000
@@ -96,8 +106,8 @@ def test_rasters_of_any_shape(shape):
     np.testing.assert_allclose(variance.ravel(), exact[1], rtol=0, atol=1e-10)
 
 
-def test_the_progress_is_told_to_the_end():
-    told = []
+def test_the_progress_is_shown_to_the_end():
+    shares = []
     kriging = PoissonKriging(Variogram("gaussian", 0.01, 60.0, 0.3)).fit(*counted(2, 20))
-    kriging.predict_grid(X_M, Y_M, progress=told.append)
-    assert told[-1] == 1.0
+    kriging.predict_grid(X_M, Y_M, progress=shares.append)
+    assert shares[-1] == 1.0

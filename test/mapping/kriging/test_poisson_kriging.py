@@ -132,7 +132,7 @@ def test_tiles_leave_no_seam(monkeypatch):
     wanted = np.vstack([targets(53), kriging.places.xy])
     whole, done = kriging.predict(wanted), []
     weights = kriging.weights(wanted)
-    monkeypatch.setattr("soilmoist_ros.mapping.kriging.poisson_kriging._TILE_ELEMENTS", 30 * 7)
+    monkeypatch.setattr("soilmoist_ros.mapping.kriging.system._TILE_ELEMENTS", 30 * 7)
     np.testing.assert_allclose(kriging.predict(wanted, done.append), whole, rtol=1e-12)
     np.testing.assert_allclose(kriging.weights(wanted)[0], weights[0], atol=1e-13)
     assert len(done) == 12

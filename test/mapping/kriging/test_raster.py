@@ -15,8 +15,9 @@ from soilmoist_ros.mapping import (
     make_soil_map,
 )
 from soilmoist_ros.mapping.kriging import covariances, tile_covariances
+from soilmoist_ros.mapping.kriging import raster as raster_module
 from soilmoist_ros.mapping.kriging import rows as kriging_rows
-from soilmoist_ros.mapping.kriging.raster import MapFollower
+from soilmoist_ros.mapping.kriging.raster import MIN_TILED, RasterKriging
 from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances
 from soilmoist_ros.mapping.samples.spread import way_spread
@@ -98,8 +99,12 @@ def small_tiles():
         yield
 
 
-def follow(follower, mission):
-    return follower.follow(mission.samples, mission.variogram, mission.mean_rate)
+def of_grid(grid, keep_nugget):
+    return RasterKriging(grid.x_m, grid.y_m, grid.mask, keep_nugget)
+
+
+def update(raster, mission):
+    return raster.update(mission.samples, mission.variogram, mission.mean_rate)
 
 
 def kriged(mission, grid, keep_nugget):
@@ -110,12 +115,12 @@ def kriged(mission, grid, keep_nugget):
 
 
 def check_mission(grid, model, keep_nugget, first, actions, seed):
-    follower, mission = MapFollower(grid, keep_nugget), Mission(model, seed)
+    raster, mission = of_grid(grid, keep_nugget), Mission(model, seed)
     mission.append(first)
     for name, number in [("again", 0), *actions]:
         getattr(mission, name)(number)
-        found = follow(follower, mission)
-        assert found.tobytes() == follow(MapFollower(grid, keep_nugget), mission).tobytes()
+        found = update(raster, mission)
+        assert found.tobytes() == update(of_grid(grid, keep_nugget), mission).tobytes()
         np.testing.assert_allclose(found, kriged(mission, grid, keep_nugget), rtol=0, atol=1e-9)
 
 
@@ -150,10 +155,10 @@ def test_maps_of_large_fields_are_those_of_kriging(model):
     mission.columns[:, :2] = rng.uniform((10, 10), (270, 180), (90, 2))
     mission.columns[:5, :2] = grid.cells[rng.integers(len(grid.cells), size=5)]
     for mission.variogram in variograms(model):
-        follower = MapFollower(grid, True)
-        found = follow(follower, mission)
+        raster = of_grid(grid, True)
+        found = update(raster, mission)
         if model not in ("gaussian", "spherical") and mission.variogram.anisotropy == 1:
-            assert isinstance(follower._cells._covariances, TileCovariances)
+            assert isinstance(raster._cells._covariances, TileCovariances)
         np.testing.assert_allclose(found, kriged(mission, grid, True), rtol=0, atol=2e-11)
 
 
@@ -165,34 +170,34 @@ def test_so_are_those_by_interpolation(keep_nugget, first, actions, seed):
 
 
 def test_a_mission_in_single_steps_fills_blocks():
-    follower, mission = MapFollower(FINE, True), Mission("matern32", 1)
+    raster, mission = of_grid(FINE, True), Mission("matern32", 1)
     for _ in range(2 * BLOCK + MIN_TAIL + 1):
         mission.append(1)
-        follow(follower, mission)
+        update(raster, mission)
         mission.move(0)
-        found = follow(follower, mission)
-    assert len(follower._cells._blocks) == 2
-    assert found.tobytes() == follow(MapFollower(FINE, True), mission).tobytes()
+        found = update(raster, mission)
+    assert len(raster._cells._blocks) == 2
+    assert found.tobytes() == update(of_grid(FINE, True), mission).tobytes()
 
 
 def test_gaussians_are_mapped_from_fewer_points_than_cells():
-    follower, mission = MapFollower(FINE, True), Mission("gaussian", 1)
+    raster, mission = of_grid(FINE, True), Mission("gaussian", 1)
     mission.append(20)
-    follow(follower, mission)
-    assert follower._cells is None
+    update(raster, mission)
+    assert raster._cells is None
     mission.variogram = dataclasses.replace(mission.variogram, range_m=3.0)
-    follow(follower, mission)
-    assert follower._cells is not None
+    update(raster, mission)
+    assert raster._cells is not None
 
 
 def test_surfaces_that_are_not_resolved_take_more_points():
-    follower, mission = MapFollower(FINE, False), Mission("gaussian", 1)
+    raster, mission = of_grid(FINE, False), Mission("gaussian", 1)
     mission.append(60)
-    with mock.patch("soilmoist_ros.mapping.kriging.raster.first_degrees", return_value=(11, 9)):
-        found = follow(follower, mission)
-        assert len(follower._levels) > 1
+    with mock.patch("soilmoist_ros.mapping.kriging.chebyshev.first_degrees", return_value=(11, 9)):
+        found = update(raster, mission)
+        assert len(raster._rows) > 1
         mission.forget(59)  # may need fewer: that must not depend on the maps before
-        again, fresh = follow(follower, mission), follow(MapFollower(FINE, False), mission)
+        again, fresh = update(raster, mission), update(of_grid(FINE, False), mission)
     assert again.tobytes() == fresh.tobytes()
     mission = Mission("gaussian", 1)
     mission.append(60)
@@ -200,42 +205,42 @@ def test_surfaces_that_are_not_resolved_take_more_points():
 
 
 def test_samples_at_one_place_are_merged():
-    follower, mission = MapFollower(SMALL, True), Mission("matern32", 3)
+    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
     mission.append(9)
     mission.columns[7, :2] = mission.columns[2, :2]
-    np.testing.assert_allclose(follow(follower, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-9)
 
 
 def test_one_sample_is_enough():
-    follower, mission = MapFollower(SMALL, True), Mission("spherical", 3)
+    raster, mission = of_grid(SMALL, True), Mission("spherical", 3)
     mission.append(1)
-    np.testing.assert_allclose(follow(follower, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-12)
 
 
 def test_what_is_too_much_to_keep_is_kriged_at_once():
-    follower, mission = MapFollower(SMALL, True), Mission("matern32", 3)
+    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
     mission.append(60)
-    assert follow(follower, mission) is not None
+    assert update(raster, mission) is not None
     with mock.patch.object(kriging_rows, "MAX_ELEMENTS", 40 * len(SMALL.cells)):
-        assert follow(follower, mission) is None
-        soil_map = make_soil_map(mission.samples, SMALL, mission.variogram, follower=follower)
+        assert update(raster, mission) is None
+        soil_map = make_soil_map(mission.samples, SMALL, mission.variogram, raster=raster)
         assert isinstance(soil_map.made_by, PoissonKriging)
         mission.forget(30)
-        found = follow(follower, mission)
-    assert found.tobytes() == follow(MapFollower(SMALL, True), mission).tobytes()
+        found = update(raster, mission)
+    assert found.tobytes() == update(of_grid(SMALL, True), mission).tobytes()
 
 
 def test_a_matrix_near_singular_is_left_to_kriging():
-    follower, mission = MapFollower(SMALL, True), Mission("gaussian", 3)
+    raster, mission = of_grid(SMALL, True), Mission("gaussian", 3)
     mission.variogram = Variogram("gaussian", 0.0, 50.0, 0.5)
     mission.append(50)
-    good = follow(follower, mission)
+    good = update(raster, mission)
     columns = mission.columns.copy()
     mission.columns[-5:, 2:4] *= 1e9
     mission.columns[-5:, :2] = mission.columns[0, :2] + 0.01 * np.arange(1, 6)[:, None]
-    assert follow(follower, mission) is None
+    assert update(raster, mission) is None
     mission.columns = columns
-    assert follow(follower, mission).tobytes() == good.tobytes()
+    assert update(raster, mission).tobytes() == good.tobytes()
 
 
 def test_near_the_least_pivot_rows_are_exact_enough():
@@ -247,16 +252,82 @@ def test_near_the_least_pivot_rows_are_exact_enough():
     mission.columns[:, 3] *= 3000  # m*/t down to some 1e-6 of the sill
     mission.columns[:, 2] = mission.rng.poisson(MEAN_RATE * mission.columns[:, 3])
     mission.columns[1::2, :2] = mission.columns[::2, :2] + [0.05, 0.0]
-    found = follow(MapFollower(SMALL, True), mission)
+    found = update(of_grid(SMALL, True), mission)
     np.testing.assert_allclose(found, kriged(mission, SMALL, True), rtol=0, atol=1e-9)
 
 
 def test_memory_does_not_grow_while_the_robot_stands():
-    follower, mission = MapFollower(SMALL, True), Mission("matern32", 3)
+    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
     mission.append(BLOCK + 20)
-    follow(follower, mission)
-    blocks = [id(block) for block in follower._cells._blocks]
+    update(raster, mission)
+    blocks = [id(block) for block in raster._cells._blocks]
     for _ in range(200):
         mission.move(0)
-        follow(follower, mission)
-    assert [id(block) for block in follower._cells._blocks] == blocks
+        update(raster, mission)
+    assert [id(block) for block in raster._cells._blocks] == blocks
+
+
+X_M, Y_M = 3.0 * np.arange(260), 2.0 * np.arange(200)
+
+
+def survey(variogram, exposure_s=200.0, keep_nugget=True):
+    rng = np.random.default_rng(4)
+    xy = rng.uniform(-20, 800, (MIN_TILED, 2)) * [1.0, 0.5]
+    xy[0] = X_M[30], Y_M[100]  # exactly a cell's centre
+    spread = np.zeros((len(xy), 3))
+    spread[::9] = 40.0, 10.0, 20.0
+    counts = rng.poisson(4.0 * exposure_s, len(xy))
+    return PoissonKriging(variogram, keep_nugget=keep_nugget).fit(xy, counts, np.full(len(xy), exposure_s), spread)
+
+
+def by_points(kriging, x_m, y_m, mask):
+    """Some of the cells, among them the first one with a sample, and what they are as points."""
+    row, column = np.nonzero(mask)
+    some = np.append(np.arange(0, len(row), 37), np.flatnonzero((x_m[column] == X_M[30]) & (y_m[row] == Y_M[100])))
+    row, column = row[some], column[some]
+    return (row, column), kriging.predict(np.column_stack([x_m[column], y_m[row]]))
+
+
+@pytest.mark.parametrize("keep_nugget", [True, False])
+@pytest.mark.parametrize(
+    "variogram",
+    [
+        Variogram("matern32", 0.02, 60.0, 0.5),
+        Variogram("exponential", 0.0, 200.0, 0.5, 2.0, 33.0),
+        Variogram("matern52", 0.02, 15.0, 0.5),
+    ],
+)
+def test_large_rasters_of_many_samples_by_tiles_are_those_of_points(variogram, keep_nugget):
+    mask = np.random.default_rng(1).random((len(Y_M), len(X_M))) < 0.95
+    mask[100, 30] = True
+    mask[:60, :50] = False
+    kriging, shares = survey(variogram, keep_nugget=keep_nugget), []
+    with (
+        mock.patch.object(raster_module, "RasterCells", side_effect=AssertionError("not by tiles")),
+        mock.patch.object(tile_covariances, "_KEPT_AT_ONCE", 1_500_000),
+    ):
+        rasters = kriging.predict_grid(X_M, Y_M, mask, shares.append)
+    cells, expected = by_points(kriging, X_M, Y_M, mask)
+    for raster, values, scale in zip(rasters, expected, (np.sqrt(0.5), 0.5), strict=True):
+        assert np.isnan(raster[~mask]).all()
+        np.testing.assert_allclose(raster[cells], values, rtol=0, atol=1e-11 * scale)
+    assert len(shares) > 1
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("variogram", "exposure_s", "y_m"),
+    [
+        (Variogram("spherical", 0.02, 60.0, 0.5), 200.0, Y_M),
+        (Variogram("matern52", 0.0, 900.0, 0.5), 1e9, Y_M),  # too near to singular for an inverse
+        (Variogram("matern32", 0.02, 60.0, 0.5), 200.0, Y_M[::-1]),
+    ],
+)
+def test_others_are_kriged_cell_by_cell(variogram, exposure_s, y_m):
+    kriging, mask = survey(variogram, exposure_s), np.ones((len(Y_M), len(X_M)), bool)
+    with mock.patch.object(raster_module, "bands", side_effect=AssertionError("by tiles")):
+        rate, variance = kriging.predict_grid(X_M, y_m, mask)
+    cells, expected = by_points(kriging, X_M, y_m, mask)
+    np.testing.assert_allclose(rate[cells], expected[0], rtol=1e-9)
+    np.testing.assert_allclose(variance[cells], expected[1], rtol=0, atol=1e-9)

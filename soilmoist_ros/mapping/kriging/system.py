@@ -1,0 +1,89 @@
+"""The kriging system of some samples, factored: what does not depend on the targets, and solutions for targets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.kriging.targets import Targets, coincident
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples
+from soilmoist_ros.mapping.variogram.model import Variogram
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+_TILE_ELEMENTS = 400_000
+"""Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
+
+
+class KrigingSystem(NamedTuple):
+    """A factored kriging system, see :mod:`poisson_kriging`.
+
+    :param variogram: variogram of the latent rate
+    :param places: samples at distinct places
+    :param factor: Cholesky factor L of the matrix, lower triangle, shape (n, n)
+    :param ones: b = L^-1 1, shape (n,)
+    :param residual: a = L^-1 (rate - c), shape (n,)
+    :param mean: generalised least-squares mean c [counts/s]
+    """
+
+    variogram: Variogram
+    places: Samples
+    factor: Array
+    ones: Array
+    residual: Array
+    mean: float
+
+    @classmethod
+    def of_factor(cls, variogram: Variogram, places: Samples, factor: Array) -> KrigingSystem:
+        """The system of a Cholesky factor, with its data solved for."""
+        from scipy.linalg import solve_triangular
+
+        right = np.column_stack([places.rate_cps, np.ones(len(places))])
+        rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
+        mean = float(rate @ ones / (ones @ ones))
+        return cls(variogram, places, factor, ones, rate - mean * ones, mean)
+
+    def surfaces(self, targets: Targets, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
+        """Rate, and what the samples and the unknown mean add to the variance of the targets (mostly below 0).
+
+        :param targets: where
+        :param nugget: whether targets where a sample is share its nugget
+        :param progress: called with the fraction done, from above 0 to 1, after each tile
+        :returns: shapes (g,) [counts/s] and (g,) [(counts/s)^2]
+        """
+        ones = self.ones
+        both = np.column_stack([self.residual, ones])
+        rate, variance = np.empty((2, len(targets.xy)))
+        for tile, solved in self.solved_tiles(targets, nugget):
+            products = solved @ both
+            rate[tile] = self.mean + products[:, 0]
+            variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
+            if progress is not None:
+                progress(tile.stop / len(rate))
+        return rate, variance
+
+    def solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:
+        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places)."""
+        from scipy.linalg.blas import dtrsm
+
+        places, variogram = self.places, self.variogram
+        none = np.empty(0, np.intp)
+        target, place = coincident(targets.xy, places.xy) if nugget else (none, none)
+        step = max(1, _TILE_ELEMENTS // len(places))
+        for start in range(0, len(targets.xy), step):
+            tile = slice(start, min(start + step, len(targets.xy)))
+            covariance = targets.correlation(tile)
+            covariance *= variogram.structured_sill
+            if nugget:
+                here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
+                covariance[target[here] - start, place[here]] += variogram.nugget
+            yield tile, dtrsm(1.0, self.factor, covariance.T, lower=1, overwrite_b=1).T
+
+
+def no_system(variogram: Variogram) -> KrigingSystem:
+    """The system without samples."""
+    return KrigingSystem(variogram, NO_SAMPLES, np.empty((0, 0)), np.empty(0), np.empty(0), float("nan"))
