@@ -85,6 +85,7 @@ setup(
             "colcon-ros",
             "mypy>=1.10",
             "ruff>=0.6",
+            "wheel",  # builds the example plug-in
         ],
         "bench": ["gstools>=1.5", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
     },

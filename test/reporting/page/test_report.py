@@ -145,9 +145,9 @@ def test_undefined_and_impossible_moisture_is_named(make_run, steep):
 
 @pytest.mark.usefixtures("words_only")
 def test_a_little_undefined_moisture_is_named(make_run, the_map):
-    rate = the_map.rate.copy()
-    rate[tuple(np.argwhere(the_map.grid.mask)[0])] = 0.1 * the_map.curve.n0_cps
-    text = Page(render_report(make_run(soil_map=dataclasses.replace(the_map, rate=rate)))).text
+    vwc = the_map.vwc.copy()
+    vwc[tuple(np.argwhere(the_map.grid.mask)[0])] = np.nan
+    text = Page(render_report(make_run(soil_map=dataclasses.replace(the_map, vwc=vwc)))).text
     assert "On average" in text
     assert "below the calibration curve" in text
 

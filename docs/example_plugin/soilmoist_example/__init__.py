@@ -1,0 +1,8 @@
+"""A logger for soilmoist_ros."""
+
+from pathlib import Path
+
+
+def acme() -> Path:
+    """The file of the logger format."""
+    return Path(__file__).with_name("acme.yaml")
