@@ -76,6 +76,13 @@ def test_rate_is_not_multiplied_over_a_lost_line(tmp_path) -> None:
     assert [record.tube_live_s[0] for record in log.records] == [900, 900]
 
 
+@pytest.mark.parametrize(("since_s", "live_s"), [(1349, 1349), (1350, 900), (1351, 900)])
+def test_the_time_between_stamps_counts_up_to_one_and_a_half_periods(tmp_path, since_s, live_s) -> None:
+    rows = [styx_row(1714557600, 0.25), styx_row(1714557600 + since_s, 0.25)]
+    log = read_log(write(tmp_path, "\n".join(rows).encode() + b"\n"), "styx")
+    assert log.records[1].tube_live_s == (live_s,)
+
+
 def mine(**changes) -> LoggerFormat:
     settings = {
         "title": "mine",

@@ -1,5 +1,6 @@
 import math
 
+import mpmath
 import numpy as np
 import pytest
 from crnpy import crnpy
@@ -42,6 +43,29 @@ def test_first_order_uncertainty_holds_for_small_noise_and_third_order_for_large
         assert CURVE.vwc_sd(rate, sd, order=order) == pytest.approx(sampled, rel=tolerance)
     # where the noise is large the first order is too optimistic
     assert CURVE.vwc_sd(3.6, 0.22, order=1) < 0.95 * sampled
+
+
+def test_third_order_standard_deviation_agrees_with_an_independent_implementation():
+    counts = np.array([90.0, 110.0, 150.0, 190.0])  # noise of up to 60 % of what lies above the pole
+    dry = CalibrationCurve(n0_cps=200.0, bulk_density_gcm3=1.4)
+    expected = crnpy.uncertainty_vwc(counts, N0=200.0, bulk_density=1.4)
+    np.testing.assert_allclose(dry.vwc_sd(counts, np.sqrt(counts), order=3), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("rate", "sd"), [(3.6, 0.1), (3.2, 0.4), (2.6, 0.3)])
+def test_third_order_variance_is_that_of_the_cubic_expansion_of_the_curve(rate, sd):
+    """The expansion is that of mpmath, its variance by Gauss-Hermite quadrature, exact for cubic polynomials."""
+
+    def desilets(n):
+        return 1.4 * (0.0808 / (n / 6.0 - 0.372) - 0.115 - 0.04)
+
+    with mpmath.workdps(40):
+        coefficients = [float(c) for c in mpmath.taylor(desilets, rate, 3)]
+    nodes, weights = np.polynomial.hermite_e.hermegauss(8)
+    values = np.polynomial.polynomial.polyval(sd * nodes, coefficients)
+    weights /= weights.sum()
+    variance = weights @ (values - weights @ values) ** 2
+    assert CURVE.vwc_sd(rate, sd, order=3) ** 2 == pytest.approx(variance, rel=1e-9)
 
 
 def test_undefined_rates_are_told_not_only_nan():
