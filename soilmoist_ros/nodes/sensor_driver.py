@@ -107,7 +107,7 @@ class SensorDriver(LifecycleNode):
         options = self._given.as_dict()
         field = load_field(resource("fields", self._given.text("field")))
         site = self._given.text("site")
-        sensor = load_site(resource("sites", site)) if site else Site()
+        sensor = load_site(site) if site else Site()
         if self._given.text("intensity_topic") and sensor.corrections.intensity is None:
             raise InputError(
                 "intensity_topic is given, but the site file has no reference for the intensity",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 NAN = math.nan
 
@@ -24,7 +25,7 @@ class Position:
     horizontal_sd_m: float = NAN
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class LoggerRecord:
     """One line of a neutron logger, checked and in this package's units, not yet corrected.
 
@@ -49,8 +50,13 @@ class LoggerRecord:
     line: int = 0
     record_number: int = -1
 
+    def __repr__(self) -> str:
+        present = [count for count in self.tube_counts if not math.isnan(count)]
+        tubes = f"{len(present)} of {len(self.tube_counts)} tubes"
+        return f"LoggerRecord({_clock(self.stamp_s)}, {sum(present):g} counts of {tubes}, line {self.line})"
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, repr=False)
 class CountRecord:
     """One record, geo-tagged, with the correction factors that turn its exposure into an effective one.
 
@@ -84,3 +90,16 @@ class CountRecord:
     def corrected_rate(self) -> float:
         """Corrected count rate of the whole sensor [counts/s]."""
         return self.raw_counts / self.effective_exposure_s
+
+    def __repr__(self) -> str:
+        place = f"x={self.x_m:.1f} m, y={self.y_m:.1f} m"
+        counts = f"{self.raw_counts} counts, {self.corrected_rate:.2f} counts/s"
+        return f"CountRecord({_clock(self.stamp_s)}, {place}, {counts})"
+
+
+def _clock(stamp_s: float) -> str:
+    """Date and time (UTC) as people write it."""
+    try:
+        return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M:%S}Z"
+    except (ValueError, OverflowError, OSError):
+        return f"{stamp_s} s"

@@ -1,1 +1,1 @@
-"""Corrections of counts: pressure, humidity, incoming intensity, tubes."""
+"""Factors for air pressure, humidity and incoming intensity, and detector tubes as one sensor."""

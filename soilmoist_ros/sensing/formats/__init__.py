@@ -1,1 +1,1 @@
-"""Logger formats: bytes of a log or a link to records."""
+"""Logger formats are data: YAML files that say which column means what, and the reader that uses them."""

@@ -10,6 +10,7 @@ Column names are compared without regard to case, blanks and punctuation, so tha
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -248,6 +249,9 @@ class LoggerFormat(Section):
     """Relative humidity of the air."""
     position: LoggedPosition | None = None
     """Position of the logger."""
+
+    def __repr_args__(self) -> Iterator[tuple[str, str]]:
+        yield "title", self.title
 
     @model_validator(mode="after")
     def _duration_is_known(self) -> LoggerFormat:

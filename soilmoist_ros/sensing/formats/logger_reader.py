@@ -59,7 +59,7 @@ _KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
 _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LogFile:
     """What a log holds.
 
@@ -84,6 +84,9 @@ class LogFile:
     period_s: float
     clock_offset_s: float
     n_lines: int
+
+    def __repr__(self) -> str:
+        return f"LogFile({self.path.name!r}, {len(self.records)} records, {self.records_lost} lost)"
 
     @property
     def simulated(self) -> bool:
@@ -322,18 +325,20 @@ class RecordParser:
         self._on_problem(Problem(note.kind, mistake, lost))
 
 
-def read_log(path: Path | str, logger: LoggerFormat | str, longitude: Longitude = "signed") -> LogFile:
+def read_log(
+    path: Path | str, logger: LoggerFormat | str | None = None, longitude: Longitude = "signed"
+) -> LogFile:
     """Read a logger's file.
 
     :param path: the file
-    :param logger: its format: a model, its name, or the path of a YAML file
+    :param logger: its format: a model, its name, or the path of a YAML file; found from the header if ``None``
     :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
     :raises InputError: if the file cannot be read at all, or is not of this format: then it names the known
         formats that fit
     """
     path = Path(path)
     lines, last_is_complete = read_lines(path)
-    return parse_log(lines, logger, longitude, path, last_is_complete)
+    return parse_log(lines, detect_format(path) if logger is None else logger, longitude, path, last_is_complete)
 
 
 def parse_log(

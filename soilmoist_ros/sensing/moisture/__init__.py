@@ -1,1 +1,1 @@
-"""From corrected rate to soil moisture: curve, site file, calibration."""
+"""The site file, the calibration of N0 with soil cores, and the curve from count rate to soil moisture."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from soilmoist_ros.foundation.configuration import Section, load_model
+from soilmoist_ros.foundation.configuration import Section, load_model, resource
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
@@ -120,6 +121,9 @@ class Site(Section):
     calibration: Calibration | None = None
     """Calibration; without it there is a rate map only."""
 
+    def __repr_args__(self) -> Iterator[tuple[str, str]]:
+        yield "name", self.name
+
     @property
     def corrections_parameters(self) -> Corrections:
         """Parameters for :mod:`factors`; a correction switched off is neutral."""
@@ -152,14 +156,19 @@ class Site(Section):
         )
 
 
-def load_site(path: Path) -> Site:
+def load_site(name_or_path: str | Path) -> Site:
     """Read a site file; a relative path of the intensity file starts at the site file's folder.
+
+    >>> load_site("gypsum_transect").calibration.n0_cps
+    9.0
 
     Files of release 0.1 mark a guessed N0 by the word *illustrative* in the note of the calibration. They are read
     like files with the key ``illustrative: true``, with a warning.
 
-    :raises InputError: with every mistake in the file
+    :param name_or_path: path of a site file, or name of a shipped one
+    :raises InputError: if there is none, or with every mistake in the file
     """
+    path = resource("sites", name_or_path) if isinstance(name_or_path, str) else name_or_path
     site = _with_key_illustrative(load_model(path, Site), path)
     intensity = site.corrections.intensity
     if intensity is None or intensity.file is None or intensity.file.is_absolute():

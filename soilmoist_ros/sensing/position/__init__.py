@@ -1,1 +1,1 @@
-"""NMEA sentences, positions and the track."""
+"""NMEA sentences -> fixes, and the position of a receiver at any moment."""

@@ -22,9 +22,9 @@ class Track:
         time the first is used
     :param max_positions: number of the latest positions that are remembered at least; all if ``None``
 
-    >>> track = Track.from_positions([(0.0, Position(52.0, 13.0)), (10.0, Position(52.2, 13.1))])
+    >>> track = Track.from_positions([(0.0, Position(52.0, 13.0)), (10.0, Position(52.2, 13.0))])
     >>> track.at(5.0, max_gap_s=10.0)
-    Position(latitude_deg=52.1, longitude_deg=13.05, altitude_m=nan, horizontal_sd_m=nan)
+    Position(latitude_deg=52.1, longitude_deg=13.0, altitude_m=nan, horizontal_sd_m=nan)
     """
 
     def __init__(self, fixes: Iterable[Fix] = (), max_positions: int | None = None) -> None:

@@ -1,1 +1,1 @@
-"""Records corrected and placed, from files or from links."""
+"""The survey: records corrected and placed one by one, from files, links or bags."""
