@@ -25,6 +25,7 @@ import numpy as np
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
@@ -95,8 +96,8 @@ def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
             update_s = median_s(field_map.update, repeats)
             for strategy in STRATEGIES:
                 explorer = Explorer(
-                    field_map, stops, travel, make_strategy(strategy, "authors"), make_strategy("random"),
-                    parse_dwell("ami:0.03"), np.random.default_rng(2),
+                    [Property(field_map)], stops, travel, make_strategy(strategy, "authors"),
+                    make_strategy("random"), parse_dwell("ami:0.03"), np.random.default_rng(2),
                 )  # fmt: skip
                 plan_s = median_s(lambda explorer=explorer: explorer.plan(request, (5.0, 5.0)), repeats)
                 rows.append(

@@ -66,6 +66,7 @@ class Planner(Node):
             self._navigator,
             self._outputs,
             MissionJournal(self._journal),
+            properties,
         )
         self._autostart = self._values.flag("autostart")
         mission = interrupted_mission(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,6 @@ from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 Array = NDArray[np.float64]
 _ON_THE_WAY_TOO = Counting()
@@ -42,26 +40,25 @@ class Plan:
 class Explorer:
     """Chooses stops for one mission.
 
-    :param field_map: the map so far
+    :param properties: what is mapped, all on one grid. The mission counts the first, so its counts decide the
+        dwell, and stops are weighed by maps only once it has one
     :param stops: stops that may be chosen
-    :param travel: ways and times
+    :param travel: routes and times
     :param strategy: the strategy of this mission
     :param warm_up: the strategy until the map may guide
     :param dwell: dwell rule, to expect how long a measurement takes
+    :param rng: source of all randomness
     :param min_dwell_s: a stop must leave at least this for counting [s]
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param home: where the robot must be at the end, if anywhere
+    :param counting: when the robot counts
     :param kept_for_home_s: time that the mission keeps for the way home from a place [s]; stops that it would find
         too late for are not offered
-    :param rng: source of all randomness
-    :param counting: when the robot counts
-    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
-    :param properties: what is mapped beside, and is to be known as well
     """
 
     def __init__(
         self,
-        field_map: FieldMap,
+        properties: Sequence[Property],
         stops: tuple[Stop, ...],
         travel: TravelModel,
         strategy: Strategy,
@@ -72,11 +69,10 @@ class Explorer:
         nominal_rate_cps: float = 4.0,
         home: Stop | None = None,
         counting: Counting = _ON_THE_WAY_TOO,
-        curve: CalibrationCurve | None = None,
         kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
-        properties: Sequence[Property] = (),
     ) -> None:
-        self.field_map = field_map
+        self.properties = list(properties)
+        self.grid = self.properties[0].field_map.grid
         self.stops = stops
         self.travel = travel
         self.strategy = strategy
@@ -87,17 +83,17 @@ class Explorer:
         self.nominal_rate_cps = nominal_rate_cps
         self.home = home
         self.counting = counting
-        self.curve = curve
-        self.properties = tuple(properties)
-        self.factor = 1.0
         self._xy = stops_xy(stops)
-        grid = field_map.grid
-        self._map_xy = grid.cells
+        self._map_xy = self.grid.cells
         self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
-        self._cells = spread_cells(grid.mask, MAX_CELLS)[grid.mask]
+        self._cells = spread_cells(self.grid.mask, MAX_CELLS)[self.grid.mask]
         self._cells_xy = self._map_xy[self._cells]
-        self._weighed = self._few_stops()
+        self._considered = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
+
+    def has_map(self, name: str) -> bool:
+        """Whether there is a map of a property."""
+        return any(each.name == name and each.field_map.soil_map is not None for each in self.properties)
 
     def plan(
         self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()
@@ -106,14 +102,14 @@ class Explorer:
 
         :param request: what the mission asks for
         :param position_xy: where the robot is [m]
-        :param others: what other robots on the field are about
+        :param others: pending measurements of other robots on the field
         """
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
         choice = strategy.choose(situation, self.rng)
         if choice is None:
             return Plan(None, None)
-        if isinstance(self.dwell, Optimal) and not choice.dwell:
+        if isinstance(self.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         return Plan(choice, float(self.travel.travel_s(position_xy, [choice.stop])[0]))
 
@@ -122,11 +118,12 @@ class Explorer:
     ) -> Situation:
         """What the strategy is shown.
 
-        Stops that are ruled out or taken by other robots are left out, those too far cannot be reached, and what
-        the others are about to count seems counted.
+        Stops that are ruled out or chosen by other robots are left out, those too far cannot be reached, and
+        pending measurements seem counted.
         """
-        field_map = foreseen(self.field_map, others)
-        free = ~taken(self._xy, others, field_map.grid.cell_m)
+        maps = self._maps(others)
+        counted = maps[0].field_map
+        free = ~taken(self._xy, others, self.grid.cell_m)
         if request.blacklisted:
             ruled_out = set(request.blacklisted)
             free &= np.array([stop.name not in ruled_out for stop in self.stops], bool)
@@ -137,102 +134,94 @@ class Explorer:
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
         travel_s = self.travel.travel_s(position_xy, candidates)
         fits = travel_s + self.min_dwell_s + home_s <= request.budget_left_s
-        known_rate = field_map.soil_map is not None
-        weighed = np.flatnonzero(free & self._weighed)
+        known_rate = counted.fit is not None
+        considered = np.flatnonzero(free & self._considered)
         place = (float(position_xy[0]), float(position_xy[1]))
-        beside = self._beside(field_map, others)
+        rate = float(counted.rate.mean()) if known_rate else self.nominal_rate_cps
         return Situation(
             candidates=candidates,
             candidates_xy=candidates_xy,
-            variance=sum(
-                (p.weight * self._variance(p.field_map, kept) for p in beside), self._variance(field_map, kept)
-            ),
-            map_variance=sum((p.weight * p.field_map.variance for p in beside), field_map.variance)
+            variance=_sum(each.weight * self._variance(each.field_map, kept) for each in maps),
+            map_variance=_sum(each.weight * each.field_map.variance for each in maps)
             if known_rate
-            else np.ones(len(field_map.variance)),
+            else np.ones(len(counted.variance)),
             map_xy=self._map_xy,
-            cell_m=field_map.grid.cell_m,
+            cell_m=self.grid.cell_m,
             position_xy=np.asarray(position_xy, float),
-            measured_xy=field_map.samples.xy,
+            measured_xy=counted.samples.xy,
             travel_s=np.where(fits, travel_s, np.inf),
             travel_between_s=lambda indices: self.travel.between_s(candidates, indices),
             time_left_s=request.time_left_s,
-            expected_dwell_s=self.dwell.expected_s(
-                float(field_map.rate.mean()) if known_rate else self.nominal_rate_cps
-            ),
+            expected_dwell_s=self.dwell.expected_s(rate, maps[0].factor),
             prospect=cache(
                 lambda: self._prospect(
-                    field_map, beside, weighed, travel_s[np.searchsorted(kept, weighed)], place, request
+                    maps, considered, travel_s[np.searchsorted(kept, considered)], place, request
                 )
             ),
         )
 
-    def _beside(self, field_map: FieldMap, others: Sequence[PendingMeasurement]) -> list[Property]:
-        """The further properties that matter, as far as there are maps, weighed in units of the first's variance.
+    def _maps(self, others: Sequence[PendingMeasurement]) -> list[Property]:
+        """The properties that matter, as far as there are maps; pending measurements seem counted.
 
-        What other robots are about to count seems counted.
+        Their weights are in units of the variance of the first, which is always among them.
         """
-        if field_map.soil_map is None:
-            return []
-        cells = self._cells_xy
-        found = []
-        for each in self.properties:
-            varies = (
-                0.0 if each.field_map.soil_map is None else variation(each.field_map.soil_map.variogram, cells)
-            )
-            if each.weight > 0 and varies > 0:
-                unit = variation(field_map.soil_map.variogram, cells) / varies
-                found.append(Property(foreseen(each.field_map, others), each.weight * unit))
+        counted, *more = (
+            replace(each, field_map=foreseen(each.field_map, others, each.factor))
+            for each in self.properties
+            if each is self.properties[0] or (each.weight > 0 and each.field_map.soil_map is not None)
+        )
+        found = [counted]
+        if counted.field_map.soil_map is not None and more:
+            unit = variation(counted.field_map.soil_map.variogram, self._cells_xy)
+            for each in more:
+                assert each.field_map.soil_map is not None
+                varies = variation(each.field_map.soil_map.variogram, self._cells_xy)
+                if varies > 0:
+                    found.append(replace(each, weight=each.weight * (unit / varies)))
         return found
 
     def _prospect(
         self,
-        field_map: FieldMap,
-        beside: Sequence[Property],
+        maps: Sequence[Property],
         numbers: NDArray[np.intp],
         travel_s: Array,
         position_xy: tuple[float, float],
         request: RequestPlan,
     ) -> Prospect | None:
         """The stops of these numbers, and travel times, as a planner weighs them; ``None`` without a map."""
-        kriging, cells = field_map.kriging, self._cells_xy
-        if kriging is None:
-            return None
+        places, models = self._xy[numbers], []
+        shapes = [self._shape(each) for each in maps]
+        for each, shape in zip(maps, shapes, strict=True):
+            if each.field_map.kriging is None:
+                return None
+            # Moisture has another unit than the rate: all shapes get the mean of the first.
+            weights = each.weight * (shape * (shapes[0].mean() / shape.mean()))
+            models.append(PlanningModel(each.field_map.kriging, self._cells_xy, weights, places, each.factor))
+        models[0].others = tuple(models[1:])
         stops = tuple(self.stops[number] for number in numbers.tolist())
-        weights, places = self._weights(kriging, cells), self._xy[numbers]
-        even = np.full(len(cells), weights.mean())
-        models = [
-            PlanningModel(each.field_map.kriging, cells, each.weight * even, places)
-            for each in beside
-            if each.field_map.kriging is not None
-        ]
-        model = PlanningModel(kriging, cells, weights, places, self.factor, models)
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
-        return Prospect(model, stops, self.travel, position_xy, travel_s, budget_s, self.counting)
+        return Prospect(models[0], stops, self.travel, position_xy, travel_s, budget_s, self.counting)
 
     def _dwell_at(
         self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[PendingMeasurement]
-    ) -> str:
-        """Dwell rule of a stop, empty without a map."""
+    ) -> DwellRule | None:
+        """Dwell rule of a stop, ``None`` without a map."""
         assert situation.prospect is not None
         prospect = situation.prospect()
         if prospect is not None and stop not in prospect.stops:
             chosen = next(number for number, other in enumerate(self.stops) if other.name == stop.name)
-            numbers = np.union1d(np.flatnonzero(self._weighed), [chosen])
-            field_map = foreseen(self.field_map, others)
-            beside = self._beside(field_map, others)
+            numbers = np.union1d(np.flatnonzero(self._considered), [chosen])
             place = (*situation.position_xy.tolist(),)
             travel_s = self.travel.travel_s(place, [self.stops[number] for number in numbers.tolist()])
-            prospect = self._prospect(field_map, beside, numbers, travel_s, place, request)
-        rule = None if prospect is None else prospect.dwell(stop)
-        return "" if rule is None else str(rule)
+            prospect = self._prospect(self._maps(others), numbers, travel_s, place, request)
+        return None if prospect is None else prospect.dwell(stop, self.dwell.longest_s)
 
-    def _weights(self, kriging: PoissonKriging, cells: Array) -> Array:
-        """Weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
-        weights = np.full(len(cells), 1 / len(cells))
-        if self.curve is not None:
-            weights = weights * self.curve.weight(kriging.predict(cells)[0])
+    def _shape(self, of: Property) -> Array:
+        """Relative weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
+        weights = np.full(len(self._cells_xy), 1 / len(self._cells_xy))
+        if of.curve is not None and of.field_map.kriging is not None:
+            weights = weights * of.curve.weight(of.field_map.kriging.predict(self._cells_xy)[0])
         return weights
 
     def _few_stops(self) -> NDArray[np.bool_]:
@@ -260,6 +249,10 @@ class Explorer:
         if kept_s is not None:
             times = np.maximum(times, [kept_s((stop.x_m, stop.y_m)) for stop in self.stops])
         return times
+
+
+def _sum(arrays: Iterable[Array]) -> Array:
+    return reduce(np.add, arrays)
 
 
 def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:

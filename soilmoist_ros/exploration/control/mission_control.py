@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from queue import SimpleQueue
 from threading import Lock
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
-from soilmoist_ros.exploration.control.planning_queue import PlanJob, PlanningQueue, answer
+from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
@@ -45,6 +46,7 @@ from soilmoist_ros.exploration.mission.types import (
 )
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
+from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
@@ -101,6 +103,8 @@ class MissionControl:
     :param make_navigator: makes the navigator, which is given the function that takes its reports
     :param outputs: where actions go
     :param journal: where the mission is written down
+    :param properties: namespaces in which further properties are mapped, and their weights; that of the robot's
+        own is 1
     """
 
     def __init__(
@@ -113,6 +117,7 @@ class MissionControl:
         make_navigator: Callable[[Callable[[Ended], None]], Navigator],
         outputs: Outputs,
         journal: MissionJournal | None = None,
+        properties: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._field = field
         self._settings = settings
@@ -125,7 +130,8 @@ class MissionControl:
         self._resume_when_ready = False
         self._closed = False
         self._start(Mission(rules))
-        self._queue = PlanningQueue(map_wait_s)
+        named = (PropertyMap(name, weight) for name, weight in properties.items())
+        self._queue = PlanningQueue(map_wait_s, (OWN, *named))
         self._queue_lock = Lock()
         self._pool = ThreadPoolExecutor(1, "planning")
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
@@ -208,51 +214,37 @@ class MissionControl:
         if self._feed.place is not None:
             self.navigator.moved(self._feed.place, now_s)
 
-    def records(self, records: Sequence[CountRecord]) -> None:
-        """Records have come."""
+    def records(self, records: Sequence[CountRecord], name: str = "") -> None:
+        """Records of a property have come.
+
+        The mission counts those of the robot's own namespace. Others are written down, so that their map survives.
+
+        :param name: namespace of the property
+        """
         now_s = self._outputs.now_s()
+        if records:
+            with self._queue_lock:
+                self._queue.take_factor(name, correction_factor(records[-1]))
+        if name:
+            for record in records:
+                if math.isfinite(record.x_m) and math.isfinite(record.y_m):
+                    self._journal.note_record(name, now_s, record)
+            return
         before_s = self._feed.place_s
         self._feed.records(now_s, records)
         if self._feed.place is not None and self._feed.place_s != before_s:
             self.navigator.moved(self._feed.place, now_s)
 
-    def samples(self, samples: Samples, stamp_s: float) -> None:
-        """The merged samples have come."""
+    def samples(self, samples: Samples, stamp_s: float, name: str = "") -> None:
+        """The merged samples of a property have come."""
         with self._queue_lock:
-            self._queue.take_samples(samples, stamp_s)
+            self._queue.take_samples(name, samples, stamp_s)
         self._plan_if_due()
 
-    def fit(self, fit: VariogramFit | None, stamp_s: float) -> None:
+    def fit(self, fit: VariogramFit | None, stamp_s: float, name: str = "") -> None:
         """Their variogram has come."""
         with self._queue_lock:
-            self._queue.take_fit(fit, stamp_s)
-        self._plan_if_due()
-
-    def expect_property(self, name: str, weight: float) -> None:
-        """A further property is mapped beside, and to be known as well.
-
-        :param name: which
-        :param weight: what a share of its variation is worth, that of the first being 1
-        """
-        with self._queue_lock:
-            self._queue.expect_property(name, weight)
-
-    def records_of(self, name: str, records: Sequence[CountRecord]) -> None:
-        """Records of a further property have come: they are written down, so that its map can go on, too."""
-        for record in records:
-            if math.isfinite(record.x_m) and math.isfinite(record.y_m):
-                self._journal.note_beside(name, self._outputs.now_s(), record)
-
-    def samples_of(self, name: str, samples: Samples, stamp_s: float) -> None:
-        """The merged samples of a further property have come."""
-        with self._queue_lock:
-            self._queue.take_samples_of(name, samples, stamp_s)
-        self._plan_if_due()
-
-    def fit_of(self, name: str, fit: VariogramFit | None, stamp_s: float) -> None:
-        """Their variogram has come."""
-        with self._queue_lock:
-            self._queue.take_fit_of(name, fit, stamp_s)
+            self._queue.take_fit(name, fit, stamp_s)
         self._plan_if_due()
 
     def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
@@ -328,13 +320,13 @@ class MissionControl:
             there = Health("navigation", self._severity, f"waiting for {navigation}")
         problem = self._journal.problem
         with self._queue_lock:
-            beside, weighed = self._queue.faults_beside, ", ".join(self._queue.weighed)
+            faults, weighed = self._queue.faults, ", ".join(self._queue.weighed)
         known = [Health("properties", Level.OK, f"the last stop was chosen with the map of {weighed}")]
         unheard = [name for name, status in self._others.items() if status is None]
         return [
             *([Health("journal", Level.ERROR, problem)] if problem else []),
             *([Health("others", Level.WARN, f"nothing has come of {', '.join(unheard)}")] if unheard else []),
-            *([Health("properties", Level.WARN, "; ".join(beside))] if beside else known if weighed else []),
+            *([Health("properties", Level.WARN, "; ".join(faults))] if faults else known if weighed else []),
             there,
             self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),
             self._age("records", now_s - self._feed.record_s, RECORD_OLD_S),
@@ -390,7 +382,7 @@ class MissionControl:
         with self._queue_lock:
             job = self._queue.due(self._outputs.now_s(), self._feed.place)
             if job is not None:
-                for fault in self._queue.faults_beside if job.request.kind is PlanKind.EXPLORE else ():
+                for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():
                     _log.warning(fault)
                 self._pool.submit(self._plan, job, self._mission.state.started_s)
 

@@ -9,6 +9,7 @@ import numpy as np
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import DwellRule
+from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import NEEDS_NO_MAP, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
@@ -95,7 +96,7 @@ def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -
     :param rules: those of the mission
     """
     return Explorer(
-        FieldMap(ways.grid, FieldMapSettings(for_planning=True)),
+        [Property(FieldMap(ways.grid, FieldMapSettings(for_planning=True)), curve=settings.curve)],
         ways.stops,
         ways.travel,
         make_strategy(settings.strategy, settings.preset),
@@ -105,7 +106,6 @@ def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -
         np.random.default_rng(np.random.SeedSequence(settings.seed).spawn(2)[1]),
         rules.min_dwell_s,
         home=rules.home,
-        curve=settings.curve,
         kept_for_home_s=rules.way_home_s,
     )
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
@@ -12,16 +13,55 @@ from soilmoist_ros.exploration.mission.types import PlanFailed, PlanKind, Planne
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 
 SAME_TIME_S = 1e-3
 """Times that differ by less are the same: they have been through messages [s]."""
-BESIDE_S = 10.0
-"""The last record of another sensor at a stop may have ended so much earlier [s]."""
+OTHER_SENSOR_S = 10.0
+"""The last record of another sensor at a stop may have ended this much earlier [s]."""
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(eq=False)
+class PropertyMap:
+    """The newest map of a property, as far as it has come.
+
+    :param name: namespace of its mapper, empty for the robot's own
+    :param weight: what a share of its variation is worth, compared with the weights of the others
+    :param required: whether its counts decide the mission: stops are not chosen by maps that lack them
+    :param factor: product of the correction factors of its last record [-]
+    :param samples: merged samples, with the time of the last record in them [s]
+    :param fit: their variogram, with the time of the last record in it [s]
+    :param late: whether it was waited for in vain, and nothing has come since
+    """
+
+    name: str
+    weight: float = 1.0
+    required: bool = False
+    factor: float = 1.0
+    samples: tuple[Samples, float] | None = None
+    fit: tuple[VariogramFit, float] | None = None
+    late: bool = False
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether samples and variogram have come."""
+        return self.samples is not None and self.fit is not None
+
+    def lacks(self, measured_s: float, kind: PlanKind) -> bool:
+        """Whether a stop that ended at a time [s] is not yet in it, and it is worth waiting for.
+
+        Before the first stop nothing can be; samples are all that a warm-up stop needs of a required map.
+        """
+        if math.isinf(measured_s) or not (self.required or (self.is_complete and not self.late)):
+            return False
+        if not self.required and kind is PlanKind.WARM_UP:
+            return False
+        parts = (self.samples,) if kind is PlanKind.WARM_UP else (self.samples, self.fit)
+        since_s = measured_s - (SAME_TIME_S if self.required else OTHER_SENSOR_S)
+        return any(part is None or part[1] < since_s for part in parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,169 +70,109 @@ class PlanJob:
 
     :param request: what the mission asks for
     :param place: where the robot is [m]
-    :param samples: merged samples, ``None`` if none have come
-    :param fit: their variogram, ``None`` if none has come
-    :param late: whether the map lacks what was measured last, because it did not come in time
-    :param others: what other robots on the field are about
-    :param beside: map of each further property that has one: samples, variogram, weight
+    :param maps: the newest map of each property, in the order in which they were announced
+    :param late: whether a required map lacks what was measured last, because it did not come in time
+    :param others: pending measurements of other robots on the field
     """
 
     request: RequestPlan
     place: tuple[float, float]
-    samples: Samples | None
-    fit: VariogramFit | None
-    late: bool
-    others: tuple[PendingMeasurement, ...] = ()
-    beside: tuple[tuple[Samples, VariogramFit, float], ...] = ()
-
-
-@dataclass
-class _Held:
-    """The newest map of a further property.
-
-    :param weight: what a share of its variation is worth, that of the first being 1
-    :param samples: merged samples, with the time of the last record in them [s]
-    :param fit: their variogram, with the time of the last record in it [s]
-    :param late: whether it was waited for in vain, and nothing has come since
-    """
-
-    weight: float
-    samples: tuple[Samples, float] | None = None
-    fit: tuple[VariogramFit, float] | None = None
+    maps: tuple[PropertyMap, ...]
     late: bool = False
+    others: tuple[PendingMeasurement, ...] = ()
+
+
+OWN = PropertyMap("", required=True)
+"""The property of the robot's own namespace, which the mission counts."""
 
 
 class PlanningQueue:
-    """Holds the newest plan request and the newest maps.
+    """Holds the newest plan request and the newest map of each property.
 
-    :param wait_s: longest time to wait for the map [s]
+    :param wait_s: longest time to wait for maps [s]
+    :param properties: the properties that are mapped, that whose counts decide the mission first
     """
 
-    def __init__(self, wait_s: float) -> None:
+    def __init__(self, wait_s: float, properties: Sequence[PropertyMap] = (OWN,)) -> None:
         self._wait_s = wait_s
         self._open: tuple[RequestPlan, float] | None = None
         self._measured_s = -math.inf
-        self._samples: tuple[Samples, float] | None = None
-        self._fit: tuple[VariogramFit, float] | None = None
+        self._maps = {each.name: replace(each) for each in properties}
         self._others: dict[str, PendingMeasurement] = {}
-        self._beside: dict[str, _Held] = {}
         self.weighed: tuple[str, ...] = ()
         """Further properties whose maps the last plan takes into account."""
-
-    @property
-    def map_s(self) -> float:
-        """Time of the last record in the map [s]; -inf without one."""
-        return min(held[1] if held is not None else -math.inf for held in (self._samples, self._fit))
 
     def measured(self, stamp_s: float) -> None:
         """A stop is complete; its last record ended then [s]."""
         self._measured_s = stamp_s
 
     def ask(self, request: RequestPlan, now_s: float) -> None:
-        """A plan is wanted; one that was wanted before is not any more."""
+        """A plan is wanted; an earlier request is dropped."""
         self._open = (request, now_s)
 
-    def take_samples(self, samples: Samples, stamp_s: float) -> None:
-        """Samples have come, with the time of the last record in them [s]."""
-        self._samples = (samples, stamp_s)
+    def take_factor(self, name: str, factor: float) -> None:
+        """A record of a property has come, with this product of its correction factors [-]."""
+        self._maps[name].factor = factor
 
-    def take_fit(self, fit: VariogramFit | None, stamp_s: float) -> None:
-        """A variogram has come, with the time of the last record in it [s]; ``None``: there is none now."""
-        self._fit = None if fit is None else (fit, stamp_s)
-
-    def expect_property(self, name: str, weight: float) -> None:
-        """A further property is mapped beside; stops are chosen without its map until that comes."""
-        self._beside[name] = _Held(weight)
-
-    def take_samples_of(self, name: str, samples: Samples, stamp_s: float) -> None:
-        """As :meth:`take_samples`, of a further property."""
-        held = self._beside[name]
+    def take_samples(self, name: str, samples: Samples, stamp_s: float) -> None:
+        """Samples of a property have come, with the time of the last record in them [s]."""
+        held = self._maps[name]
         held.samples, held.late = (samples, stamp_s), False
 
-    def take_fit_of(self, name: str, fit: VariogramFit | None, stamp_s: float) -> None:
-        """As :meth:`take_fit`, of a further property."""
-        held = self._beside[name]
+    def take_fit(self, name: str, fit: VariogramFit | None, stamp_s: float) -> None:
+        """A variogram has come, with the time of the last record in it [s]; ``None``: there is none now."""
+        held = self._maps[name]
         held.fit, held.late = (None if fit is None else (fit, stamp_s)), False
 
     @property
-    def faults_beside(self) -> tuple[str, ...]:
-        """What is wrong with the maps of further properties, in words."""
-        named = self._beside.items()
-        missing = [name for name, held in named if held.samples is None or held.fit is None]
-        late = [name for name, held in named if name not in missing and held.late]
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with the maps of properties that are not required, in words."""
+        optional = [each for each in self._maps.values() if not each.required]
+        missing = ", ".join(each.name for each in optional if not each.is_complete)
+        late = ", ".join(each.name for each in optional if each.is_complete and each.late)
         return (
-            *([f"no map has come of {', '.join(missing)}: stops are chosen without it"] if missing else []),
-            *([f"the map of {', '.join(late)} does not follow: stops are chosen with an old one"] if late else []),
+            *([f"no map of {missing}: stops are chosen without it"] if missing else []),
+            *([f"the map of {late} is stale: stops are chosen with the old one"] if late else []),
         )
 
     def take_other(self, name: str, pending: PendingMeasurement | None) -> None:
-        """Another robot has told what it is about, ``None`` for nothing."""
+        """Pending measurement of another robot, ``None`` for none."""
         self._others.pop(name, None)
         if pending is not None:
             self._others[name] = pending
 
     def due(self, now_s: float, place: tuple[float, float] | None) -> PlanJob | None:
-        """The request, once, when it can be answered: the map is up to date, or does not come in time."""
+        """The request, once, when it can be answered: the maps are up to date, or do not come in time."""
         if self._open is None or place is None:
             return None
         request, since_s = self._open
-        lacking, behind = self._lacking(request.kind), self._behind()
-        if (lacking or (behind and request.kind is PlanKind.EXPLORE)) and now_s - since_s < self._wait_s:
+        lacking = [each for each in self._maps.values() if each.lacks(self._measured_s, request.kind)]
+        if lacking and now_s - since_s < self._wait_s:
             return None
         self._open = None
-        for held in behind:
-            held.late = True
-        mapped = {
-            name: (held.samples[0], held.fit[0], held.weight)
-            for name, held in self._beside.items()
-            if held.samples is not None and held.fit is not None
-        }
-        self.weighed = tuple(name for name, (_, _, weight) in mapped.items() if weight > 0)
-        samples = self._samples[0] if self._samples is not None else None
-        fit = self._fit[0] if self._fit is not None else None
-        return PlanJob(request, place, samples, fit, lacking, tuple(self._others.values()), (*mapped.values(),))
-
-    def _lacking(self, kind: PlanKind) -> bool:
-        """Whether what was measured is not yet in the map; before the first measurement nothing can be."""
-        if math.isinf(self._measured_s):
-            return False
-        held = (self._samples,) if kind is PlanKind.WARM_UP else (self._samples, self._fit)
-        return any(item is None or item[1] < self._measured_s - SAME_TIME_S for item in held)
-
-    def _behind(self) -> list[_Held]:
-        """Maps of further properties that lack what was measured, and are worth waiting for."""
-        since_s = self._measured_s - BESIDE_S
-        return [
-            held
-            for held in self._beside.values()
-            if held.samples is not None and held.fit is not None and not held.late
-            if min(held.samples[1], held.fit[1]) < since_s
-        ]
+        for each in lacking:
+            each.late = True
+        self.weighed = tuple(
+            each.name for each in self._maps.values() if each.is_complete and each.weight > 0 and not each.required
+        )
+        late = any(each.required for each in lacking)
+        maps = tuple(replace(each) for each in self._maps.values())
+        return PlanJob(request, place, maps, late, tuple(self._others.values()))
 
 
 def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanFailed:
     """Answer a request. Takes a while, and never fails: what goes wrong becomes a :class:`PlanFailed`.
 
-    :param explorer: chooses; its map is brought up to date
+    :param explorer: chooses; its maps are brought up to date
     :param job: the request
     :param needs_map: whether the strategy cannot do without a map
-    :returns: the answer; its time is 0, to be set when it is handed on
+    :returns: the answer; its time is 0, to be set when the mission gets it
     """
     plan_id = job.request.plan_id
-    field_map = explorer.field_map
     try:
-        if job.samples is not None and len(job.samples):
-            if job.fit is not None:
-                field_map.set_samples(job.samples, job.fit)
-                field_map.update()
-            else:
-                field_map.set_samples(job.samples)
-        explorer.properties = tuple(
-            Property(_mapped(field_map.grid, samples, fit), weight)
-            for samples, fit, weight in job.beside
-            if weight > 0 and len(samples)
-        )
-        if needs_map and job.request.kind is PlanKind.EXPLORE and field_map.soil_map is None:
+        bring_up_to_date(explorer, job.maps)
+        missing = any(each.required and not explorer.has_map(each.name) for each in job.maps)
+        if needs_map and job.request.kind is PlanKind.EXPLORE and missing:
             return PlanFailed(0.0, plan_id, "no map has come: is the mapper running?")
         plan = explorer.plan(job.request, job.place, job.others)
     except (SoilmoistError, ValueError, ArithmeticError) as error:
@@ -204,8 +184,21 @@ def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanF
     return Planned(0.0, plan_id, plan.choice, plan.travel_s, reason)
 
 
-def _mapped(grid: FieldGrid, samples: Samples, fit: VariogramFit) -> FieldMap:
-    found = FieldMap(grid, FieldMapSettings(for_planning=True))
-    found.set_samples(samples, fit)
-    found.update()
-    return found
+def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
+    """Give an explorer the newest maps; a property whose map has gone keeps none, a required one its last.
+
+    :raises IllConditionedError: if a map cannot be computed
+    """
+    known = {each.name: each for each in explorer.properties}
+    properties = []
+    for each in maps:
+        samples = each.samples[0] if each.samples is not None else NO_SAMPLES
+        held = known.get(each.name) if each.required else None
+        held = held or Property(FieldMap(explorer.grid, FieldMapSettings(for_planning=True)), name=each.name)
+        held.weight, held.factor = each.weight, each.factor
+        properties.append(held)
+        if len(samples):  # the places are known without a map, too
+            held.field_map.set_samples(samples, each.fit[0] if each.fit is not None else None)
+        if len(samples) and each.fit is not None:
+            held.field_map.update()
+    explorer.properties = properties

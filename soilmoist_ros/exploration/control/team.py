@@ -50,11 +50,14 @@ def pending_measurement(status: MissionStatus, mapped_at_once: bool = True) -> P
     return PendingMeasurement(stop.x_m, stop.y_m, max(left_s, 0.0))
 
 
-def foreseen(field_map: FieldMap, pending_measurements: Sequence[PendingMeasurement]) -> FieldMap:
+def foreseen(
+    field_map: FieldMap, pending_measurements: Sequence[PendingMeasurement], factor: float = 1.0
+) -> FieldMap:
     """The map as it will be: with a sample of each pending measurement, at the rate that the map expects there.
 
     :param field_map: the map so far; without a fit only the places join its samples
     :param pending_measurements: of the other robots
+    :param factor: product of the correction factors now, ``effective exposure = exposure / factor`` [-]
     :returns: another map; the same without pending measurements at which something is to be counted
     :raises IllConditionedError: if the matrix cannot be factored
     """
@@ -62,7 +65,7 @@ def foreseen(field_map: FieldMap, pending_measurements: Sequence[PendingMeasurem
     if not pending:
         return field_map
     rate = np.zeros(len(pending)) if field_map.kriging is None else field_map.kriging.predict(places(pending))[0]
-    exposure_s = [each.exposure_s for each in pending]
+    exposure_s = [each.exposure_s / factor for each in pending]
     counts = [round(max(r, MIN_RATE_CPS) * t) for r, t in zip(rate.tolist(), exposure_s, strict=True)]
     expected = field_map.samples.joined(as_samples(places(pending), counts, exposure_s))
     ahead = FieldMap(field_map.grid, field_map.settings)

@@ -55,7 +55,7 @@ class MissionJournal:
         if due_s is not None and due_s <= event.now_s:
             self._append(event_to_dict(event), durable=not isinstance(event, Moved))
 
-    def note_beside(self, name: str, now_s: float, record: CountRecord) -> None:
+    def note_record(self, name: str, now_s: float, record: CountRecord) -> None:
         """Write a record of a further property down, for its map.
 
         :param name: of the property

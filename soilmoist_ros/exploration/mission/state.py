@@ -10,14 +10,14 @@ import json
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from functools import cache, lru_cache
+from functools import cache
 from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
 from soilmoist_ros.exploration.mission.types import Event, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
+from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
 
@@ -50,14 +50,14 @@ class Target:
     :param reason: why
     :param travel_s: time expected to it [s]
     :param attempts: how often going there failed
-    :param dwell: its own dwell rule, empty for the mission's
+    :param dwell: its own dwell rule, ``None`` for the mission's
     """
 
     stop: Stop
     reason: str
     travel_s: float
     attempts: int = 0
-    dwell: str = ""
+    dwell: StopRule = None
 
 
 @dataclass(frozen=True)
@@ -227,14 +227,8 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
 
 def dwell_rule(rules: MissionRules, state: MissionState) -> DwellRule:
     """The dwell rule at the target: its own, else the mission's."""
-    if state.target is None or not state.target.dwell:
-        return rules.dwell
-    return _parsed(state.target.dwell, rules.dwell.longest_s)
-
-
-@lru_cache(maxsize=8)
-def _parsed(dwell: str, longest_s: float) -> DwellRule:
-    return parse_dwell(dwell, longest_s)
+    own = state.target.dwell if state.target is not None else None
+    return own or rules.dwell
 
 
 def shown(state: MissionState) -> tuple[object, ...]:

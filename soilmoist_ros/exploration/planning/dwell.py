@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from fractions import Fraction
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import Annotated, ClassVar, Protocol
+
+from pydantic import PlainSerializer, PlainValidator
 
 from soilmoist_ros.foundation.errors import InputError
 
@@ -62,6 +64,19 @@ class DwellRule(Protocol):
     def outcome(self, raw_counts: int, live_s: float) -> str:
         """What was reached, in words, once counting has ended."""
         ...
+
+
+def _read_rule(value: object) -> DwellRule | None:
+    """The rule of a text; a rule is returned as it is, an empty text is no rule."""
+    return parse_dwell(value) if isinstance(value, str) and value else value or None  # type: ignore[return-value]
+
+
+StopRule = Annotated[
+    DwellRule | None,
+    PlainValidator(_read_rule),
+    PlainSerializer(lambda rule: "" if rule is None else str(rule), return_type=str),
+]
+"""Dwell rule of a single stop, ``None`` for the mission's. A journal holds its text."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +205,7 @@ class MarginalValue:
     :param price: fall of the integrated variance per second that the time is worth elsewhere, >= 0
     :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
     :param longest_s: counting ends after this time in any case [s]
-    :param beside: A, B and n of each further property
+    :param others: A, B and n of each further property
     """
 
     gain: float
@@ -198,7 +213,7 @@ class MarginalValue:
     price: float
     factor: float = 1.0
     longest_s: float = MAX_DWELL_S
-    beside: tuple[tuple[float, float, float], ...] = ()
+    others: tuple[tuple[float, float, float], ...] = ()
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
         """Whether counting on is worth less than its price, or the longest dwell is over."""
@@ -229,21 +244,23 @@ class MarginalValue:
         """Dwell after which the marginal value has fallen to the price [s]."""
         if not math.isfinite(noise):
             return self.longest_s
-        terms = ((self.gain, self.variance, noise), *self.beside)
+        terms = ((self.gain, self.variance, noise), *self.others)
         if self.price <= 0:
             return self.longest_s if any(gain > 0 for gain, _, _ in terms) else 0.0
         # The sum falls with time, and reaches the price no sooner than any of its terms.
         alone_s = max((math.sqrt(gain * n / self.price) - n) / variance for gain, variance, n in terms)
         low, high = min(max(alone_s, 0.0), self.longest_s), self.longest_s
-        for _ in range(_HALVINGS if self.beside else 0):
+        for _ in range(_HALVINGS if self.others else 0):
             middle = (low + high) / 2
             marginal = sum(gain * n / (variance * middle + n) ** 2 for gain, variance, n in terms)
             low, high = (middle, high) if marginal > self.price else (low, middle)
         return low
 
     def __str__(self) -> str:
-        beside = "".join(f";{gain!r},{variance!r},{noise!r}" for gain, variance, noise in self.beside)
-        return f"value:{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}{beside}"
+        others = "".join(f";{gain!r},{variance!r},{noise!r}" for gain, variance, noise in self.others)
+        own = f"{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}"
+        limit = "" if self.longest_s == MAX_DWELL_S else f"/{_plain(self.longest_s)}"
+        return f"value:{own}{others}{limit}"
 
 
 def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
@@ -253,8 +270,8 @@ def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
     back as the same rule.
 
     :param text: ``fmi:SECONDS``, ``ami:THRESHOLD``, ``ami:PERCENT%`` or ``optimal``; upper case and spaces do
-        not matter. (``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each further property, is what ``optimal``
-        becomes at a stop.)
+        not matter. (``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each further property and ``/LONGEST`` at the
+        end, is what ``optimal`` becomes at a stop; journals hold it.)
     :param longest_s: counting by ``ami`` or ``optimal`` ends after this time in any case [s], > 0
     :raises InputError: if the text is not a rule; it says what would be one
     """
@@ -302,22 +319,26 @@ def _adaptive(number: str, longest_s: float) -> DwellRule:
 
 
 def _of_stop(numbers: str, longest_s: float) -> DwellRule:
-    own, *others = numbers.split(";")
-    beside: list[tuple[float, float, float]] = []
+    terms, slash, longest = numbers.partition("/")
+    own, *more = terms.split(";")
+    others: list[tuple[float, float, float]] = []
     try:
+        longest_s = float(longest) if slash else longest_s
         gain, variance, price, factor = (float(number) for number in own.split(","))
-        for other in others:
+        for other in more:
             a, b, n = (float(number) for number in other.split(","))
-            beside.append((a, b, n))
+            others.append((a, b, n))
     except ValueError:
-        raise InputError(f"'value:{numbers}' is not A,B,PRICE,FACTOR or that with ;A,B,N", _EXAMPLES) from None
-    positive = [variance, factor, *(value for _, b, n in beside for value in (b, n))]
-    not_negative = [gain, price, *(a for a, _, _ in beside)]
+        raise InputError(
+            f"'value:{numbers}' is not A,B,PRICE,FACTOR with ;A,B,N and /LONGEST", _EXAMPLES
+        ) from None
+    positive = [variance, factor, longest_s, *(value for _, b, n in others for value in (b, n))]
+    not_negative = [gain, price, *(a for a, _, _ in others)]
     if not (
         all(0 < value < math.inf for value in positive) and all(0 <= value < math.inf for value in not_negative)
     ):
         raise InputError(f"'value:{numbers}' is out of range", _EXAMPLES)
-    return MarginalValue(gain, variance, price, factor, longest_s, tuple(beside))
+    return MarginalValue(gain, variance, price, factor, longest_s, tuple(others))
 
 
 _RULES: dict[str, Callable[[str, float], DwellRule]] = {

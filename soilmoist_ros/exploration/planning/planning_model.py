@@ -48,7 +48,7 @@ class Worth:
     :param travel_s: time of the trip, stop overhead included [s]
     :param dwell_s: dwell with the highest value [s], 0 if counting on the way is worth more
     :param value: fall of the integrated variance per second of trip and dwell, at that dwell
-    :param beside: A, B and noise n of each further property; the fall and the value are those of all together
+    :param others: A, B and noise n of each further property; the fall and the value are those of all together
     """
 
     on_way: Array
@@ -58,7 +58,7 @@ class Worth:
     travel_s: Array
     dwell_s: Array
     value: Array
-    beside: tuple[tuple[Array, Array, Array], ...] = ()
+    others: tuple[tuple[Array, Array, Array], ...] = ()
 
 
 class PlanningModel:
@@ -71,7 +71,7 @@ class PlanningModel:
     :param weight: omega of each cell, shape (g,): ``1/g`` for a map of the rate
     :param stops_xy: candidates, shape (k, 2) [m]
     :param factor: product of the correction factors now: ``raw rate = rate / factor`` [-]
-    :param beside: models of further properties over the same cells and stops, their weights such that the
+    :param others: models of further properties over the same cells and stops, their weights such that the
         integrated variances add up
     """
 
@@ -82,7 +82,7 @@ class PlanningModel:
         weight: Array,
         stops_xy: Array,
         factor: float = 1.0,
-        beside: Sequence[PlanningModel] = (),
+        others: Sequence[PlanningModel] = (),
     ) -> None:
         away, nearest = _nearest_cells(cells_xy.tobytes(), stops_xy.tobytes())
         own = away > _SAME_M
@@ -93,14 +93,14 @@ class PlanningModel:
         self.covariance = kriging.covariance(self._nodes)
         self.nugget = kriging.variogram.nugget
         self.factor = factor
-        self.beside = tuple(beside)
+        self.others = tuple(others)
         self.rate = np.maximum(kriging.predict(self._nodes)[0], MIN_RATE_CPS)
 
     @property
     def integrated_variance(self) -> float:
         """Weighted sum of the variances of the cells."""
         own = float(self.weight @ np.diag(self.covariance)[: self._cells])
-        return own + sum(model.integrated_variance for model in self.beside)
+        return own + sum(model.integrated_variance for model in self.others)
 
     @cached_property
     def gain(self) -> Array:
@@ -140,7 +140,7 @@ class PlanningModel:
         """
         noisy = self.covariance[np.ix_(nodes, nodes)] + np.diag(self.noise(nodes, exposure_s))
         own = float(np.trace(np.linalg.solve(noisy, self.gram[np.ix_(nodes, nodes)])))
-        return own + sum(model.fall(nodes, exposure_s) for model in self.beside)
+        return own + sum(model.fall(nodes, exposure_s) for model in self.others)
 
     def worth(
         self,
@@ -163,7 +163,7 @@ class PlanningModel:
         node = self.stop_nodes[stops]
         nodes = np.column_stack([ways, node])
         seconds = np.column_stack([exposure_s, np.full(len(node), overhead_s)])
-        each = [model._at_stops(node, nodes, seconds) for model in (self, *self.beside)]
+        each = [model._at_stops(node, nodes, seconds) for model in (self, *self.others)]
         on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
         dwell_s, value = best_dwell(on_way, gain, variance, noise, travel_s, longest_s)
         return Worth(

@@ -19,20 +19,37 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Property:
-    """A property that is mapped beside the first.
+    """A property of the field that is mapped, as the planner sees it now.
 
-    :param field_map: its map, on the cells of the first's
-    :param weight: what a share of its variation is worth, that of the first being 1; 0: it does not matter
+    :param field_map: its map; all properties are mapped on the same grid
+    :param weight: what a share of its variation is worth, compared with the weights of the others; 0: nothing
+    :param factor: product of the correction factors of its sensor now, ``raw rate = rate / factor`` [-]
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
+    :param name: namespace of its mapper, empty for the robot's own
     """
 
     field_map: FieldMap
     weight: float = 1.0
+    factor: float = 1.0
+    curve: CalibrationCurve | None = None
+    name: str = ""
+
+
+def correction_factor(record: CountRecord) -> float:
+    """Product of the correction factors of a record: its exposure divided by the effective one [-].
+
+    >>> correction_factor(CountRecord(0.0, 0.0, 0.0, 0.0, 40, exposure_s=10.0, effective_exposure_s=8.0))
+    1.25
+    """
+    return record.exposure_s / record.effective_exposure_s
 
 
 def variation(variogram: Variogram, cells_xy: Array) -> float:

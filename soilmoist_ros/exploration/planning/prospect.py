@@ -94,14 +94,17 @@ class Prospect:
         """What a second is worth: the highest value of all candidates."""
         return float(self.worth.value.max(initial=0.0))
 
-    def dwell(self, stop: Stop) -> MarginalValue | None:
-        """Dwell rule of a stop at the price of time, ``None`` if it is not among the candidates."""
+    def dwell(self, stop: Stop, longest_s: float = MAX_DWELL_S) -> MarginalValue | None:
+        """Dwell rule of a stop at the price of time, ``None`` if it is not among the candidates.
+
+        :param longest_s: counting ends after this time in any case [s]
+        """
         for row, number in enumerate(self.reachable.tolist()):
             if self.stops[number].name == stop.name:
                 worth = self.worth
                 gain, variance = float(worth.gain[row]), float(worth.variance[row])
-                beside = tuple((float(a[row]), float(b[row]), float(n[row])) for a, b, n in worth.beside)
-                return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor, beside=beside)
+                others = tuple((float(a[row]), float(b[row]), float(n[row])) for a, b, n in worth.others)
+                return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor, longest_s, others)
         return None
 
     @property

@@ -98,7 +98,7 @@ class _Tour:
         """
         nodes, seconds = self.counted()
         prospect, model = self._prospect, self._model
-        each = [self._left(property_model, nodes, seconds) for property_model in (model, *model.beside)]
+        each = [self._left(property_model, nodes, seconds) for property_model in (model, *model.others)]
         gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
         # where each candidate lengthens the tour least
         before = np.array([self._from_start, *(self.legs(row) for row in self.stops)])

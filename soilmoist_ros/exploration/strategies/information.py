@@ -31,7 +31,7 @@ class VarianceReduction:
         stop = prospect.stops[int(prospect.reachable[best])]
         time_s = worth.travel_s[best] + worth.dwell_s[best]
         share = worth.value[best] * time_s / max(prospect.model.integrated_variance, 1e-300)
-        whose = "maps'" if worth.beside else "map's"
+        whose = "maps'" if worth.others else "map's"
         reason = f"most variance less per second: {100 * share:.2g} % of the {whose} in {time_s:.0f} s"
         return Choice(stop, reason)
 

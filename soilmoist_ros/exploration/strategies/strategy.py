@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.planning.dwell import StopRule
 from soilmoist_ros.exploration.planning.prospect import Prospect
 from soilmoist_ros.exploration.travel.stop import Stop
 
@@ -57,14 +58,13 @@ class Choice:
     :param stop: where to measure next
     :param reason: why, in a short sentence for operators and reports
     :param ahead: the stops planned after it, in order
-    :param dwell: dwell rule of this stop, as :func:`parse_dwell` reads it;
-        empty: the mission's
+    :param dwell: dwell rule of this stop, ``None`` for the mission's
     """
 
     stop: Stop
     reason: str
     ahead: tuple[Stop, ...] = ()
-    dwell: str = ""
+    dwell: StopRule = None
 
 
 class Strategy(Protocol):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
-from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
@@ -32,7 +31,7 @@ class PlannerInputs:
     :param frame: the field's plane
     :param map_topic: topic of the navigation's map; empty if it is not wanted
     :param others: namespaces of the planners of other robots on the field; its own is passed over
-    :param properties: namespaces in which further properties are mapped, and their weights
+    :param properties: namespaces in which further properties are mapped
     """
 
     def __init__(
@@ -42,22 +41,21 @@ class PlannerInputs:
         frame: LocalFrame,
         map_topic: str,
         others: Sequence[str] = (),
-        properties: Mapping[str, float] = MappingProxyType({}),
+        properties: Iterable[str] = (),
     ) -> None:
         self._node = node
         self._control = control
         self._frame = frame
         self._faults: dict[str, str] = {}
-        node.create_subscription(PointCloud2, "counts", self._on_counts, RECORDS)
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
-        node.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
-        node.create_subscription(String, "model", self._on_model, LATCHED)
-        for name, weight in properties.items():
-            control.expect_property(name, weight)
-            samples, model = partial(self._on_samples_of, name), partial(self._on_model_of, name)
-            node.create_subscription(PointCloud2, f"{name}/counts", partial(self._on_counts_of, name), RECORDS)
-            node.create_subscription(PointCloud2, f"{name}/samples", samples, LATCHED)
-            node.create_subscription(String, f"{name}/model", model, LATCHED)
+        for name in ("", *properties):
+            below = f"{name}/" if name else ""
+            counts, samples, model = (
+                partial(on, name) for on in (self._on_counts, self._on_samples, self._on_model)
+            )
+            node.create_subscription(PointCloud2, f"{below}counts", counts, RECORDS)
+            node.create_subscription(PointCloud2, f"{below}samples", samples, LATCHED)
+            node.create_subscription(String, f"{below}model", model, LATCHED)
         if map_topic:
             node.create_subscription(String, map_topic, self._on_map, LATCHED)
         for name in other_namespaces(node, others):
@@ -69,43 +67,24 @@ class PlannerInputs:
             x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
             self._control.fix((float(x_m), float(y_m)))
 
-    def _on_counts(self, message: PointCloud2) -> None:
+    def _on_counts(self, name: str, message: PointCloud2) -> None:
         try:
-            self._control.records(counts_from_message(message))
+            self._control.records(counts_from_message(message), name)
         except ValueError as error:
-            self._ignore("counts", error)
+            self._ignore(f"{name} counts", error)
 
-    def _on_samples(self, message: PointCloud2) -> None:
+    def _on_samples(self, name: str, message: PointCloud2) -> None:
         try:
-            self._control.samples(samples_from_message(message), to_seconds(message.header.stamp))
+            self._control.samples(samples_from_message(message), to_seconds(message.header.stamp), name)
         except ValueError as error:
-            self._ignore("samples", error)
+            self._ignore(f"{name} samples", error)
 
-    def _on_model(self, message: String) -> None:
+    def _on_model(self, name: str, message: String) -> None:
         try:
             model = model_from_message(message)
-            self._control.fit(model.fit, model.stamp_s)
+            self._control.fit(model.fit, model.stamp_s, name)
         except ValueError as error:
-            self._ignore("model", error)
-
-    def _on_counts_of(self, name: str, message: PointCloud2) -> None:
-        try:
-            self._control.records_of(name, counts_from_message(message))
-        except ValueError as error:
-            self._ignore(f"{name}/counts", error)
-
-    def _on_samples_of(self, name: str, message: PointCloud2) -> None:
-        try:
-            self._control.samples_of(name, samples_from_message(message), to_seconds(message.header.stamp))
-        except ValueError as error:
-            self._ignore(f"{name}/samples", error)
-
-    def _on_model_of(self, name: str, message: String) -> None:
-        try:
-            model = model_from_message(message)
-            self._control.fit_of(name, model.fit, model.stamp_s)
-        except ValueError as error:
-            self._ignore(f"{name}/model", error)
+            self._ignore(f"{name} model", error)
 
     def _on_other(self, name: str, message: DiagnosticStatus) -> None:
         try:
@@ -123,6 +102,7 @@ class PlannerInputs:
             self._ignore("the map of the navigation", error)
 
     def _ignore(self, what: str, error: Exception) -> None:
+        what = what.strip()
         if self._faults.get(what) != str(error):  # a publisher in error repeats it
             self._faults[what] = str(error)
             self._node.get_logger().error(f"{what} cannot be used: {error}")

@@ -37,7 +37,7 @@ from soilmoist_ros.exploration.mission.types import (
 )
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.planning.properties import Property
+from soilmoist_ros.exploration.planning.properties import Property, correction_factor
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
@@ -175,7 +175,10 @@ class _Simulation:
             )
         )
         explorer = Explorer(
-            self.channels[0].field_map,
+            [
+                Property(self.channels[0].field_map, curve=field.curve if settings.target == "vwc" else None),
+                *(Property(other.field_map, settings.also_weight) for other in self.channels[1:]),
+            ],
             self.stops,
             self.travel,
             make_strategy(settings.strategy, settings.preset),
@@ -185,8 +188,6 @@ class _Simulation:
             mission.rules.min_dwell_s,
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
-            curve=field.curve if settings.target == "vwc" else None,
-            properties=[Property(other.field_map, settings.also_weight) for other in self.channels[1:]],
         )
         start = start_stop(field.field, self.stops)
         body = VirtualRobot(self.motion, (start.x_m, start.y_m))
@@ -299,8 +300,9 @@ class _Simulation:
         reported = self.reported(robot, (x_m, y_m))
         records = [sensor.record(self.now_s, places, reported) for sensor in robot.sensors]
         robot.records.append(records)
-        for channel, record in zip(self.channels, records, strict=True):
+        for channel, mapped, record in zip(self.channels, robot.explorer.properties, records, strict=True):
             channel.take(record)
+            mapped.factor = correction_factor(record)
         return records[0]
 
     def reported(self, robot: _Robot, xy: tuple[float, float]) -> tuple[float, float]:

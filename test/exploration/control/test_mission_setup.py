@@ -50,7 +50,7 @@ def test_free_ways_have_a_stop_for_each_cell():
 
 
 def test_a_field_too_fine():
-    with pytest.raises(InputError, match="change its cell_m"):
+    with pytest.raises(InputError, match="change the cell size"):
         Ways(field(1e-4), RobotMotion(), None)
 
 

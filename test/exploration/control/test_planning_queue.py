@@ -1,10 +1,12 @@
 """Plan requests wait for the map, but not for ever, and whatever goes wrong is an answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
-from soilmoist_ros.exploration.control.planning_queue import PlanJob, PlanningQueue, answer
+from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanFailed, PlanKind, Planned, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -17,6 +19,8 @@ from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
 FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=20.0)
 PLACE = (1.0, 1.0)
+FOLLOWED = PropertyMap("", required=True, samples=(SAMPLES, 0.0), fit=(FIT, 0.0))
+BOTH = (OWN, PropertyMap("/compaction", 0.5))
 
 
 def request(plan_id=1, kind=PlanKind.EXPLORE, blacklisted=(), left_s=3600.0):
@@ -37,25 +41,26 @@ def test_before_the_first_measurement_nothing_is_waited_for():
     assert queue.due(0.0, PLACE) is None
     queue.ask(request(), 0.0)
     assert queue.due(0.0, None) is None, "without a position nothing can be planned"
-    assert queue.due(0.0, PLACE).samples is None
+    assert queue.due(0.0, PLACE).maps[0].samples is None
     assert queue.due(1.0, PLACE) is None, "answered once"
 
 
 @pytest.mark.parametrize(("kind", "needs_fit"), [(PlanKind.EXPLORE, True), (PlanKind.WARM_UP, False)])
 def test_waits_until_the_map_has_what_was_measured(kind, needs_fit):
     queue = PlanningQueue(20.0)
-    queue.take_samples(SAMPLES, 90.0)
-    queue.take_fit(FIT, 90.0)
+    queue.take_samples("", SAMPLES, 90.0)
+    queue.take_fit("", FIT, 90.0)
     queue.measured(100.0)
     queue.ask(request(kind=kind), 101.0)
     assert queue.due(101.0, PLACE) is None
-    queue.take_samples(SAMPLES, 100.0 - 1e-6)
+    queue.take_samples("", SAMPLES, 100.0 - 1e-6)
     if needs_fit:
         assert queue.due(102.0, PLACE) is None
-        queue.take_fit(FIT, 100.0)
+        queue.take_fit("", FIT, 100.0)
     job = queue.due(102.0, PLACE)
-    assert job.samples is SAMPLES
-    assert job.fit is FIT
+    (own,) = job.maps
+    assert own.samples[0] is SAMPLES
+    assert own.fit[0] is FIT
     assert not job.late
 
 
@@ -76,7 +81,7 @@ def test_a_newer_request_replaces_the_older():
 
 
 def test_the_answer_follows_the_map(explorer):
-    planned = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True)
+    planned = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True)
     assert isinstance(planned, Planned)
     assert "highest kriging variance" in planned.choice.reason
     nearest = np.hypot(*(SAMPLES.xy - (planned.choice.stop.x_m, planned.choice.stop.y_m)).T).min()
@@ -84,16 +89,16 @@ def test_the_answer_follows_the_map(explorer):
 
 
 def test_no_choice_says_why(explorer):
-    planned = answer(explorer, PlanJob(request(left_s=1.0), PLACE, SAMPLES, FIT, False), True)
+    planned = answer(explorer, PlanJob(request(left_s=1.0), PLACE, (FOLLOWED,)), True)
     assert planned.choice is None
     assert "fits into the time" in planned.reason
 
 
 def test_exploring_without_a_map_fails_where_one_is_needed(explorer):
-    job = PlanJob(request(), PLACE, SAMPLES, None, True)
+    job = PlanJob(request(), PLACE, (replace(FOLLOWED, fit=None),), True)
     assert answer(explorer, job, True) == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
     assert isinstance(answer(explorer, job, False), Planned)
-    assert explorer.field_map.samples is SAMPLES, "places measured are known without a map, too"
+    assert explorer.properties[0].field_map.samples is SAMPLES, "places measured are known without a map, too"
 
 
 @pytest.mark.parametrize("error", [ValueError("bad luck"), KeyError("bad luck")])
@@ -102,7 +107,7 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
         raise error
 
     monkeypatch.setattr(explorer, "plan", broken)
-    failed = answer(explorer, PlanJob(request(7), PLACE, SAMPLES, FIT, False), True)
+    failed = answer(explorer, PlanJob(request(7), PLACE, (FOLLOWED,)), True)
     assert failed.plan_id == 7
     assert "bad luck" in failed.reason
 
@@ -120,9 +125,9 @@ def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(e
 
 
 def test_the_answer_keeps_away_from_other_robots(explorer):
-    alone = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    alone = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
     there = PendingMeasurement(alone.x_m, alone.y_m, 600.0)
-    beside = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (there,)), True).choice.stop
+    beside = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,), False, (there,)), True).choice.stop
     assert np.hypot(beside.x_m - alone.x_m, beside.y_m - alone.y_m) > 2.0
 
 
@@ -131,44 +136,43 @@ def held(queue, kind=PlanKind.EXPLORE, now_s=101.0):
     return queue.due(now_s, PLACE)
 
 
-def test_a_further_property_is_left_out_until_it_has_a_map():
-    queue = PlanningQueue(20.0)
-    queue.expect_property("/compaction", 0.5)
-    assert held(queue).beside == ()
-    assert queue.faults_beside == ("no map has come of /compaction: stops are chosen without it",)
-    queue.take_samples_of("/compaction", SAMPLES, 90.0)
-    assert held(queue).beside == ()
-    queue.take_fit_of("/compaction", FIT, 90.0)
-    assert held(queue).beside == ((SAMPLES, FIT, 0.5),)
-    assert queue.faults_beside == ()
-    queue.take_fit_of("/compaction", None, 91.0)
-    assert held(queue).beside == (), "its mapper has forgotten all"
+def test_a_property_that_is_not_required_is_left_out_until_it_has_a_map():
+    queue = PlanningQueue(20.0, BOTH)
+    assert not held(queue).maps[1].is_complete
+    assert queue.faults == ("no map of /compaction: stops are chosen without it",)
+    queue.take_samples("/compaction", SAMPLES, 90.0)
+    assert not held(queue).maps[1].is_complete
+    queue.take_fit("/compaction", FIT, 90.0)
+    assert held(queue).maps[1].is_complete
+    assert queue.weighed == ("/compaction",)
+    assert queue.faults == ()
+    queue.take_fit("/compaction", None, 91.0)
+    assert not held(queue).maps[1].is_complete, "its mapper has forgotten all"
 
 
-def test_a_map_of_a_further_property_that_does_not_follow_is_waited_for_once():
-    queue = PlanningQueue(20.0)
-    queue.expect_property("/compaction", 1.0)
-    for take, what in ((queue.take_samples, SAMPLES), (queue.take_fit, FIT)):
-        take(what, 100.0)
-    queue.take_samples_of("/compaction", SAMPLES, 80.0)
-    queue.take_fit_of("/compaction", FIT, 80.0)
+def test_a_stale_map_that_is_not_required_is_waited_for_once():
+    queue = PlanningQueue(20.0, BOTH)
+    for name, stamp_s in (("", 100.0), ("/compaction", 80.0)):
+        queue.take_samples(name, SAMPLES, stamp_s)
+        queue.take_fit(name, FIT, stamp_s)
     queue.measured(100.0)
     assert held(queue) is None
     job = queue.due(121.0, PLACE)
     assert not job.late
-    assert len(job.beside) == 1
-    assert "does not follow" in queue.faults_beside[0]
+    assert job.maps[1].is_complete
+    assert queue.faults == ("the map of /compaction is stale: stops are chosen with the old one",)
     assert held(queue, now_s=122.0) is not None, "it is not waited for again"
-    for take, what in ((queue.take_samples_of, SAMPLES), (queue.take_fit_of, FIT)):
-        take("/compaction", what, 92.0)  # its records end at other times
+    queue.take_samples("/compaction", SAMPLES, 92.0)  # its records end at other times
+    queue.take_fit("/compaction", FIT, 92.0)
     assert held(queue, now_s=123.0) is not None
-    assert queue.faults_beside == ()
+    assert queue.faults == ()
 
 
 def test_the_answer_goes_where_a_further_property_is_unknown(explorer):
-    alone = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    alone = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
     near = as_samples([(alone.x_m, alone.y_m), (10.0, 5.0), (2.0, 2.0)], [800, 900, 700], [100.0] * 3)
-    both = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False, (), ((near, FIT, 50.0),)), True).choice
+    compaction = PropertyMap("/compaction", 50.0, samples=(near, 0.0), fit=(FIT, 0.0))
+    both = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED, compaction)), True).choice
     assert np.hypot(both.stop.x_m - alone.x_m, both.stop.y_m - alone.y_m) > 3.0
-    again = answer(explorer, PlanJob(request(), PLACE, SAMPLES, FIT, False), True).choice.stop
+    again = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
     assert again == alone, "a map that has gone does not matter any more"

@@ -12,6 +12,7 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen,
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
@@ -37,8 +38,8 @@ def field_map(known=True):
 
 def explorer(strategy, known=True, dwell="fmi:120", seed=0):
     return Explorer(
-        field_map(known), STOPS, FreeTravel(RobotMotion()), make_strategy(strategy), warm_up(strategy, "paper")[1],
-        parse_dwell(dwell), np.random.default_rng(seed),
+        [Property(field_map(known))], STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
+        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed),
     )  # fmt: skip
 
 

@@ -89,7 +89,7 @@ def test_the_records_of_the_interrupted_mission_and_no_others():
     ]:
         journal.note(mission, event)
         if isinstance(event, RecordArrived):
-            journal.note_beside("salt", event.now_s, replace(record, raw_counts=7))
+            journal.note_record("salt", event.now_s, replace(record, raw_counts=7))
         every += pages.events
         pages.events = []
         mission.step(event)
@@ -111,7 +111,7 @@ def test_the_records_of_a_further_property_do_not_touch_the_mission():
     journal = MissionJournal(pages)
     journal.keep(mission)
     record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
-    journal.note_beside("salt", mission.state.now_s + 50.0, record)
+    journal.note_record("salt", mission.state.now_s + 50.0, record)
     found = interrupted_mission(mission.rules, pages.state, pages.events)
     assert found.state == mission.state
 

@@ -34,7 +34,7 @@ from soilmoist_ros.exploration.mission.types import (
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
+from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
@@ -78,7 +78,8 @@ class Driver:
         return self.send(Moved, 0.0, 0.0).command("start")
 
     def plan(self, stop=EAST, dwell="", **named):
-        choice = Choice(stop, "it is the least known place", dwell=dwell) if stop is not None else None
+        rule = parse_dwell(dwell) if dwell else None
+        choice = Choice(stop, "it is the least known place", dwell=rule) if stop is not None else None
         return self.send(Planned, self.last(RequestPlan).plan_id, choice, **named)
 
     def travelling(self, stop=EAST):
@@ -190,12 +191,12 @@ def test_the_dwell_of_a_stop_survives_a_restart():
     driver = Driver(dwell=parse_dwell("optimal"), warm_up_stops=0)
     driver.start().plan(dwell="value:0.01,0.1,1e-05,1.25").reach().record()
     restored = Mission.restore(driver.mission.rules, driver.mission.snapshot())
-    assert restored.state.target.dwell == "value:0.01,0.1,1e-05,1.25"
+    assert restored.state.target.dwell == MarginalValue(0.01, 0.1, 1e-5, 1.25)
     for mission in (driver.mission, restored):
         assert mission.status.planned_dwell_s == pytest.approx(
             (math.sqrt(0.01 / 1e-5 * 1.25**2 * 3) - 1.25**2 * 3) / 0.1
         )
-    event = Planned(1.0, 3, Choice(EAST, "why", (NORTH,), "value:0.01,0.1,1e-05,1.25"))
+    event = Planned(1.0, 3, Choice(EAST, "why", (NORTH,), MarginalValue(0.01, 0.1, 1e-5, 1.25, 300.0)))
     assert event_from_dict(json.loads(json.dumps(event_to_dict(event)))) == event
 
 

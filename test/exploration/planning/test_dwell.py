@@ -168,4 +168,4 @@ def test_what_is_counted_at_the_stop_decides_when_it_has_paid():
 
 def test_the_rule_of_a_stop_is_written_without_loss():
     rule = MarginalValue(1 / 3, math.pi, 2e-7 / 3, 1.0123456789, 1234.0)
-    assert parse_dwell(str(rule), 1234.0) == rule
+    assert parse_dwell(str(rule)) == rule

@@ -46,8 +46,8 @@ def field_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.
 
 def explorer(strategy, properties=(), first=None, dwell="optimal", seed=0):
     return Explorer(
-        first or field_map(), STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
-        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed), properties=properties,
+        [Property(first or field_map()), *properties], STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
+        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed),
     )  # fmt: skip
 
 
@@ -75,9 +75,9 @@ def test_a_property_with_the_same_map_changes_no_choice(strategy, weight, seed):
     first = field_map(seed=seed)
     one, two = plan(strategy, (), first, seed=seed), plan(strategy, [Property(first, weight)], first, seed=seed)
     assert one.choice.stop == two.choice.stop
-    alone, both = (parse_dwell(each.choice.dwell) for each in (one, two))
+    alone, both = (each.choice.dwell for each in (one, two))
     # the second's noise is that of the rate expected; where the first's counts agree with it, so do the dwells
-    rate = both.beside[0][2]
+    rate = both.others[0][2]
     assert both.expected_s(rate) == pytest.approx(alone.expected_s(rate), rel=1e-6, abs=1e-6)
 
 
@@ -116,17 +116,17 @@ def test_the_fall_of_both_is_the_sum_of_the_falls():
     second = field_map(LATTICE[:5], rate=40.0, seed=2)
     both = explorer("ivr", [Property(second, 2.0)])
     look = both.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0)).prospect()
-    first, beside = look.model, look.model.beside[0]
+    first, second_model = look.model, look.model.others[0]
     nodes, seconds = first.stop_nodes[[3, 9]], np.array([50.0, 200.0])
-    assert first.fall(nodes, seconds) > beside.fall(nodes, seconds) > 0
-    unit = variation(both.field_map.soil_map.variogram, GRID.cells) / variation(
+    assert first.fall(nodes, seconds) > second_model.fall(nodes, seconds) > 0
+    unit = variation(both.properties[0].field_map.soil_map.variogram, GRID.cells) / variation(
         second.soil_map.variogram, GRID.cells
     )
     cells = second.kriging.predict(GRID.cells)[1] - second.soil_map.variogram.nugget
-    assert beside.integrated_variance == pytest.approx(2.0 * unit * cells.mean(), rel=1e-6)
+    assert second_model.integrated_variance == pytest.approx(2.0 * unit * cells.mean(), rel=1e-6)
     worth, row = look.worth, int(np.argmax(look.worth.value))
     fall = worth.on_way[row]
-    for a, b, n in ((worth.gain, worth.variance, worth.rate), *worth.beside):
+    for a, b, n in ((worth.gain, worth.variance, worth.rate), *worth.others):
         fall = fall + a[row] * worth.dwell_s[row] / (b[row] * worth.dwell_s[row] + n[row])
     assert worth.value[row] == pytest.approx(fall / (worth.travel_s[row] + worth.dwell_s[row]), rel=1e-9)
 
@@ -190,16 +190,16 @@ def test_no_dwell_is_worth_more_than_the_best_for_all(of_each, travel_s, longest
 
 
 @settings(max_examples=100, deadline=None)
-@given(own=st.tuples(positive, positive, positive), beside=st.lists(st.tuples(positive, positive, positive)),
+@given(own=st.tuples(positive, positive, positive), others=st.lists(st.tuples(positive, positive, positive)),
        price=positive)  # fmt: skip
-def test_counting_ends_when_all_together_are_worth_no_more_than_the_price(own, beside, price):
+def test_counting_ends_when_all_together_are_worth_no_more_than_the_price(own, others, price):
     gain, variance, noise = own
-    rule = MarginalValue(gain, variance, price, beside=tuple(beside))
+    rule = MarginalValue(gain, variance, price, others=tuple(others))
     assert parse_dwell(str(rule)) == rule, "missions are written down as text"
     best_s = rule.expected_s(noise)
 
     def marginal(t):
-        return sum(a * n / (b * t + n) ** 2 for a, b, n in (own, *beside))
+        return sum(a * n / (b * t + n) ** 2 for a, b, n in (own, *others))
 
     assert 0 <= best_s <= rule.longest_s
     assert best_s == 0 or marginal(max(best_s - 1e-6, 0.0)) >= price * (1 - 1e-9)
@@ -216,7 +216,7 @@ def test_a_rule_that_is_none_is_refused(text):
 
 
 def test_without_a_price_a_second_property_alone_is_reason_to_count():
-    rule = MarginalValue(0.0, 1.0, 0.0, beside=((1.0, 1.0, 1.0),))
+    rule = MarginalValue(0.0, 1.0, 0.0, others=((1.0, 1.0, 1.0),))
     assert rule.expected_s(4.0) == rule.longest_s
-    assert MarginalValue(0.0, 1.0, 0.0, beside=((0.0, 1.0, 1.0),)).expected_s(4.0) == 0.0
+    assert MarginalValue(0.0, 1.0, 0.0, others=((0.0, 1.0, 1.0),)).expected_s(4.0) == 0.0
     assert not math.isnan(rule.progress(10, 20.0))

@@ -4,6 +4,7 @@ import pytest
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import Optimal
+from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies import cost_benefit_tour
 from soilmoist_ros.exploration.strategies.cost_benefit_tour import MAX_STOPS, CostBenefitTour, _Tour
@@ -26,12 +27,13 @@ def situation(left_s=3600.0, on_way=True, graph=False):
         lattice = open_lattice(known_field("synthetic-high"), 8.0).graph
         travel, stops = GraphTravel(lattice, RobotMotion()), lattice.stops
     planner = Explorer(
-        FieldMap(GRID, PLANNING), stops, travel, make_strategy("gcb"), make_strategy("random"), Optimal(),
+        [Property(FieldMap(GRID, PLANNING))], stops, travel, make_strategy("gcb"), make_strategy("random"),
+        Optimal(),
         np.random.default_rng(1), counting=Counting(on_way=on_way),
     )  # fmt: skip
     for xy, counts in (((5.0, 5.0), 300), ((9.0, 20.0), 320), ((20.0, 8.0), 410), ((5.0, 40.0), 330)):
-        planner.field_map.add_sample(xy, counts, 100.0)
-    planner.field_map.update()
+        planner.properties[0].field_map.add_sample(xy, counts, 100.0)
+    planner.properties[0].field_map.update()
     return planner.situation(RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s), PLACE)
 
 

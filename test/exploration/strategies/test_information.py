@@ -4,6 +4,7 @@ import pytest
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
+from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
@@ -17,22 +18,21 @@ CURVE = CalibrationCurve(n0_cps=8.0, bulk_density_gcm3=1.4)
 
 def explorer(strategy="ivr", dwell="optimal", curve=None, stops=None, home=None):
     return Explorer(
-        FieldMap(GRID, FieldMapSettings(for_planning=True)),
+        [Property(FieldMap(GRID, FieldMapSettings(for_planning=True)), curve=curve)],
         cell_stops(GRID) if stops is None else stops,
         FreeTravel(RobotMotion()),
         make_strategy(strategy),
         make_strategy("random"),
         parse_dwell(dwell),
         np.random.default_rng(1),
-        curve=curve,
         home=home,
     )
 
 
 def with_map(planner):
     for xy, counts in (((5.0, 5.0), 300), ((9.0, 20.0), 320), ((20.0, 8.0), 410), ((5.0, 40.0), 330)):
-        planner.field_map.add_sample(xy, counts, 100.0)
-    planner.field_map.update()
+        planner.properties[0].field_map.add_sample(xy, counts, 100.0)
+    planner.properties[0].field_map.update()
     return planner
 
 
@@ -43,7 +43,7 @@ def request(left=3600.0):
 def test_without_a_map_it_begins_in_the_middle():
     plan = explorer().plan(request(), (2.5, 2.5))
     assert np.hypot(plan.choice.stop.x_m - 30, plan.choice.stop.y_m - 25) < 5
-    assert plan.choice.dwell == ""
+    assert plan.choice.dwell is None
     assert plan.choice.reason == "no map yet: to the middle of the field"
 
 
@@ -55,14 +55,14 @@ def test_it_goes_where_the_variance_falls_most_per_second():
     assert plan.choice.stop == best
     assert plan.travel_s == pytest.approx(planner.travel.travel_s((2.5, 2.5), [best])[0])
     assert plan.choice.reason.startswith("most variance less per second")
-    assert isinstance(parse_dwell(plan.choice.dwell), MarginalValue)
+    assert isinstance(plan.choice.dwell, MarginalValue)
 
 
 @pytest.mark.parametrize("strategy", ["greedy", "monte_carlo", "random", "adaptive_sampling"])
 def test_every_strategy_gets_the_dwell_that_pays(strategy):
     plan = with_map(explorer(strategy)).plan(request(), (2.5, 2.5))
-    assert isinstance(parse_dwell(plan.choice.dwell), MarginalValue)
-    assert with_map(explorer(strategy, "fmi:60")).plan(request(), (2.5, 2.5)).choice.dwell == ""
+    assert isinstance(plan.choice.dwell, MarginalValue)
+    assert with_map(explorer(strategy, "fmi:60")).plan(request(), (2.5, 2.5)).choice.dwell is None
     assert isinstance(parse_dwell("optimal"), Optimal)
 
 
@@ -70,7 +70,7 @@ def test_a_stop_off_the_weighed_ones_gets_a_dwell_too():
     many = tuple(Stop(f"n{i}", x, y) for i, (x, y) in enumerate(np.random.default_rng(3).uniform(0, 50, (900, 2))))
     planner = with_map(explorer("greedy", stops=many))
     for position in ((2.5, 2.5), (50.0, 45.0)):
-        assert planner.plan(request(), position).choice.dwell.startswith("value:")
+        assert isinstance(planner.plan(request(), position).choice.dwell, MarginalValue)
 
 
 def test_too_little_time_is_an_end():
@@ -94,8 +94,8 @@ def test_a_map_of_the_moisture_draws_to_wet_soil_and_counts_longer_there():
     for name, curve in (("rate", None), ("vwc", CURVE)):
         planner = explorer(curve=curve)
         for x, y in places:
-            planner.field_map.add_sample((x, y), round((4.2 if x < 30 else 6.0) * 300), 300.0)
-        planner.field_map.update()
+            planner.properties[0].field_map.add_sample((x, y), round((4.2 if x < 30 else 6.0) * 300), 300.0)
+        planner.properties[0].field_map.update()
         look = planner.situation(request(), (30.0, 25.0)).prospect()
         east = np.array([look.stops[number].x_m for number in look.reachable.tolist()])
         at = {side: np.flatnonzero(east == x) for side, x in (("wet", 12.5), ("dry", 47.5))}
