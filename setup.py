@@ -73,7 +73,6 @@ setup(
         "cluster": ["distributed>=2024.1"],
         "test": [
             "pytest>=8",
-            "pytest-rerunfailures>=14",
             "pytest-xdist>=3.5",
             "hypothesis>=6.100",
             "mpmath>=1.3",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -43,6 +44,10 @@ _DISCOVERY_S: Final = 0.2
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
 _OPEN_S: Final = 5.0
+_QUIET_S: Final = 0.1
+"""At its end the recorder waits until no message has arrived for this time [s] ..."""
+_MAX_CLOSE_S: Final = 0.5
+"""... but no longer than this [s]."""
 
 
 class Recorder(Node):
@@ -80,16 +85,27 @@ class Recorder(Node):
         self.create_timer(_CONFIGURATION_S, self._keep_configuration, callback_group=aside, clock=steady)
 
     def close(self) -> None:
-        """Close the bag, with what has arrived but not been handed over yet."""
+        """Close the bag, with the messages that were on their way."""
+        end_s = quiet_s = time.monotonic()
+        while time.monotonic() <= min(quiet_s + _QUIET_S, end_s + _MAX_CLOSE_S):
+            if self._record_arrived():
+                quiet_s = time.monotonic()
+            time.sleep(_QUIET_S / 10)
+        state = self._recorder.stop()
+        if state.bag is not None:
+            self.get_logger().info(f"recorded {state.messages} messages to {state.bag}")
+
+    def _record_arrived(self) -> int:
+        """Record what has arrived and was not passed to a callback yet; returns the number of messages."""
+        count = 0
         for topic, _, subscription in self._topics.values():
             with subscription.handle:
                 while (
                     taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)
                 ) is not None:
                     self._record(topic, *taken)
-        state = self._recorder.stop()
-        if state.bag is not None:
-            self.get_logger().info(f"recorded {state.messages} messages to {state.bag}")
+                    count += 1
+        return count
 
     def _start(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._recorder.start()

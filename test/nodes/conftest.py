@@ -23,15 +23,3 @@ def ros(tmp_path):
         pytest.skip("rclpy is not installed, and there are no wheels of it for this machine")
     with RosSystem(tmp_path) as system:
         yield system
-
-
-def pytest_collection_modifyitems(items):
-    """Run a test with real processes once more if it fails.
-
-    They share the machine with whatever else runs there: a message that waits a second for a processor has waited
-    minutes of a mission in simulated time. What is broken fails twice.
-    """
-    here = Path(__file__).resolve().parent
-    for item in items:
-        if here in item.path.parents:
-            item.add_marker(pytest.mark.flaky(reruns=1))

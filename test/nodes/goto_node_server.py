@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import sys
+import time
+from functools import partial
 
 import rclpy
 from rclpy.action import ActionServer
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
 
 
-def go(goal):
-    """Tell where it goes; arrive at every node but ``nowhere``."""
-    goal.publish_feedback(GotoNode.Feedback(route=f"{goal.request.target} {goal.request.no_orientation}"))
+def go(node, goal):
+    """Publish the target as feedback; arrive at every node but ``nowhere``.
+
+    The client's subscription may be discovered after its goal: feedback before that would be lost.
+    """
+    while not node.count_subscribers("topological_navigation/_action/feedback"):
+        time.sleep(0.01)
+    for _ in range(5):
+        goal.publish_feedback(GotoNode.Feedback(route=f"{goal.request.target} {goal.request.no_orientation}"))
+        time.sleep(0.1)
     if goal.request.target == "nowhere":
         goal.abort()
         return GotoNode.Result(success=False)
@@ -23,8 +33,8 @@ def go(goal):
 def main() -> None:
     rclpy.init(args=sys.argv)
     node = Node("robot")
-    ActionServer(node, GotoNode, "topological_navigation", go)
-    rclpy.spin(node)
+    ActionServer(node, GotoNode, "topological_navigation", partial(go, node))
+    rclpy.spin(node, MultiThreadedExecutor(2))  # discovery continues while a goal waits
 
 
 if __name__ == "__main__":
