@@ -1,5 +1,6 @@
 """Package metadata, for pip and for colcon (ament_python)."""
 
+import re
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -7,6 +8,7 @@ from setuptools import find_packages, setup
 NAME = "soilmoist_ros"
 NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
 ROOT = Path(__file__).parent
+VERSION = re.search(r'^__version__ = "(.+)"$', (ROOT / NAME / "__init__.py").read_text(encoding="utf-8"), re.M)
 
 
 def shared(folder: str) -> list[tuple[str, list[str]]]:
@@ -24,7 +26,7 @@ def shared(folder: str) -> list[tuple[str, list[str]]]:
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION[1],
     description="Soil-moisture mapping with a cosmic-ray neutron sensor on a robot",
     long_description=(ROOT / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
@@ -71,6 +73,8 @@ setup(
         # Tables of simulated campaigns, and campaigns on more than one machine.
         "campaign": ["pandas>=2.2", "pyarrow>=14"],
         "cluster": ["distributed>=2024.1"],
+        # Results of the Python API as tables, rasters and layers: to_dataframe, to_xarray, to_geodataframe.
+        "frames": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=1.0"],
         "test": [
             "pytest>=8",
             "pytest-xdist>=3.5",

@@ -166,6 +166,10 @@ def test_the_tables_of_the_pages_are_complete():
     folders = {path.name for path in (ROOT / "soilmoist_ros").iterdir() if (path / "__init__.py").is_file()}
     named = {Path(name).name for name in table("CONTRIBUTING.md", "folder") if name.startswith("soilmoist_ros/")}
     assert named == folders
+    extras = re.search(r"extras_require=\{(.*?)\n    \},", (ROOT / "setup.py").read_text(), re.DOTALL)[1]
+    assert set(table("docs/first_try.md", "extra")) == set(
+        re.findall(r'^        "([\w-]+)": \[', extras, re.MULTILINE)
+    )
     benchmarks = {f"scripts/{path.name}" for path in (ROOT / "scripts").glob("bench_*.py")}
     assert set(table("docs/benchmarks.md", "script")) == benchmarks
 
