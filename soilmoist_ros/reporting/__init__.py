@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.files.geotiff import write_geotiff
     from soilmoist_ros.reporting.files.summary import summary
     from soilmoist_ros.reporting.mission_report import write_mission
+    from soilmoist_ros.reporting.opened_run import OpenedRun, open_run
     from soilmoist_ros.reporting.outputs import write_outputs
     from soilmoist_ros.reporting.page.report import write_report
     from soilmoist_ros.reporting.run import MapRun
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FieldSurvey",
     "MapRun",
+    "OpenedRun",
+    "open_run",
     "open_survey",
     "summary",
     "write_campaign_report",
@@ -32,6 +35,8 @@ __all__ = [
 _MODULES = {
     "FieldSurvey": "field_survey",
     "MapRun": "run",
+    "OpenedRun": "opened_run",
+    "open_run": "opened_run",
     "open_survey": "field_survey",
     "summary": "files.summary",
     "write_campaign_report": "campaign.report",

@@ -1,0 +1,200 @@
+"""A finished run, opened from its folder."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+from soilmoist_ros.foundation.errors import InputError
+
+if TYPE_CHECKING:
+    import geopandas
+    import pandas
+    import xarray
+
+Columns = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class OpenedRun:
+    """A run folder of ``map``, ``simulate``, ``replay`` or ``demo``. Files are read when they are asked for.
+
+    :param folder: the folder
+    """
+
+    folder: Path
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Content of ``summary.json``.
+
+        :raises InputError: if it is damaged
+        """
+        return dict(_json(self.folder / "summary.json"))
+
+    @property
+    def properties(self) -> list[str]:
+        """Names of the mapped properties; the first is ``""``, the one in ``map.tif``."""
+        names = [path.stem.removeprefix("map_") for path in sorted(self.folder.glob("map_*.tif"))]
+        return ([""] if (self.folder / "map.tif").is_file() else []) + names
+
+    def samples(self, name: str = "") -> Columns:
+        """The merged samples of a property: longitude and latitude [deg], counts, exposure, rate and moisture.
+
+        :param name: name of the property
+        :returns: one array of shape (n,) for each column; what is undefined is NaN
+        :raises InputError: if there is no such property, or its file is damaged
+        """
+        features = _json(self._file("samples", name, "geojson")).get("features", ())
+        found = [feature for feature in features if feature["properties"].get("kind") == "sample"]
+        places = np.array([feature["geometry"]["coordinates"][:2] for feature in found], float).reshape(-1, 2)
+        columns: Columns = {"longitude_deg": places[:, 0], "latitude_deg": places[:, 1]}
+        for key in found[0]["properties"] if found else ():
+            if key != "kind":
+                columns[key] = np.array([feature["properties"][key] for feature in found], float)
+        return columns
+
+    @cached_property
+    def series(self) -> Columns:
+        """Columns of ``series.csv``, each of shape (n,); none without a mission."""
+        rows = _rows(self.folder / "series.csv")
+        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in (rows[0] if rows else ())}
+
+    @cached_property
+    def visits(self) -> list[Visit]:
+        """The visits in order, none without a mission. What an older file lacks is as in :class:`Visit`."""
+        return [_visit(row) for row in _rows(self.folder / "visits.csv")]
+
+    def bands(self, name: str = "") -> Columns:
+        """The map of a property by the names of its bands, each of shape (rows, columns), north up, NaN outside.
+
+        :param name: name of the property
+        :raises InputError: if there is no such map
+        """
+        return self._raster(name)[0]
+
+    def to_xarray(self, name: str = "") -> xarray.Dataset:
+        """The map of a property with the coordinates of its cells in the CRS of the file; needs xarray.
+
+        :raises InputError: if there is no such map, or xarray is not installed
+        """
+        module = _extra("xarray")
+        bands, transform, crs = self._raster(name)
+        height, width = next(iter(bands.values())).shape
+        places = {
+            "y": transform.f + transform.e * (np.arange(height) + 0.5),
+            "x": transform.c + transform.a * (np.arange(width) + 0.5),
+        }
+        data = {band: (("y", "x"), values) for band, values in bands.items()}
+        dataset: xarray.Dataset = module.Dataset(data, places, {"crs": crs})
+        return dataset
+
+    def to_dataframe(self, name: str = "") -> pandas.DataFrame:
+        """The samples of a property, one row each; needs pandas.
+
+        :raises InputError: if there is no such property, or pandas is not installed
+        """
+        frame: pandas.DataFrame = _extra("pandas").DataFrame(self.samples(name))
+        return frame
+
+    def to_geodataframe(self, name: str = "") -> geopandas.GeoDataFrame:
+        """The samples of a property as points in WGS-84; needs geopandas.
+
+        :raises InputError: if there is no such property, or geopandas is not installed
+        """
+        module, columns = _extra("geopandas"), self.samples(name)
+        points = module.points_from_xy(columns.pop("longitude_deg"), columns.pop("latitude_deg"))
+        frame: geopandas.GeoDataFrame = module.GeoDataFrame(columns, geometry=points, crs="EPSG:4326")
+        return frame
+
+    def __repr__(self) -> str:
+        about = self.summary
+        mission = about.get("mission") or {}
+        field = about.get("field") or mission.get("field") or "unnamed field"
+        visits = f", {mission['stops']} visits" if "stops" in mission else ""
+        return f"<OpenedRun {self.folder.name}: {field}, {about.get('n_samples', 0)} samples{visits}>"
+
+    def _file(self, kind: str, name: str, ending: str) -> Path:
+        path = self.folder / f"{kind}{f'_{name}' if name else ''}.{ending}"
+        if not path.is_file():
+            known = ", ".join(repr(one) for one in self.properties) or "none"
+            raise InputError(f"there is no {path.name}", f"the properties with a map are: {known}", self.folder)
+        return path
+
+    def _raster(self, name: str) -> tuple[Columns, Any, str]:
+        """Bands, transform and coordinate reference system of a map."""
+        import rasterio
+
+        path = self._file("map", name, "tif")
+        try:
+            with rasterio.open(path) as raster:
+                values = raster.read(masked=True).filled(np.nan)
+                names = [text or f"band_{n}" for n, text in enumerate(raster.descriptions, start=1)]
+                return dict(zip(names, values, strict=True)), raster.transform, str(raster.crs)
+        except rasterio.errors.RasterioIOError as error:
+            raise InputError(f"cannot be read: {error}", "make the run again", path) from None
+
+
+def open_run(folder: Path | str) -> OpenedRun:
+    """Open the output folder of a run.
+
+    :param folder: output folder of ``map``, ``simulate``, ``replay`` or ``demo``
+    :raises InputError: if the folder holds no ``summary.json``, or a damaged one
+
+    >>> import tempfile
+    >>> from soilmoist_ros.reporting import write_mission
+    >>> from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+    >>> from soilmoist_ros.simulation.mission.simulator import simulate_mission
+    >>> result = simulate_mission(MissionSettings(hours=0.3, cell_m=8.0, dwell="fmi:60"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = write_mission(Path(folder), result)
+    ...     run = open_run(folder)
+    ...     len(run.visits) == len(result.visits), sorted(run.bands())
+    (True, ['rate', 'rate_sd', 'vwc', 'vwc_sd'])
+    """
+    run = OpenedRun(Path(folder))
+    if not (run.folder / "summary.json").is_file():
+        raise InputError("holds no summary.json", "give the folder that --out of a run named", run.folder)
+    _ = run.summary
+    return run
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", "make the run again", path) from None
+
+
+def _rows(path: Path) -> Sequence[dict[str, str]]:
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _visit(row: dict[str, str]) -> Visit:
+    kinds = {"int": int, "float": float, "str": str, "VisitEnd": VisitEnd}
+    values: dict[str, Any] = {}
+    for field in fields(Visit):
+        text = row.get(field.name, "")
+        if text or field.default is MISSING:
+            values[field.name] = kinds[str(field.type)](text or "nan" if field.type == "float" else text)
+    return Visit(**values)
+
+
+def _extra(module: str) -> Any:
+    """A module of an optional extra."""
+    try:
+        return __import__(module)
+    except ImportError:
+        raise InputError(f"{module} is not installed", 'pip install "soilmoist_ros[tables]"') from None

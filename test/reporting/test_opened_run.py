@@ -1,0 +1,100 @@
+"""A run folder, opened again."""
+
+from __future__ import annotations
+
+import builtins
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting import open_run, write_mission, write_outputs
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
+
+
+@pytest.fixture(scope="module")
+def result():
+    return simulate_mission(MissionSettings(hours=0.3, cell_m=4.0, dwell="fmi:60"))
+
+
+@pytest.fixture(scope="module")
+def run(result, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mission")
+    write_mission(folder, result)
+    return open_run(folder)
+
+
+def test_a_mission_comes_back(run, result):
+    assert run.summary["simulated"] is True
+    assert run.properties == [""]
+    assert run.samples()["raw_counts"].tolist() == result.soil_map.samples.counts.tolist()
+    np.testing.assert_allclose(run.series["mse"], [row.mse for row in result.series], rtol=1e-6)
+    assert [visit.name for visit in run.visits] == [visit.name for visit in result.visits]
+    for one, other in zip(run.visits, result.visits, strict=True):
+        for field in fields(Visit):
+            found, wanted = getattr(one, field.name), getattr(other, field.name)
+            assert type(found) is type(wanted)
+            if isinstance(wanted, float):
+                assert found == pytest.approx(wanted, rel=1e-6, nan_ok=True)
+            else:
+                assert found == wanted
+    assert np.nanmean(run.bands()["rate"]) == pytest.approx(np.nanmean(result.soil_map.rate), rel=0.02)
+    assert len(repr(run)) < 115
+    assert f"{len(result.visits)} visits" in repr(run)
+
+
+def test_a_map_without_a_mission_has_no_visits(make_run, tmp_path):
+    write_outputs(tmp_path, make_run())
+    run = open_run(str(tmp_path))
+    assert run.visits == []
+    assert run.series == {}
+    assert "visits" not in repr(run)
+
+
+def test_visits_of_an_older_file_have_defaults(tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
+    (tmp_path / "visits.csv").write_text(
+        "name,x_m,y_m,arrived_s,dwell_s,raw_counts,reason\nr1c2,1.5,2,10,60.5,300,largest variance\n"
+    )
+    (visit,) = open_run(tmp_path).visits
+    assert (visit.dwell_s, visit.raw_counts, visit.robot, visit.reason) == (60.5, 300, 1, "largest variance")
+    assert np.isnan(visit.exposure_s)
+
+
+def test_tables_of_other_packages(run):
+    frame = run.to_dataframe()
+    assert len(frame) == len(run.samples()["raw_counts"])
+    dataset = pytest.importorskip("xarray") and run.to_xarray()
+    assert dataset["rate"].shape == run.bands()["rate"].shape
+    assert dataset.attrs["crs"].startswith("EPSG:")
+    assert float(dataset.y[0]) > float(dataset.y[-1]), "north up"
+
+
+def test_samples_as_points(run):
+    pytest.importorskip("geopandas")
+    frame = run.to_geodataframe()
+    assert frame.crs.to_epsg() == 4326
+    assert frame.geometry.x.tolist() == run.samples()["longitude_deg"].tolist()
+
+
+def test_what_is_missing_is_named_with_a_remedy(run, tmp_path, monkeypatch):
+    with pytest.raises(InputError, match=r"holds no summary.json -> give the folder"):
+        open_run(tmp_path)
+    (tmp_path / "summary.json").write_text("{")
+    with pytest.raises(InputError, match="cannot be read"):
+        open_run(tmp_path)
+    with pytest.raises(InputError, match=r"there is no map_salt.tif -> the properties with a map are: ''"):
+        run.bands("salt")
+    installed = builtins.__import__
+
+    def without(name, *arguments):
+        if name == "xarray":
+            raise ImportError(name)
+        return installed(name, *arguments)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(InputError, match=r"xarray is not installed -> pip install"):
+        run.to_xarray()
