@@ -7,8 +7,8 @@ import math
 import sys
 import threading
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,9 +18,12 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.system import Progress
+from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
-from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples
-from soilmoist_ros.mapping.soil_map import SoilMap, make_soil_map
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples, merge_records
+from soilmoist_ros.mapping.samples.spread import footprint_spread
+from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.fit import FitMethod, VariogramFit, estimate_variogram
 from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -78,6 +81,7 @@ class FieldMapSettings:
     :param curve: calibration that turns the rate into soil moisture
     :param footprint_radius_m: radius of the footprint to be de-convolved [m], >= 0: the map is of the rate at each
         place, the counts are means over the footprint around theirs. 0 to map the counts as they are
+    :param max_exact_samples: number of samples beyond which a map is made by :class:`TiledKriging`
     :param for_planning: make every map from an exact kriging of all samples, which planning needs too; otherwise
         keep what the next map can reuse
     """
@@ -89,6 +93,7 @@ class FieldMapSettings:
     margin_m: float = 10.0
     curve: CalibrationCurve | None = None
     footprint_radius_m: float = 0.0
+    max_exact_samples: int = MAX_EXACT_SAMPLES
     for_planning: bool = False
 
 
@@ -231,6 +236,22 @@ class FieldMap:
         """
         self.set_samples(self.state.samples.joined(as_samples([xy], [raw_counts], [effective_exposure_s])))
 
+    def set_records(self, records: Sequence[CountRecord]) -> None:
+        """Replace all samples by those of a whole survey, merged as :func:`merge_records` does.
+
+        The samples do not depend on the order in which a place was visited, unlike those of :meth:`add`.
+
+        :param records: all with a place and an exposure > 0, in order of time
+        """
+        ways = DrivenWays()
+        spread = np.array([ways.spread(record) for record in records]).reshape(-1, 3)
+        columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
+        table = np.array(columns, float).reshape(-1, 4)
+        samples = merge_records(table[:, :2], table[:, 2], table[:, 3], self.merge_radius_m, spread)
+        samples = replace(samples, spread=samples.spread + footprint_spread(self.settings.footprint_radius_m))
+        self.track = list(records)
+        self.state = MapState(len(records), records[-1].stamp_s if records else 0.0, samples, samples)
+
     def set_samples(self, samples: Samples, fit: VariogramFit | None = None) -> None:
         """Replace all samples by some that were merged elsewhere.
 
@@ -300,23 +321,31 @@ class FieldMap:
             self.soil_map, self._mapped = soil_map, self.state
         return soil_map
 
-    def compute(self, state: MapState) -> SoilMap | None:
+    def compute(self, state: MapState, progress: Progress | None = None, compute: Compute = map) -> SoilMap | None:
         """The map of a state, ``None`` while its samples are too few: one place for REML, two for soft-L1.
 
         It depends on nothing but the state and the settings.
 
+        :param state: what it is made of
+        :param progress: called with the fraction done, from above 0 to 1; not for maps that take no time
+        :param compute: computes the tiles of a map of very many samples, as :class:`TiledKriging`
         :raises IllConditionedError: if the samples and the variogram contradict each other numerically
         """
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
-        if self._raster is None:
-            return make_soil_map(
-                state.samples, self.grid, fit, settings.curve, settings.keep_nugget, max_exact_samples=sys.maxsize
-            )
+        most = sys.maxsize if settings.for_planning else settings.max_exact_samples
         with self._computing:
             return make_soil_map(
-                state.samples, self.grid, fit, settings.curve, settings.keep_nugget, raster=self._raster
+                state.samples,
+                self.grid,
+                fit,
+                settings.curve,
+                settings.keep_nugget,
+                progress,
+                most,
+                compute,
+                self._raster,
             )
 
     def fit(self, state: MapState) -> VariogramFit | None:

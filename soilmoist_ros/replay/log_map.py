@@ -10,16 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping import (
-    FieldGrid,
-    estimate_variogram,
-    make_soil_map,
-    merge_records,
-)
+from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
-from soilmoist_ros.mapping.samples.merging import DrivenWays
-from soilmoist_ros.mapping.samples.spread import footprint_spread
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
@@ -89,32 +83,24 @@ def map_logs(
     progress("correcting and placing records", 0.0)
     survey = process_logs(logs, site, field.frame if field else None, track)
     radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
-    ways = DrivenWays()
-    spread = np.array([ways.spread(record) for record in survey.records]).reshape(-1, 3)
-    samples = merge_records(survey.xy_m, survey.raw_counts, survey.effective_exposure_s, radius_m, spread)
-    samples = replace(samples, spread=samples.spread + footprint_spread(site.support_radius_m))
-    grid = _grid(field, survey, site, settings.cell_m)
-    progress(f"fitting the variogram of {len(samples)} samples", 0.0)
-    fit = estimate_variogram(
-        samples.xy,
-        samples.counts,
-        samples.exposure_s,
-        settings.model,
-        settings.fit,
-        extent_m=grid.extent_m,
-        spread=samples.spread,
+    field_map = FieldMap(
+        _grid(field, survey, site, settings.cell_m),
+        FieldMapSettings(
+            settings.model,
+            settings.fit,
+            settings.keep_nugget,
+            radius_m,
+            curve=site.curve,
+            footprint_radius_m=site.support_radius_m,
+            max_exact_samples=settings.max_exact_samples,
+        ),
     )
-    kriging = f"kriging {np.count_nonzero(grid.mask)} cells"
-    soil_map = make_soil_map(
-        samples,
-        grid,
-        fit,
-        site.curve,
-        settings.keep_nugget,
-        lambda share: progress(kriging, share),
-        settings.max_exact_samples,
-        compute,
-    )
+    field_map.set_records(survey.records)
+    progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
+    kriging = f"kriging {np.count_nonzero(field_map.grid.mask)} cells"
+    soil_map = field_map.compute(field_map.state, lambda share: progress(kriging, share), compute)
+    if soil_map is None:
+        raise InputError("there are too few samples for a map", "survey at two places at least, or use REML")
     return make_run(
         soil_map,
         survey.records,
@@ -126,7 +112,7 @@ def map_logs(
             "variogram_fit": settings.fit,
             "nugget": "kept" if settings.keep_nugget else "filtered",
             "merge_radius_m": radius_m,
-            "cell_m": grid.cell_m,
+            "cell_m": field_map.grid.cell_m,
             "deconvolved_footprint_m": site.support_radius_m,
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),

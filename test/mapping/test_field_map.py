@@ -18,7 +18,7 @@ from soilmoist_ros.mapping.field_map import (
     Skip,
 )
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
-from soilmoist_ros.mapping.samples.samples import NO_SAMPLES
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, merge_records
 from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, way_spread
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
@@ -448,3 +448,21 @@ def test_a_bad_sample_changes_nothing():
     with pytest.raises(ValueError, match="exposure_s must be > 0"):
         field_map.add_sample((10.0, 20.0), 400, 0.0)
     assert not len(field_map.samples)
+
+
+def test_a_whole_survey_is_mapped_as_by_kriging_to_the_last_digits():
+    """Records of a file: merged whatever the order, and within rounding of an exact kriging."""
+    many = [record(x, y, stamp_s=10.0 * n, raw_counts=30 + n % 7) for n, (x, y) in enumerate(GRID.cells[::3])]
+    field_map = FieldMap(GRID, FieldMapSettings(merge_radius_m=6.0, footprint_radius_m=4.0, curve=CURVE))
+    field_map.set_records(many)
+    found = field_map.compute(field_map.state)
+    ways = DrivenWays()
+    spread = [ways.spread(one) for one in many]
+    samples = merge_records(GRID.cells[::3], [one.raw_counts for one in many], [9.0] * len(many), 6.0, spread)
+    samples = dataclasses.replace(samples, spread=samples.spread + footprint_spread(4.0))
+    fit = estimate_variogram(
+        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, spread=samples.spread
+    )
+    assert (field_map.state.records, field_map.state.stamp_s) == (len(many), many[-1].stamp_s)
+    for band, expected in zip(found.bands, make_soil_map(samples, GRID, fit, CURVE).bands, strict=True):
+        np.testing.assert_allclose(band, expected, rtol=1e-10)
