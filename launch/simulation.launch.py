@@ -21,7 +21,7 @@ from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 SIMULATOR = {
     "field": (
@@ -73,7 +73,7 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         return LaunchConfiguration(name).perform(context)
 
     also = given("also")
-    field = mission_fields(MissionSettings(field=given("field"), also=also))[0]
+    field = mission_fields(MissionSettings(field=given("field"), properties=(also,) if also else ()))[0]
     out = Path(given("out")).absolute()
     files = {"field": out / CONFIGURATION / "field.yaml", "site": out / CONFIGURATION / "site.yaml"}
     write_field_file(field, files["field"])

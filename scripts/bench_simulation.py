@@ -33,7 +33,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 AIRFIELD = MissionSettings(field="synthetic-high", dwell="ami:0.03", hours=2.0, preset="authors")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, property_options, rate_error, report_errors
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,13 +36,10 @@ _SHOW_S = 0.5
 @click.option("--navigator", type=click.Choice(["goto_node", "goal_pose"]),
               help="How goals are sent. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
 @click.option("--scenario", default="", help="What goes wrong: thorvald, bad_link, or a file. Default: nothing.")
-@click.option("--also", default="", help="Field of a second property that the robot counts and maps beside, as of "
-              "soilmoist simulate. Default: none.")  # fmt: skip
-@click.option("--also-weight", type=click.FloatRange(min=0), default=1.0, show_default=True,
-              help="What a share of its variation is worth to the planner.")  # fmt: skip
+@property_options
 @click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
 @report_errors
-def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
+def demo_command(out: Path, navigator: str | None, properties: tuple[str, ...], **choices: Any) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out, and
@@ -55,10 +52,12 @@ def demo_command(out: Path, navigator: str | None, **choices: Any) -> None:
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
     from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
     from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.simulation.mission.settings import PropertySettings
 
     try:
         with _live_view() as show:
-            replay = run_demo(DemoSettings(out=out, navigator=navigator, **choices), show)
+            wanted = tuple(map(PropertySettings.parse, properties))
+            replay = run_demo(DemoSettings(out=out, navigator=navigator, properties=wanted, **choices), show)
     except KeyboardInterrupt:
         click.echo(f"interrupted: the nodes have ended; soilmoist replay {out} maps what was recorded", err=True)
         sys.exit(130)

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, property_options, rate_error, report_errors
 
 
 @click.command("simulate")
@@ -49,24 +49,22 @@ from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, rate_error, re
               "another is going or counting, and they do not get in each other's way.")  # fmt: skip
 @click.option("--random-field", is_flag=True,
               help="Draw what is random in the field (patches, random fields) from the seed as well.")  # fmt: skip
-@click.option("--also", default="", help="Field of a second property that the robot counts and maps beside: "
-              "built-in, or a field file with a truth, on the same ground. Default: none.")  # fmt: skip
-@click.option("--also-weight", type=click.FloatRange(min=0), default=1.0, show_default=True,
-              help="What a share of its variation is worth to the planner, one of the first property's being 1; "
-              "0: it is mapped, not planned for.")  # fmt: skip
+@property_options
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
 @report_errors
-def simulate_command(field: str, hours: float | None, graph: Path | None, out: Path, **choices: Any) -> None:
+def simulate_command(
+    field: str, hours: float | None, graph: Path | None, out: Path, properties: tuple[str, ...], **choices: Any
+) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
-    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out; of a
-    second property NAME also map_NAME.tif and samples_NAME.geojson.
+    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out, and
+    map_NAME.tif and samples_NAME.geojson for each further property NAME.
     """
     from soilmoist_ros.exploration.travel.travel import polyline_length_m
     from soilmoist_ros.reporting.mission_report import write_mission
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-    from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+    from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
     settings = MissionSettings(
@@ -74,6 +72,7 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
         hours=hours or surrogate_field(field).hours,
         travel="free" if graph is None else "graph",
         graph=None if graph is None or str(graph) == "lattice" else str(graph),
+        properties=tuple(map(PropertySettings.parse, properties)),
         **choices,
     )
     with progress_bar() as progress:
@@ -92,8 +91,8 @@ def simulate_command(field: str, hours: float | None, graph: Path | None, out: P
         click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
         rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
         click.echo(f"moisture   {rmse if result.soil_map.curve else 'not mapped: the field has no calibration'}")
-        if result.also is not None and result.also.soil_map is not None:
-            click.echo(f"also       {rate_error(last.also_mse, last.also_coverage95)}")
+        for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
+            click.echo(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
         if (plan := mission_efficiency(result)) is not None:
             click.echo(f"efficiency {100 * plan.reached:.0f} % of what any plan could have done in the time")
     for path in written:

@@ -18,7 +18,6 @@ from std_msgs.msg import String
 
 from msg_adapters.counts import counts_to_message
 from msg_adapters.stamps import to_time
-from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.nodes.navigation.virtual_navigation import NavigationServer
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.field_simulator import PARAMETERS, mission_settings
@@ -30,7 +29,7 @@ from soilmoist_ros.simulation.robot.line_server import LineServer, write_ports_f
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
 from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
-from soilmoist_ros.simulation.system import GNSS, LOGGER, CountedBeside, Output, VirtualSystem
+from soilmoist_ros.simulation.system import GNSS, LOGGER, Output, PropertyCounted, VirtualSystem
 
 MAP_FRAME = "map"
 TICK_S = 0.02
@@ -49,7 +48,8 @@ class FieldSimulator(Node):
         given = Parameters(self, PARAMETERS)
         scenario = load_scenario(given.text("scenario"))
         start_s = read_start_time(given.text("start_time"))
-        self._system = VirtualSystem(mission_settings(given), start_s, given.number("gnss_period_s"), scenario)
+        settings = mission_settings(given)
+        self._system = VirtualSystem(settings, start_s, given.number("gnss_period_s"), scenario)
         self._time = SimulatedTime(given.number("speed"), MAX_STEP_S)
         self._under_way = not given.flag("start_when_connected")
         self._connected_s = math.inf
@@ -60,11 +60,14 @@ class FieldSimulator(Node):
         self._current = self.create_publisher(String, "current_node", LATCHED)
         self._map = self.create_publisher(String, "/topological_map_2", LATCHED)
         self._map.publish(String(data=self._system.map.to_json()))
-        self._beside: Publisher | None = None
+        self._properties = {
+            wanted.name: self.create_publisher(PointCloud2, f"{wanted.name}/counts", RECORDS)
+            for wanted in settings.properties
+        }
+        for name, publisher in self._properties.items():
+            self._tell(f"property {name} on {publisher.topic_name}")
         if given.text("also"):
-            topic = f"{property_name(given.text('also'))}/counts"
-            self._beside = self.create_publisher(PointCloud2, topic, RECORDS)
-            self._tell(f"second property: {given.text('also')}, on {self._beside.topic_name}")
+            self.get_logger().warning("the parameter also has become properties; the next release drops it")
         self._told: dict[Publisher, str] = {self._closest: "", self._current: ""}
         group = MutuallyExclusiveCallbackGroup()
         self.create_subscription(PoseStamped, "goal_pose", self._on_goal_pose, DEFAULT, callback_group=group)
@@ -111,7 +114,7 @@ class FieldSimulator(Node):
             server.poll()
         wall_s = time.monotonic()
         connected = all(server.clients for server in self._servers.values())
-        connected &= self._beside is None or self._beside.get_subscription_count() > 0
+        connected &= all(publisher.get_subscription_count() > 0 for publisher in self._properties.values())
         self._connected_s = min(self._connected_s, wall_s) if connected else math.inf
         if not self._under_way and wall_s - self._connected_s >= SETTLE_S:
             self._under_way = True
@@ -129,8 +132,8 @@ class FieldSimulator(Node):
                 self._servers[link].send(data)
             case Reachable(link, reachable):
                 self._servers[link].set_reachable(reachable)
-            case CountedBeside(record) if self._beside is not None:
-                self._beside.publish(counts_to_message([record], MAP_FRAME))
+            case PropertyCounted(name, record):
+                self._properties[name].publish(counts_to_message([record], MAP_FRAME))
             case Localised(closest, current):
                 self._tell_node(self._closest, closest)
                 self._tell_node(self._current, current)

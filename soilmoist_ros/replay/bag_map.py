@@ -153,7 +153,8 @@ def replay_bag(
     if statuses:
         visits = mission_visits(statuses, content.visits, content.records)
         mission = replay_mission(properties, statuses, visits, configuration, content.records, progress)
-        run = replace(run, mission=replace(mission, soil_map=run.soil_map))
+        own = replace(mission.properties[0], soil_map=run.soil_map)
+        run = replace(run, mission=replace(mission, properties=[own, *mission.properties[1:]]))
     return Replay(run, [_compared(one, raw is not None and one.survey is survey) for one in properties])
 
 

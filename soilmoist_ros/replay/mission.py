@@ -14,7 +14,9 @@ from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.properties import ReplayedProperty
 from soilmoist_ros.replay.statuses import Status
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.mission.mission_run import Mapped, MissionResult, MissionSettings, SeriesRow
+from soilmoist_ros.simulation.mission.map_errors import MapErrors
+from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 
 
 def replay_mission(
@@ -34,7 +36,7 @@ def replay_mission(
     :param records: all records of the robot's own sensor
     :param progress: called as the work goes on
     """
-    rows = [SeriesRow(0.0, 0.0, 0, math.nan, math.nan, math.nan, math.nan, 0.0)]
+    rows = [SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(properties))]
     before = statuses[0]
     for number, status in enumerate(statuses):
         progress("the course of the mission", number / len(statuses))
@@ -47,44 +49,36 @@ def replay_mission(
     placed = [(r.x_m, r.y_m) for r in records if math.isfinite(r.x_m) and math.isfinite(r.y_m)]
     survey = first.survey
     end = before.reason if before.state == "finished" else f"the recording ends while {before.state}"
+    truth_rate = survey.map.grid.to_raster(first.true_rate)
+    own = MappedProperty(first.name, survey.field.name, first.records, None, truth_rate, first.weight)
     return MissionResult(
         settings=_settings(configuration, before, others),
         series=rows,
         visits=visits,
         tracks=(np.array(placed).reshape(-1, 2),),
-        records=first.records,
-        soil_map=None,
-        truth_rate=survey.map.grid.to_raster(first.true_rate),
+        properties=[own, *map(_mapped, others)],
         frame=survey.field.frame,
-        field_title=survey.field.name,
         ended=end,
-        also=_mapped(others[0]) if others else None,
     )
 
 
-def _mapped(other: ReplayedProperty) -> Mapped:
+def _mapped(other: ReplayedProperty) -> MappedProperty:
     """A further property, as a mission has it."""
     field_map = other.survey.map
     soil_map = field_map.compute(other.states[-1]) if other.states else None
     title = other.name if other.truth is None else other.truth.title
-    return Mapped(other.name, title, other.records, soil_map, field_map.grid.to_raster(other.true_rate))
+    truth_rate = field_map.grid.to_raster(other.true_rate)
+    return MappedProperty(other.name, title, other.records, soil_map, truth_rate, other.weight)
 
 
 def _row(status: Status, properties: Sequence[ReplayedProperty]) -> SeriesRow:
     """The mission at a time, with maps of all records up to then."""
-    (mse, vwc_rmse, coverage), *others = (one.errors_at(status.stamp_s) for one in properties)
-    also = others[0] if others else (math.nan,) * 3
     return SeriesRow(
         status.time_used_s,
         status.distance_m,
         status.samples,
-        mse,
-        100 * mse,
-        vwc_rmse,
-        coverage,
         status.counting_s,
-        also_mse=also[0],
-        also_coverage95=also[2],
+        tuple(one.errors_at(status.stamp_s) for one in properties),
     )
 
 
@@ -103,6 +97,5 @@ def _settings(configuration: Path | None, last: Status, others: Sequence[Replaye
         variogram=mapper.get("model", "matern32"),
         fit=mapper.get("fit", "reml"),
         travel="free" if had.get("graph") == "free" else "graph",
-        also=others[0].name if others else "",
-        also_weight=others[0].weight if others else usual.also_weight,
+        properties=tuple(PropertySettings(one.name, one.weight) for one in others),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +19,7 @@ from soilmoist_ros.replay.topics import CLOUD, STATUS, TEXT, RunTopics
 from soilmoist_ros.reporting.field_survey import FieldSurvey
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.map_errors import map_errors
+from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
 
 Array = NDArray[np.float64]
 
@@ -116,9 +115,9 @@ class ReplayedProperty:
         """How the map compares with the one that its mapper had."""
         return compare(self.survey.map, self.states, self.published)
 
-    def errors_at(self, stamp_s: float) -> tuple[float, float, float]:
+    def errors_at(self, stamp_s: float) -> MapErrors:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""
-        unknown = math.nan, math.nan, math.nan
+        unknown = MapErrors()
         # A record with a wrong clock must not hide those before it.
         known = [state for state in self.states if state.stamp_s <= stamp_s]
         if self.truth is None or not known:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,10 +15,10 @@ from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.strict_json import write_json
-from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary
+from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, settings_summary
 from soilmoist_ros.reporting.outputs import NAMES, property_names, write_outputs
 from soilmoist_ros.reporting.run import LossRow, MapRun
-from soilmoist_ros.simulation.mission.mission_run import MissionResult
+from soilmoist_ros.simulation.mission.result import MissionResult
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -47,7 +47,8 @@ def write_mission(
         return write_outputs(folder, mission_run(result, created), crs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in NAMES + (property_names(result.also.name) if result.also else ()):
+        of_others = (name for other in result.properties[1:] for name in property_names(other.name))
+        for name in (*NAMES, *of_others):
             (folder / name).unlink(missing_ok=True)
         about = {
             "schema": SCHEMA,
@@ -87,7 +88,7 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
         losses=list(_left_out(result)),
         simulated=True,
         version=__version__,
-        settings=asdict(settings),
+        settings=settings_summary(settings),
         truth_rate=result.truth_rate,
         footprint_radius_m=settings.footprint_m,
         mission=result,
@@ -97,9 +98,9 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
     others = [
         replace(
             run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
-            mission=None, field_name=other.field_title, name=other.name, label=other.field_title,
+            mission=None, field_name=other.title, name=other.name, label=other.title,
         )
-        for other in ([result.also] if result.also else [])
+        for other in result.properties[1:]
         if other.soil_map is not None
     ]  # fmt: skip
     return replace(run, others=others)

@@ -17,7 +17,7 @@ from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
-    from soilmoist_ros.simulation.mission.mission_run import MissionResult
+    from soilmoist_ros.simulation.mission.result import MissionResult
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, Rob
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import PLACES_PER_RECORD, mission_map, start_stop
+from soilmoist_ros.simulation.mission.streams import device_stream, gnss_stream, sensor_stream
 from soilmoist_ros.simulation.robot.faulty_link import FaultyLink, Reachable, Sent
 from soilmoist_ros.simulation.robot.scenario import Scenario
 from soilmoist_ros.simulation.robot.virtual_gnss import VirtualGnss
@@ -28,16 +29,18 @@ _NOTHING_WRONG = Scenario()
 
 
 @dataclass(frozen=True)
-class CountedBeside:
-    """The sensor of the second property has counted.
+class PropertyCounted:
+    """The sensor of a further property has counted.
 
-    :param record: what, corrected and at its place, as a driver of its own would publish it
+    :param name: name of the property
+    :param record: corrected and placed, as its driver would publish it
     """
 
+    name: str
     record: CountRecord
 
 
-Output = Sent | Reachable | CountedBeside | NavigationEvent
+Output = Sent | Reachable | PropertyCounted | NavigationEvent
 
 
 class VirtualSystem:
@@ -45,7 +48,7 @@ class VirtualSystem:
 
     Robot, sensors and randomness are those of
     :func:`simulate_mission`: where the robot is at the same places at
-    the same times, the same counts come. Nothing goes wrong with the sensor of a second property.
+    the same times, the same counts come. Nothing goes wrong with the sensors of further properties.
 
     :param settings: field, seed, robot, sensor and noise; what is about the mission itself does not matter here
     :param start_s: time at which the simulation begins [s since 1970 UTC]
@@ -65,13 +68,13 @@ class VirtualSystem:
         self.scenario = scenario
         self.start_s = start_s
         self.now_s = 0.0
-        self.field, *beside = mission_fields(settings)
+        self.field, *further = mission_fields(settings)
         self.grid = self.field.field.grid(settings.cell_m)
         self.map = mission_map(self.field.field, self.grid, settings.graph)
         _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
-        # The first four are those of a simulated mission.
-        sensor, _, gnss, also, navigation, logger_link, gnss_link, tubes, self._also_places = (
-            np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(9)
+        seed = settings.seed
+        navigation, logger_link, gnss_link, tubes, *places = (
+            device_stream(seed, device) for device in range(4 + len(further))
         )
         motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         start = start_stop(self.field.field, self.map.graph.stops)
@@ -81,13 +84,18 @@ class VirtualSystem:
         )
         self._free_travel = FreeTravel(motion, (self.field.polygon,), self.field.field.no_go)
         first, *others = (
-            VirtualSensor(field, rng, settings.cadence_s, settings.footprint_m, settings.weather)
-            for field, rng in zip((self.field, *beside), (sensor, also), strict=False)
+            VirtualSensor(
+                field, sensor_stream(seed, number), settings.cadence_s, settings.footprint_m, settings.weather
+            )
+            for number, field in enumerate((self.field, *further))
         )
         self.logger = VirtualLogger(first, start_s, tubes)
-        self._also = others[0] if others else None
-        self._counted: list[CountedBeside] = []
-        self._gnss = VirtualGnss(self.field.frame, start_s, settings.position_sd_m, gnss)
+        self._further = [
+            (wanted.name, sensor, rng)
+            for wanted, sensor, rng in zip(settings.properties, others, places, strict=True)
+        ]
+        self._counted: list[PropertyCounted] = []
+        self._gnss = VirtualGnss(self.field.frame, start_s, settings.position_sd_m, gnss_stream(seed))
         self._gnss_period_s = gnss_period_s
         self._no_fix = scenario.gnss.no_fix
         self._logger_link = FaultyLink(LOGGER, scenario.logger, logger_link)
@@ -162,8 +170,8 @@ class VirtualSystem:
             self._records += 1
             self._path.clear()
             self._logger_link.send(self.now_s, self.logger.lines(record))
-            if self._also is not None:
-                self._count_beside(self._also, path)
+            for further in self._further:
+                self._count(*further, path)
         if self._next_epoch_s <= self.now_s:
             has_fix = not any(span.covers(self.now_s) for span in self._no_fix)
             sentences = self._gnss.sentences(self.now_s, self.robot.at(self.now_s), has_fix)
@@ -171,12 +179,14 @@ class VirtualSystem:
             self._gnss_link.send(self.now_s, sentences, spoilt=_GGA)
             self.navigation.look(self.now_s)
 
-    def _count_beside(self, sensor: VirtualSensor, path: NDArray[np.float64]) -> None:
-        """What the sensor of the second property has counted on the path of a record."""
-        noise = self._also_places.normal(0.0, self.settings.position_sd_m, 2)
+    def _count(
+        self, name: str, sensor: VirtualSensor, places: np.random.Generator, path: NDArray[np.float64]
+    ) -> None:
+        """What the sensor of a further property has counted on the path of a record."""
+        noise = places.normal(0.0, self.settings.position_sd_m, 2)
         x_m, y_m = (path[PLACES_PER_RECORD // 2] + noise).tolist()
         record = sensor.record(self.now_s, path, (x_m, y_m))
-        self._counted.append(CountedBeside(replace(record, stamp_s=self.stamp_s)))
+        self._counted.append(PropertyCounted(name, replace(record, stamp_s=self.stamp_s)))
 
 
 def _require_edges(edges: NDArray[np.intp], names: tuple[str, ...], scenario: Scenario) -> None:

@@ -236,21 +236,41 @@ def test_several_robots_are_simulated(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_second_property_is_mapped_beside(tmp_path):
-    options = ["--also", "rough", "--also-weight", 0.5, "--hours", 0.2, "--cell", 5, "--fit", "reml",
+def test_further_properties_are_mapped(tmp_path):
+    options = ["--property", "rough:0.5", "--property", "smooth:0", "--hours", 0.2, "--cell", 5, "--fit", "reml",
                "--strategy", "ivr", "--dwell", "optimal", "--map-from", "records"]  # fmt: skip
     result = run("simulate", *options, "--out", tmp_path)
     assert result.exit_code == 0, result.output
     about = json.loads((tmp_path / "summary.json").read_text())["mission"]
-    assert (about["settings"]["also"], about["settings"]["also_weight"]) == ("rough", 0.5)
-    (told,) = [line for line in result.output.splitlines() if line.startswith("also")]
-    assert f"MSE {about['final']['also_mse']:.4f} (counts/s)2" in told
+    assert about["settings"]["properties"] == [
+        {"field": "rough", "weight": 0.5},
+        {"field": "smooth", "weight": 0.0},
+    ]
+    assert [one["name"] for one in about["properties"]] == ["rough", "smooth"]
+    assert about["also"] is None
+    for name in ("rough", "smooth"):
+        assert f"property   {name}: MSE {about['final'][f'mse_{name}']:.4f} (counts/s)2" in result.output
+
+
+def test_the_old_options_of_one_further_property_are_read_with_a_warning(tmp_path):
+    result = run(
+        "simulate", "--also", "rough", "--also-weight", 0.5, "--hours", 0.1, "--cell", 5, "--out", tmp_path
+    )
+    assert result.exit_code == 0, result.output
+    assert "--also and --also-weight have become --property" in result.output
+    about = json.loads((tmp_path / "summary.json").read_text())["mission"]
+    assert about["settings"]["properties"] == [{"field": "rough", "weight": 0.5}]
+    assert (about["settings"]["also"], about["settings"]["also_weight"]) == ("rough", 0.5), (
+        "keys of earlier releases"
+    )
+    assert about["also"]["name"] == "rough"
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--also", "patches"], "does not cover the field 'synthetic-high'"),
+        (["--property", "patches"], "does not cover the field 'synthetic-high'"),
+        (["--property", "rough:-1"], "'rough:-1' is not a property with a weight"),
         (["--also-weight", "-1"], "-1.0 is not in the range x>=0"),
         (["--robots", "0"], "0 is not in the range x>=1"),
         (["--field", "sinthetic-high"], "did you mean 'synthetic-high'"),

@@ -40,7 +40,8 @@ from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission import simulator as mission_simulator
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings
+from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.robot.virtual_survey import START_S, simulate_log, stop_and_go
 
 HERE = Path(__file__).resolve().parent

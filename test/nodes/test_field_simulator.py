@@ -174,7 +174,7 @@ def test_time_stands_still_until_somebody_listens(ros, field):
 
 
 def test_a_second_property_is_counted_like_by_a_driver_of_its_own(ros, field):
-    simulated = field(also="rough")
+    simulated = field(properties=["rough"])
     assert not simulated.clock or simulated.now_s <= 0, "nobody listens to its records"
     heard = ros.collect(PointCloud2, "/rough/counts", RECORDS)
     ros.wait_for(lambda: len(heard) > 5 and len(simulated.logger.found) > 5, message="records of both")

@@ -22,7 +22,7 @@ from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.replay import ReplaySettings, replay_bag
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 # What rclpy says when nodes of the system go away in the middle of an answer.

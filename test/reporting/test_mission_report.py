@@ -19,7 +19,9 @@ from soilmoist_ros.reporting.page.mission_section import course_chart, mission_p
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.wording import doubts, facts, headline
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings, SeriesRow
+from soilmoist_ros.simulation.mission.map_errors import MapErrors
+from soilmoist_ros.simulation.mission.result import SeriesRow
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"
 NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "series.csv", "visits.csv"]
@@ -32,6 +34,10 @@ def mission(monkeypatch):
     import fake_mission
 
     return fake_mission.simulate(MissionSettings(hours=1.0, strategy="greedy"))
+
+
+def with_own(mission, **changes):
+    return dataclasses.replace(mission, properties=[dataclasses.replace(mission.properties[0], **changes)])
 
 
 @pytest.mark.slow
@@ -87,7 +93,9 @@ def test_tables(mission, tmp_path):
     names = ["time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s"]
     assert series[0] == names
     assert series[1] == ["0", "0", "0", "", "", "", "", "0"]
-    assert [float(value) for value in series[-1]] == pytest.approx(list(mission.series[-1])[:8])
+    assert [float(value) for value in series[-1]] == pytest.approx(
+        [column[-1] for column in mission.columns.values()]
+    )
     with (tmp_path / "visits.csv").open(newline="") as stream:
         visits = list(csv.DictReader(stream))
     assert [row["raw_counts"] for row in visits] == [str(visit.raw_counts) for visit in mission.visits]
@@ -98,7 +106,9 @@ def test_tables(mission, tmp_path):
 def test_a_mission_without_a_map(mission, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     write_mission(tmp_path, mission)
-    short = dataclasses.replace(mission, soil_map=None, series=mission.series[:3], visits=[], ended="no time")
+    short = dataclasses.replace(
+        with_own(mission, soil_map=None), series=mission.series[:3], visits=[], ended="no time"
+    )
     paths = write_mission(tmp_path, short)
     assert [path.name for path in paths] == ["summary.json", "series.csv", "visits.csv"]
     assert {path.name for path in tmp_path.iterdir()} == {*(path.name for path in paths), "notes.txt"}
@@ -128,7 +138,7 @@ def test_words(mission):
 def test_counts_on_the_way_are_accounted_for(mission):
     assert not mission_run(mission, NOW).losses
     driving = [dataclasses.replace(record, exposure_s=10.0, raw_counts=40) for record in mission.records[:5] * 8]
-    (loss,) = mission_run(dataclasses.replace(mission, records=[*mission.records, *driving]), NOW).losses
+    (loss,) = mission_run(with_own(mission, records=[*mission.records, *driving]), NOW).losses
     assert loss.kind == "counted on the way"
     assert loss.count >= 1
 
@@ -157,7 +167,7 @@ def test_only_a_sensor_with_a_footprint_smooths(mission):
 @pytest.mark.parametrize("n0_cps", [6.3, 12.0, 30.0])
 def test_a_simulation_gives_no_advice_about_its_sensor(mission, n0_cps):
     """Whose moisture is wrong in part, in most, and in all of the field."""
-    run = mission_run(dataclasses.replace(mission, soil_map=with_n0(mission.soil_map, n0_cps)), NOW)
+    run = mission_run(with_own(mission, soil_map=with_n0(mission.soil_map, n0_cps)), NOW)
     advice = re.compile("N0, the bulk|check N0|tubes", re.IGNORECASE)
     assert not advice.search(" ".join([*headline(run), *doubts(run)]))
     real = dataclasses.replace(run, simulated=False)
@@ -170,8 +180,7 @@ def with_n0(soil_map, n0_cps):
 
 
 def test_course_without_any_map():
-    nan = float("nan")
-    rows = [SeriesRow(t, t, 0, nan, nan, nan, nan, 0.0) for t in (0.0, 60.0)]
+    rows = [SeriesRow(t, t, 0, 0.0) for t in (0.0, 60.0)]
     figure = course_chart(rows)
     assert "no map" in figure.axes[0].texts[0].get_text()
     assert np.isfinite(figure.axes[1].get_ylim()).all()
@@ -188,9 +197,9 @@ def test_only_missions_have_the_section(make_run):
 
 @pytest.mark.slow
 def test_without_a_truth_the_course_is_the_distance(mission):
-    nan = float("nan")
-    rows = [row._replace(mse=nan, mse_10s=nan, vwc_rmse=nan, coverage95=nan) for row in mission.series]
-    unknown = dataclasses.replace(mission, series=rows, truth_rate=np.full_like(mission.truth_rate, nan))
+    rows = [dataclasses.replace(row, errors=(MapErrors(),)) for row in mission.series]
+    unknown = with_own(mission, truth_rate=np.full_like(mission.truth_rate, np.nan))
+    unknown = dataclasses.replace(unknown, series=rows)
     figure = course_chart(rows, has_truth=False)
     (axes,) = figure.axes
     assert axes.get_ylabel() == "Distance [m]"

@@ -11,7 +11,8 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.map_errors import MapErrors
+from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult, SeriesRow
 
 TITLES = {
     "synthetic-high": "Synthetic airfield, high gradient",
@@ -73,9 +74,10 @@ def simulate(settings, progress=None, cell_m=2.0):
         CountRecord(1.78e9 + v.arrived_s + v.dwell_s, v.x_m, v.y_m, 0.0, v.raw_counts, v.dwell_s, v.dwell_s)
         for v in visits
     ]
+    mapped = MappedProperty("fake", TITLES.get(settings.field, settings.field), records, soil_map, truth)
     return MissionResult(
-        settings, _series(settings, visits, track, error, low, rng, end_s), visits, (np.array(track),), records,
-        soil_map, truth, LocalFrame(53.268, -0.5245), TITLES.get(settings.field, settings.field), "time is up",
+        settings, _series(settings, visits, track, error, low, rng, end_s), visits, (np.array(track),), [mapped],
+        LocalFrame(53.268, -0.5245), "time is up",
     )  # fmt: skip
 
 
@@ -90,9 +92,9 @@ def _series(settings, visits, track, error, low, rng, end_s):
         mse = own * error * (floor + start * np.exp(-time_s / (1500 * slow) * (2 / settings.hours)))
         mse = float(mse * np.exp(rng.normal(0, 0.05))) if len(done) >= 3 else float("nan")
         coverage = float(np.clip(0.95 - 0.5 * np.exp(-time_s / 3000) + rng.normal(0, 0.03), 0, 1))
-        counting = sum(v.dwell_s for v in done)
+        counting = float(sum(v.dwell_s for v in done))
         rows.append(
-            SeriesRow(float(time_s), distance, len(done), mse, 100 * mse, 0.06 * mse**0.5,
-                      coverage if mse == mse else float("nan"), counting)
+            SeriesRow(float(time_s), distance, len(done), counting,
+                      (MapErrors(mse, 0.06 * mse**0.5, coverage if mse == mse else float("nan")),))
         )  # fmt: skip
     return rows

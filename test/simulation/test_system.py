@@ -10,12 +10,12 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.position.nmea import NmeaParser
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 from soilmoist_ros.simulation.robot.faulty_link import Sent
 from soilmoist_ros.simulation.robot.scenario import Scenario, load_scenario
 from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded
-from soilmoist_ros.simulation.system import GNSS, LOGGER, CountedBeside, VirtualSystem
+from soilmoist_ros.simulation.system import GNSS, LOGGER, PropertyCounted, VirtualSystem
 
 START_S = 1_780_000_000.0
 SETTINGS = MissionSettings(field="half-wet", seed=5, travel="graph", cell_m=2.0)
@@ -40,7 +40,13 @@ def fixes(outputs):
 @pytest.mark.slow
 @pytest.mark.parametrize("weather", [True, False])
 def test_it_counts_what_a_mission_without_ros_counts(weather):
-    choices = {"dwell": "fmi:90", "hours": 0.5, "strategy": "random", "footprint_m": 10.0, "also": "rough"}
+    choices = {
+        "dwell": "fmi:90",
+        "hours": 0.5,
+        "strategy": "random",
+        "footprint_m": 10.0,
+        "properties": ("rough", "smooth"),
+    }
     settings = replace(SETTINGS, weather=weather, **choices)
     mission = simulate_mission(settings)
     goals = [
@@ -59,8 +65,12 @@ def test_it_counts_what_a_mission_without_ros_counts(weather):
     assert problems == []
     assert [sum(record.tube_counts) for record in found] == [record.raw_counts for record in mission.records]
     assert [record.stamp_s - START_S for record in found] == [record.stamp_s for record in mission.records]
-    beside = [output.record for output in outputs if isinstance(output, CountedBeside)]
-    for here, there in zip(beside, mission.also.records, strict=True):
+    further = [output for output in outputs if isinstance(output, PropertyCounted)]
+    expected = [(mapped.name, record) for mapped in mission.properties[1:] for record in mapped.records]
+    assert {name for name, _ in expected} == {"rough", "smooth"}
+    for output, (name, there) in zip(sorted(further, key=lambda one: one.name), expected, strict=True):
+        here = output.record
+        assert output.name == name
         assert here.stamp_s == START_S + there.stamp_s
         # Both noises are of 2 cm; all else is the same.
         assert (here.x_m, here.y_m) == pytest.approx((there.x_m, there.y_m), abs=0.2)
@@ -68,12 +78,14 @@ def test_it_counts_what_a_mission_without_ros_counts(weather):
 
 
 @pytest.mark.slow
-def test_a_second_property_changes_nothing_of_the_first():
-    alone, both = (VirtualSystem(replace(SETTINGS, also=also), START_S).advance(900) for also in ("", "smooth"))
-    assert [output for output in both if not isinstance(output, CountedBeside)] == alone
+def test_a_further_property_changes_nothing_of_the_first():
+    alone, both = (
+        VirtualSystem(replace(SETTINGS, properties=further), START_S).advance(900) for further in ((), ("smooth",))
+    )
+    assert [output for output in both if not isinstance(output, PropertyCounted)] == alone
     assert len(both) == len(alone) + 90
-    with pytest.raises(InputError, match="'patches' of the second property does not cover"):
-        VirtualSystem(replace(SETTINGS, also="patches"), START_S)
+    with pytest.raises(InputError, match="'patches' of a property does not cover"):
+        VirtualSystem(replace(SETTINGS, properties=("patches",)), START_S)
 
 
 @pytest.mark.slow

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Parameter
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 
 PARAMETERS = (
     Parameter(name="field", default="synthetic-high",
               description="surrogate field: a name, or a field file with a truth"),
-    Parameter(name="also", default="",
-              description="surrogate field whose rate is the truth of a second property, on the same ground; its "
-              "records come on NAME/counts, NAME being that of the field; empty for none"),
+    Parameter(name="properties", default=[],
+              description="surrogate fields whose rates are the truth of further properties, on the same ground; "
+              "the records of each come on NAME/counts, NAME being that of the field"),
+    Parameter(name="also", default="", description="old name of a single entry of properties"),
     Parameter(name="seed", default=1, description="seed of all randomness", low=0),
     Parameter(name="speed", default=60.0, description="simulated time per wall time", low=0.01, high=10000.0),
     Parameter(name="start_time", default="2026-06-01T06:00:00Z",
@@ -52,9 +53,10 @@ PARAMETERS = (
 
 def mission_settings(given: Parameters) -> MissionSettings:
     """What determines the simulated field, robot and devices; the same as in a simulation without ROS."""
+    also = [given.text("also")] if given.text("also") else []
     return MissionSettings(
         field=given.text("field"),
-        also=given.text("also"),
+        properties=tuple(map(PropertySettings, [*given.texts("properties"), *also])),
         seed=given.whole("seed"),
         travel="graph",
         graph=given.text("graph") or None,

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
@@ -22,7 +21,7 @@ from soilmoist_ros.reporting.live.live_mission import LiveMission
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -50,8 +49,7 @@ class DemoSettings:
     :param seed: seed of all randomness
     :param navigator: ``goto_node`` (Thorvald's navigation) or ``goal_pose``
     :param scenario: what goes wrong in navigation and links: a name or a file; empty for nothing
-    :param also: field of a second property, which is counted and mapped beside; none if empty
-    :param also_weight: what a share of its variation is worth to the planner, that of the first being 1
+    :param properties: further properties that are counted and mapped
     """
 
     out: Path
@@ -63,8 +61,7 @@ class DemoSettings:
     seed: int = 1
     navigator: str = "goto_node"
     scenario: str = ""
-    also: str = ""
-    also_weight: float = 1.0
+    properties: tuple[PropertySettings, ...] = ()
 
 
 def run_demo(settings: DemoSettings, show: Show) -> Replay:
@@ -81,11 +78,11 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     out = settings.out.absolute()
     if (out / "bag").exists():
         raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
-    field, *others = mission_fields(MissionSettings(field=settings.field, also=settings.also))
+    field, *others = mission_fields(MissionSettings(field=settings.field, properties=settings.properties))
     parameters = _configure(settings, field, out)
     grid = field.field.grid()
     truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
-    also = property_name(settings.also) if settings.also else ""
+    also = settings.properties[0].name if settings.properties else ""  # the live view shows one further property
     live = LiveMission(
         f" soilmoist demo: {field.title}, {settings.strategy}, {settings.dwell}, {settings.speed:g} x real time ",
         truths[0],
@@ -100,8 +97,8 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
                     path = _with_ports(path, out, group)
                 group.start(name, path)
             _watch(group, live, show)
-    of_others: dict[str | int, str] = {also: settings.also} if also else {}
-    return replay_bag(out / "bag", ReplaySettings(truths={0: settings.field, **of_others}))
+    fields: dict[str | int, str] = {0: settings.field, **{one.name: one.field for one in settings.properties}}
+    return replay_bag(out / "bag", ReplaySettings(truths=fields))
 
 
 def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -111,13 +108,17 @@ def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict
     write_site_file(field, configuration / "site.yaml")
     files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
     simulated = {"use_sim_time": True}
-    also = property_name(settings.also)
-    beside = {"field": files["field"], "simulated": True, "save_dir": str(out / f"map_{also}"), **simulated}
+    mappers: dict[str, dict[str, object]] = {
+        f"{wanted.name}/mapper": {
+            "field": files["field"], "simulated": True, "save_dir": str(out / f"map_{wanted.name}"), **simulated
+        }
+        for wanted in settings.properties
+    }  # fmt: skip
     nodes: dict[str, dict[str, object]] = {
         # First, so that nothing is missed; and last to end.
         "recorder": {"out": str(out), "name": "bag"},
         "mapper": {**files, "simulated": True, "save_dir": str(out / "map"), **simulated},
-        **({f"{also}/mapper": beside} if settings.also else {}),
+        **mappers,
         "planner": {
             "field": files["field"],
             "strategy": settings.strategy,
@@ -127,12 +128,12 @@ def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict
             "navigator": settings.navigator,
             "autostart": True,
             "exit_when_finished": True,
-            **({"properties": [f"{also}:{settings.also_weight}"]} if settings.also else {}),
+            **({"properties": [f"{one.name}:{one.weight}" for one in settings.properties]} if mappers else {}),
             **simulated,
         },
         "field_simulator": {
             "field": _absolute(settings.field),
-            "also": _absolute(settings.also),
+            **({"properties": [_absolute(one.field) for one in settings.properties]} if mappers else {}),
             "seed": settings.seed,
             "speed": settings.speed,
             "scenario": settings.scenario,

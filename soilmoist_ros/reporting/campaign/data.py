@@ -45,8 +45,7 @@ NAMES = {
     "weather": "weather: {}",
     "robots": "robots: {}",
     "random_field": "a field per seed: {}",
-    "also": "second property: {}",
-    "also_weight": "its weight: {}",
+    "properties": "further properties: {}",
 }
 
 

@@ -9,16 +9,16 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.result import MissionResult
 
 
 def write_series(path: Path, mission: MissionResult) -> Path:
     """Write the state over time, one row per entry; returns ``path``. What is not defined is empty.
 
-    The columns of a second property are there only if the mission has one.
+    Each further property adds the columns ``mse_NAME`` and ``coverage95_NAME``.
     """
-    names = [name for name in SeriesRow._fields if mission.also is not None or not name.startswith("also_")]
-    return _write(path, names, (row[: len(names)] for row in mission.series))
+    columns = mission.columns
+    return _write(path, list(columns), zip(*columns.values(), strict=True))
 
 
 def write_visits(path: Path, mission: MissionResult) -> Path:

@@ -26,9 +26,11 @@ from soilmoist_ros.reporting.page.statistics import (
 from soilmoist_ros.reporting.page.wording import doubts
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+from soilmoist_ros.simulation.mission.settings import PropertySettings
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.mission.mission_run import Mapped, MissionResult
+    from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult
+    from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
@@ -143,23 +145,32 @@ def _score(score: TruthScore) -> dict[str, float]:
 
 def mission_summary(mission: MissionResult) -> dict[str, Any]:
     """What a simulated mission was run with and how it ended."""
+    further = [_property(mapped) for mapped in mission.properties[1:]]
     return {
-        "settings": asdict(mission.settings),
+        "settings": settings_summary(mission.settings),
         "field": mission.field_title,
         "ended": mission.ended,
         "stops": len(mission.visits),
         "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
         "efficiency": _efficiency(mission),
-        "final": mission.series[-1]._asdict() if mission.series else None,
-        "also": None if mission.also is None else _also(mission.also),
+        "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
+        "properties": further,
+        "also": further[0] if len(further) == 1 else None,
     }
 
 
-def _also(mapped: Mapped) -> dict[str, Any]:
-    """The map of a second property."""
+def settings_summary(settings: MissionSettings) -> dict[str, Any]:
+    """Settings of a mission; of one further property also under the keys of earlier releases."""
+    also = settings.properties[0] if len(settings.properties) == 1 else PropertySettings("")
+    return {**asdict(settings), "also": also.field, "also_weight": also.weight}
+
+
+def _property(mapped: MappedProperty) -> dict[str, Any]:
+    """The map of a further property."""
     about: dict[str, Any] = {
         "name": mapped.name,
-        "field": mapped.field_title,
+        "field": mapped.title,
+        "weight": mapped.weight,
         "n_records": len(mapped.records),
         "map": None,
     }

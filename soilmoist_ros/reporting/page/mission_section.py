@@ -30,7 +30,7 @@ from soilmoist_ros.reporting.page.style import (
 from soilmoist_ros.reporting.page.wording import duration, length, number, percent
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow, series_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,16 +123,13 @@ def _text(mission: MissionResult) -> str:
             if np.isfinite(end.vwc_rmse):
                 sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
             sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
-    if mission.also is not None:
-        told = (
-            f"planned for with the weight {settings.also_weight:g}" if settings.also_weight else "not planned for"
-        )
-        sentences.append(f"A second property ({mission.also.field_title}) was mapped beside, {told}")
-        if mission.series and np.isfinite(mission.series[-1].also_mse):
-            end = mission.series[-1]
+    for index, mapped in enumerate(mission.properties[1:], start=1):
+        planned = f"planned for with the weight {mapped.weight:g}" if mapped.weight else "not planned for"
+        sentences.append(f"A further property ({mapped.title}) was mapped, {planned}")
+        if mission.series and np.isfinite((errors := mission.series[-1].errors[index]).mse):
             sentences[-1] += (
-                f": its map has a mean squared error of {number(end.also_mse)} (counts/s)², and the truth lies in "
-                f"the 95 % interval on {percent(end.also_coverage95)} of the field"
+                f": its map has a mean squared error of {number(errors.mse)} (counts/s)², and the truth lies in "
+                f"the 95 % interval on {percent(errors.coverage95)} of the field"
             )
     if (plan := mission_efficiency(mission)) is not None:
         sentences.append(
@@ -146,14 +143,9 @@ def _text(mission: MissionResult) -> str:
 
 def course_chart(series: Sequence[SeriesRow], has_truth: bool = True) -> Figure:
     """Error, coverage and distance against time, one above the other; without a truth the distance only."""
-    state = np.array(series, float)
-    hours, distance, samples, error, coverage = (
-        state[:, 0] / 3600,
-        state[:, 1],
-        state[:, 2],
-        state[:, 3],
-        state[:, 6],
-    )
+    columns = series_columns(series, [""])
+    hours, error = columns["time_s"] / 3600, columns["mse"]
+    distance, samples, coverage = columns["distance_m"], columns["samples"], columns["coverage95"]
     if not has_truth:
         figure = new_figure(maps.NARROW_IN, 2.2)
         _distance_panel(figure.add_axes((0.155, 0.22, 0.81, 0.7)), hours, distance, samples)

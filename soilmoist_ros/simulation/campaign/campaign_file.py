@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import logging
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
+from dataclasses import fields as dataclass_fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator, BeforeValidator, model_validator
 from pydantic import Field as Setting
 
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -30,11 +32,12 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.mapping.variogram.model import ModelName
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings, Preset
+from soilmoist_ros.simulation.mission.settings import MissionSettings, Preset, PropertySettings
 
 FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
 """Short names of the published findings."""
 KEY_DIGITS = 16
+_log = logging.getLogger(__name__)
 
 
 def _many(value: Any) -> Any:
@@ -81,11 +84,39 @@ def known_strategy(name: str) -> str:
     return name
 
 
+def _lists(value: Any) -> Any:
+    """One list of properties, or one property, stands for a list of one list."""
+    many = value if isinstance(value, (list, tuple)) else [value]
+    listed = bool(many) and all(isinstance(one, (list, tuple)) for one in many)
+    return tuple(map(tuple, many)) if listed else (tuple(many),)
+
+
+def _property(text: Any) -> PropertySettings:
+    try:
+        return text if isinstance(text, PropertySettings) else PropertySettings.parse(str(text))
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+def _with_properties(part: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a part with ``properties`` instead of ``also`` and ``also_weight``."""
+    old = ("also", "also_weight")
+    given = {name: value for name, value in {**defaults, **part}.items() if name in old}
+    renamed = {name: value for name, value in part.items() if name not in old}
+    if len(renamed) < len(part):
+        _log.warning("the keys 'also' and 'also_weight' have become 'properties'; the next release drops them")
+        weights = _many(given.get("also_weight", 1.0))
+        grid = [[f"{name}:{weight}"] for name in _many(given.get("also", "")) if name for weight in weights]
+        renamed["properties"] = grid or []
+    return renamed
+
+
 T = TypeVar("T")
 Many = Annotated[tuple[T, ...], BeforeValidator(_many), Setting(min_length=1)]
 Name = Annotated[str, Setting(min_length=1)]
 Strategy = Annotated[str, AfterValidator(known_strategy)]
 Dwell = Annotated[str, AfterValidator(plain_dwell)]
+Properties = tuple[Annotated[PropertySettings, BeforeValidator(_property)], ...]
 Positive = Annotated[float, Setting(gt=0)]
 NotNegative = Annotated[float, Setting(ge=0)]
 
@@ -137,10 +168,8 @@ class Choices(Section):
     """Numbers of robots that share one map."""
     random_field: Many[bool] | None = None
     """Whether what is random in the field is drawn anew for each seed."""
-    also: Many[Name] | None = None
-    """Fields whose rate is a second property, counted and mapped beside (paths start at the campaign file)."""
-    also_weight: Many[NotNegative] | None = None
-    """What a share of its variation is worth, that of the first property being 1; 0: not planned for."""
+    properties: Annotated[tuple[Properties, ...], BeforeValidator(_lists)] | None = None
+    """Further properties of a mission, each FIELD or FIELD:WEIGHT; a list of lists makes a grid."""
 
 
 class Experiment(Choices):
@@ -187,6 +216,23 @@ class Campaign(Section):
     """The experiments."""
     published: Published | None = None
     """Comparison with the published findings; none if left out."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_old_keys(cls, content: Any) -> Any:
+        """Keys of earlier releases, read for one release."""
+        if not isinstance(content, Mapping):
+            return content
+        defaults = _mapping(content.get("defaults"))
+        experiments = content.get("experiments")
+        renamed = dict(content)
+        if defaults:
+            renamed["defaults"] = _with_properties(defaults, {})
+        if isinstance(experiments, list):
+            renamed["experiments"] = [
+                _with_properties(part, defaults) if isinstance(part, Mapping) else part for part in experiments
+            ]
+        return renamed
 
 
 @dataclass(frozen=True)
@@ -261,13 +307,17 @@ def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None
     paths = {
         "field": _field_file(settings.field),
         "graph": Path(settings.graph) if settings.graph else None,
-        "also": _field_file(settings.also),
     }
-    for name, path in paths.items():
-        if path is not None:
-            if str(path) not in digests:
-                digests[str(path)] = _file_digest(path)
-            values[name] = digests[str(path)]
+
+    def digest(path: Path) -> str:
+        if str(path) not in digests:
+            digests[str(path)] = _file_digest(path)
+        return digests[str(path)]
+
+    values |= {name: digest(path) for name, path in paths.items() if path is not None}
+    for about in values["properties"]:
+        if (path := _field_file(about["field"])) is not None:
+            about["field"] = digest(path)
     text = json.dumps(values, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:KEY_DIGITS]
 
@@ -278,7 +328,7 @@ def settings_as_text(settings: MissionSettings) -> str:
     always = ("field", "strategy", "dwell", "seed")
     shown = [
         f"{item.name}={value}"
-        for item in fields(settings)
+        for item in dataclass_fields(settings)
         if (value := getattr(settings, item.name)) != getattr(usual, item.name) or item.name in always
     ]
     return " ".join(shown)
@@ -296,7 +346,11 @@ def _with_whole_paths(choices: Any, folder: Path) -> Any:
     update = {
         "field": choices.field and tuple(_whole_path(name, folder) for name in choices.field),
         "graph": choices.graph and tuple(str((folder / name).resolve()) for name in choices.graph),
-        "also": choices.also and tuple(_whole_path(name, folder) for name in choices.also),
+        "properties": choices.properties
+        and tuple(
+            tuple(replace(one, field=_whole_path(one.field, folder)) for one in listed)
+            for listed in choices.properties
+        ),
     }
     return choices.model_copy(update=update)
 
@@ -355,8 +409,13 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
 
     names: list[str] = []
     for place, part in zip(places, [defaults, *experiments], strict=True):
-        for key in ("field", "also"):
-            for field in _texts(part.get(key)):
+        fields = {
+            "field": list(_texts(part.get("field"))),
+            "also": list(_texts(part.get("also"))),
+            "properties": [_property_field(text) for text in _texts(part.get("properties"))],
+        }
+        for key, names_of in fields.items():
+            for field in names_of:
                 try:
                     faults = list(_faults_of_field(field, path.parent))
                 except InputError as error:
@@ -377,6 +436,13 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
         if name in names:
             yield mistake(place, "name", f"a second experiment of the name {name!r}", "give it another name")
         names.append(name)
+
+
+def _property_field(text: str) -> str:
+    """The field of a property; the text itself if it is not one, which is a mistake elsewhere."""
+    with suppress(InputError):
+        return PropertySettings.parse(text).field
+    return text
 
 
 def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:

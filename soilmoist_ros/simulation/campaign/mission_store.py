@@ -11,7 +11,9 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +22,12 @@ from soilmoist_ros import __version__
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow
+from soilmoist_ros.simulation.mission.map_errors import MapErrors
+from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 
 Array = NDArray[np.float64]
-SCHEMA = 3
+SCHEMA = 4
 SUFFIX = ".npz"
 COMPUTING = ("sensing", "mapping", "exploration", "simulation")
 """Sub-packages whose code determines a mission."""
@@ -107,7 +111,7 @@ def pack(result: MissionResult, key: str) -> bytes:
     np.savez_compressed(
         stream,
         about=np.array(json.dumps(about)),
-        series=np.array(result.series, float).reshape(-1, len(SeriesRow._fields)),
+        series=_packed_series(result),
         tracks=np.concatenate([np.empty((0, 2)), *result.tracks]),
         track_lengths=np.array([len(track) for track in result.tracks], int),
         x_m=x_m,
@@ -133,16 +137,13 @@ def unpack(content: bytes) -> StoredMission:
         if about["schema"] != SCHEMA:
             raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
         visits = tuple(Visit(**{**visit, "ended": VisitEnd(visit["ended"])}) for visit in about["visits"])
-        series = tuple(
-            SeriesRow._make([*row[:2], int(row[2]), *row[3:]]) for row in arrays["series"].astype(float).tolist()
-        )
         return StoredMission(
-            settings=MissionSettings(**about["settings"]),
+            settings=_settings(about["settings"]),
             key=about["key"],
             version=about["version"],
             field_title=about["field_title"],
             ended=about["ended"],
-            series=series,
+            series=tuple(map(_row, arrays["series"].astype(float).tolist())),
             visits=visits,
             tracks=_pieces(arrays["tracks"], arrays["track_lengths"]),
             outlines=_pieces(arrays["rings"], arrays["ring_lengths"]),
@@ -159,6 +160,29 @@ def unpack(content: bytes) -> StoredMission:
         zlib.error,
     ) as error:
         raise DamagedMissionError(f"cannot be read ({type(error).__name__}: {error})") from None
+
+
+def _settings(values: dict[str, Any]) -> MissionSettings:
+    properties = tuple(PropertySettings(**one) for one in values["properties"])
+    return MissionSettings(**{**values, "properties": properties})
+
+
+_STATE = ("time_s", "distance_m", "samples", "counting_s")
+
+
+def _packed_series(result: MissionResult) -> Array:
+    """A row of numbers for each entry: the state, then the errors of each property."""
+    width = len(_STATE) + len(MapErrors._fields) * len(result.properties)
+    rows = [[*(getattr(row, name) for name in _STATE), *chain.from_iterable(row.errors)] for row in result.series]
+    return np.array(rows, float).reshape(-1, width)
+
+
+def _row(values: list[float]) -> SeriesRow:
+    """The entry behind a row of numbers."""
+    time_s, distance_m, samples, counting_s, *errors = values
+    size = len(MapErrors._fields)
+    found = tuple(MapErrors(*errors[start : start + size]) for start in range(0, len(errors), size))
+    return SeriesRow(time_s, distance_m, int(samples), counting_s, found)
 
 
 def _pieces(joined: Array, lengths: NDArray[np.int_]) -> tuple[Array, ...]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.mission.mission_run import SeriesRow
+from soilmoist_ros.simulation.mission.map_errors import MapErrors
+from soilmoist_ros.simulation.mission.result import SeriesRow, series_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,11 +26,10 @@ Finished = Sequence[tuple[Mission, StoredMission]]
 
 SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "target",
             "travel", "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m",
-            "footprint_m", "position_sd_m", "weather", "robots", "random_field", "also",
-            "also_weight")  # fmt: skip
+            "footprint_m", "position_sd_m", "weather", "robots", "random_field", "properties")  # fmt: skip
 """Columns that say which mission a row belongs to."""
-METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share", "also_mse",
-           "also_coverage95")  # fmt: skip
+METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
+"""Columns of the mission and of the map of its own field; those of a further property end in its name."""
 
 
 def require_pandas() -> Any:
@@ -62,9 +63,12 @@ def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
     head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype({"cell_m": "float64"})
     table = head.loc[head.index.repeat([len(grid) for grid in grids])].reset_index(drop=True)
     table["time_s"] = np.concatenate([np.empty(0), *grids])
-    for name in METRICS:
+    for name in _metric_names(values):
         kind = int if name == "samples" else float
-        table[name] = np.concatenate([np.empty(0, kind), *(metrics[name] for metrics in values)])
+        columns = [
+            metrics.get(name, np.full(len(grid), np.nan)) for metrics, grid in zip(values, grids, strict=True)
+        ]
+        table[name] = np.concatenate([np.empty(0, kind), *columns])
     return table
 
 
@@ -75,10 +79,9 @@ def missions_table(finished: Finished) -> pd.DataFrame:
     (a half for stops anywhere); ``end_s`` the time at which the mission ended.
     """
     pandas = require_pandas()
-    rows = []
-    for mission, stored in finished:
+    rows, finals = [], [metrics_at(stored, np.array([np.inf])) for _, stored in finished]
+    for (mission, stored), final in zip(finished, finals, strict=True):
         end_s = stored.series[-1].time_s if stored.series else float("nan")
-        final = {name: values[0] for name, values in metrics_at(stored, np.array([np.inf])).items()}
         rows.append(
             {
                 "key": mission.key,
@@ -86,12 +89,13 @@ def missions_table(finished: Finished) -> pd.DataFrame:
                 **_settings(mission),
                 "field_title": stored.field_title or stored.settings.field,
                 "end_s": end_s,
-                **final,
+                **{name: values[0] for name, values in final.items()},
                 "border_share": border_share(stored),
                 "ended": stored.ended,
             }
         )
-    columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *METRICS, "border_share", "ended"]
+    columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *_metric_names(finals)]
+    columns += ["border_share", "ended"]
     return pandas.DataFrame(rows, columns=columns).astype({"cell_m": "float64"})
 
 
@@ -127,21 +131,22 @@ def time_grid(hours: float, every_s: float) -> Array:
     return grid if end_s - grid[-1] < 1e-6 * every_s else np.append(grid, end_s)
 
 
-def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, Array]:
-    """The metrics of a mission at any times: the state as last entered."""
-    start = np.array([SeriesRow(0, 0, 0, np.nan, np.nan, np.nan, np.nan, 0)], float)
-    entered = np.array(stored.series, float).reshape(-1, start.shape[1])
-    rows = np.vstack([start, entered])
-    last = (
-        np.searchsorted(entered[:, 0], times_s + 1e-6, side="right")
-        if len(entered)
-        else np.zeros(len(times_s), int)
-    )
-    state = SeriesRow(*rows[last].T)
+def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, NDArray[Any]]:
+    """The metrics of a mission at any times, as last entered: :data:`METRICS`, and those of further properties."""
+    names = ["", *(wanted.name for wanted in stored.settings.properties)]
+    start = SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(names))
+    entered = series_columns([start, *stored.series], names)
+    last = np.searchsorted(entered["time_s"][1:], times_s + 1e-6, side="right")
+    state = {name: column[last] for name, column in entered.items()}
+    time_s, counting_s = state.pop("time_s"), state.pop("counting_s")
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.where(state.time_s > 0, state.counting_s / (state.time_s * stored.settings.robots), np.nan)
-    same = {name: getattr(state, name) for name in METRICS if name != "counting_share"}
-    return {**same, "samples": rows[last, 2].astype(int), "counting_share": share}
+        share = np.where(time_s > 0, counting_s / (time_s * stored.settings.robots), np.nan)
+    return {**state, "counting_share": share}
+
+
+def _metric_names(values: Iterable[dict[str, NDArray[Any]]]) -> list[str]:
+    """Columns of all missions: :data:`METRICS`, then those of further properties."""
+    return list(dict.fromkeys((*METRICS, *chain.from_iterable(values))))
 
 
 def border_share(stored: StoredMission) -> float:
@@ -161,5 +166,5 @@ def border_share(stored: StoredMission) -> float:
 def _settings(mission: Mission) -> dict[str, Any]:
     values = asdict(mission.settings)
     values["graph"] = values["graph"] or "default"
-    values["also"] = values["also"] or "none"
+    values["properties"] = " ".join(map(str, mission.settings.properties)) or "none"
     return {name: values[name] for name in SETTINGS}

@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign.campaign_file import Mission, settings_as_text
 from soilmoist_ros.simulation.campaign.mission_store import pack
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings
+from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 if TYPE_CHECKING:
     from multiprocessing.synchronize import Event

@@ -1,14 +1,12 @@
-"""One property of a simulated mission: its truth, and the map of what is counted of it."""
+"""One property of a simulated mission: its truth, and the map of its counts."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -18,11 +16,10 @@ from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.map_errors import map_errors, possible_moisture
-from soilmoist_ros.simulation.mission.mission_run import Mapped, MissionSettings
-
-_FIELD_STREAM = 1
-_ALSO_STREAM = 2
+from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors, possible_moisture
+from soilmoist_ros.simulation.mission.result import MappedProperty
+from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
+from soilmoist_ros.simulation.mission.streams import field_stream
 
 
 class Channel:
@@ -31,22 +28,29 @@ class Channel:
     :param field: its truth
     :param grid: cells of the map
     :param settings: of the mission
-    :param curve: calibration, if the rate tells the moisture
+    :param curve: calibration for a map of the moisture, if there is one
+    :param wanted: the property as the settings name it
 
     Attributes
     ----------
     field_map : FieldMap
         the map
-    errors : tuple[float, float, float]
-        of the map as it was last, see :func:`map_errors`
+    errors : MapErrors
+        of the last map
     records : list[CountRecord]
         all records so far, in order of time
     """
 
     def __init__(
-        self, field: SurrogateField, grid: FieldGrid, settings: MissionSettings, curve: CalibrationCurve | None
+        self,
+        field: SurrogateField,
+        grid: FieldGrid,
+        settings: MissionSettings,
+        curve: CalibrationCurve | None,
+        wanted: PropertySettings,
     ) -> None:
         self.field = field
+        self.wanted = wanted
         self.curve = curve
         self._of_stops = settings.map_from == "stops"
         # The truth is the rate at each place, and REML can tell it from what the sensor sees.
@@ -57,7 +61,7 @@ class Channel:
         self.field_map = FieldMap(grid, choices)
         self.truth = field.rate_at(grid.cells)
         self._true_vwc = None if curve is None else possible_moisture(curve, self.truth)
-        self.errors = (math.nan, math.nan, math.nan)
+        self.errors = MapErrors()
         self.records: list[CountRecord] = []
 
     def take(self, record: CountRecord) -> None:
@@ -95,30 +99,38 @@ class Channel:
         return self.field_map.soil_map
 
     @property
-    def mapped(self) -> Mapped:
-        """What it leaves."""
+    def mapped(self) -> MappedProperty:
+        """The property as a part of the mission's result."""
         truth = self.field_map.grid.to_raster(self.truth)
-        name = property_name(self.field.name)
-        return Mapped(name, self.field.title, tuple(self.records), self.soil_map, truth)
+        name, weight = self.wanted.name, self.wanted.weight
+        return MappedProperty(name, self.field.title, tuple(self.records), self.soil_map, truth, weight)
+
+
+def mission_properties(settings: MissionSettings) -> tuple[PropertySettings, ...]:
+    """All properties that a mission counts; its own field is the first."""
+    return PropertySettings(settings.field), *settings.properties
 
 
 def mission_fields(settings: MissionSettings) -> list[SurrogateField]:
-    """The field of a mission, and that of its second property, if it has one.
+    """The fields of :func:`mission_properties`.
 
-    :raises InputError: if one is unknown, or the second does not lie on the ground of the first
+    :raises InputError: if one is unknown, does not cover the ground of the mission's own field, or has the name of
+        another one
     """
-    names = {_FIELD_STREAM: settings.field}
-    if settings.also:
-        names[_ALSO_STREAM] = settings.also
-    fields = [
-        surrogate_field(name, np.random.default_rng((settings.seed, stream)) if settings.random_field else None)
-        for stream, name in names.items()
-    ]
-    if settings.also and not _covers(fields[1].field, fields[0].field):
-        raise InputError(
-            f"the field {settings.also!r} of the second property does not cover the field {settings.field!r}",
-            "choose one with the same datum, and a boundary that is the same or lies around it",
-        )
+    fields, names = list[SurrogateField](), set[str]()
+    for number, wanted in enumerate(mission_properties(settings)):
+        rng = field_stream(settings.seed, number) if settings.random_field else None
+        fields.append(surrogate_field(wanted.field, rng))
+        if number == 0:
+            continue
+        if not _covers(fields[-1].field, fields[0].field):
+            raise InputError(
+                f"the field {wanted.field!r} of a property does not cover the field {settings.field!r}",
+                "choose one with the same datum, and a boundary that is the same or lies around it",
+            )
+        if wanted.name in names:
+            raise InputError(f"two properties have the name {wanted.name!r}", "give each property once")
+        names.add(wanted.name)
     return fields
 
 

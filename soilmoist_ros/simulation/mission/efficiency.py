@@ -9,7 +9,7 @@ import numpy as np
 
 from soilmoist_ros.exploration.planning.efficiency import least_variance
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS, spread_cells
-from soilmoist_ros.simulation.mission.mission_run import MissionResult
+from soilmoist_ros.simulation.mission.result import MissionResult
 
 CELLS = 350
 """About so many cells stand for the field."""
@@ -37,14 +37,14 @@ class Efficiency:
 
 @lru_cache(maxsize=2)
 def mission_efficiency(mission: MissionResult) -> Efficiency | None:
-    """Efficiency of a mission, ``None`` without a map or without time spent, or if it was for two properties.
+    """Efficiency of a mission; ``None`` without a map or time spent, or if several properties were planned for.
 
     It judges the plan, not the map: the variogram is taken to be the truth, and so is the map's rate.
     """
     soil_map = mission.soil_map
     time_s = mission.series[-1].time_s if mission.series else 0.0
-    both = mission.settings.also and mission.settings.also_weight > 0
-    if soil_map is None or both or not time_s > 0:
+    several = any(mapped.weight > 0 for mapped in mission.properties[1:])
+    if soil_map is None or several or not time_s > 0:
         return None
     grid = soil_map.grid
     cells = grid.cells[spread_cells(grid.mask, CELLS)[grid.mask]]

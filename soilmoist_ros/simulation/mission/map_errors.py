@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +17,34 @@ MINERAL_DENSITY_GCM3 = 2.65
 _COVERAGE_SD = 1.959964
 
 
+class MapErrors(NamedTuple):
+    """Errors of a map over the cells of a field; NaN before the first map, or without a truth.
+
+    :param mse: mean squared error of the rate [(counts/s)^2]
+    :param vwc_rmse: root mean squared error of the moisture [m^3/m^3], estimates kept between 0 and the pore
+        volume; NaN without a calibration curve
+    :param coverage95: share of the cells whose true rate lies in the 95 % interval
+    """
+
+    mse: float = math.nan
+    vwc_rmse: float = math.nan
+    coverage95: float = math.nan
+
+
 def map_errors(
     rate_cps: Array,
     rate_sd_cps: Array,
     true_rate_cps: Array,
     curve: CalibrationCurve | None,
     true_vwc: Array | None = None,
-) -> tuple[float, float, float]:
+) -> MapErrors:
     """Errors over the cells of a field.
 
     :param rate_cps: estimated rate, shape (g,) [counts/s]
     :param rate_sd_cps: its standard deviation, shape (g,) [counts/s]
     :param true_rate_cps: true rate, shape (g,) [counts/s]
     :param curve: calibration curve, if there is one
-    :param true_vwc: :func:`possible_moisture` of the true rate, where it is known already, shape (g,) [m^3/m^3]
-    :returns: mean squared error of the rate [(counts/s)^2]; root mean squared error of the moisture [m^3/m^3],
-        NaN without a curve; share of the cells whose true rate lies in the 95 % interval
+    :param true_vwc: :func:`possible_moisture` of the true rate, if it is known already, shape (g,) [m^3/m^3]
     """
     error = rate_cps - true_rate_cps
     covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
@@ -41,7 +54,7 @@ def map_errors(
             true_vwc = possible_moisture(curve, true_rate_cps)
         difference = possible_moisture(curve, rate_cps) - true_vwc
         vwc_rmse = float(np.sqrt(np.mean(difference**2)))
-    return float(np.mean(error**2)), vwc_rmse, covered
+    return MapErrors(float(np.mean(error**2)), vwc_rmse, covered)
 
 
 def possible_moisture(curve: CalibrationCurve, rate_cps: Array) -> Array:

@@ -53,8 +53,10 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.channel import Channel, mission_fields
-from soilmoist_ros.simulation.mission.mission_run import MissionResult, MissionSettings, SeriesRow
+from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
+from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.mission.streams import gnss_stream, sensor_stream, strategy_stream
 from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 
@@ -130,7 +132,8 @@ class _Simulation:
     def __init__(self, settings: MissionSettings) -> None:
         _check(settings)
         self.settings = settings
-        field, *also = mission_fields(settings)
+        fields = mission_fields(settings)
+        field = fields[0]
         if settings.target == "vwc" and field.curve is None:
             raise InputError(
                 f"the field {field.name!r} has no calibration, so there is no moisture to map",
@@ -140,15 +143,12 @@ class _Simulation:
         self.grid = field.field.grid(settings.cell_m)
         self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
-        self.channels = [Channel(field, self.grid, settings, field.curve)]
-        self.channels += [Channel(other, self.grid, settings, None) for other in also]
-        # The first robot draws from the same streams however many there are, and so does the first sensor.
-        streams = [*map(np.random.default_rng, np.random.SeedSequence(settings.seed).spawn(4 * settings.robots))]
-        beside = streams[3 * settings.robots :]
-        self.robots = [
-            self.robot(number + 1, [*streams[3 * number : 3 * number + 3], beside[number]])
-            for number in range(settings.robots)
+        # The calibration is that of the mission's own field: the rates of the others are no moisture.
+        self.channels = [
+            Channel(one, self.grid, settings, one.curve if one is field else None, wanted)
+            for one, wanted in zip(fields, mission_properties(settings), strict=True)
         ]
+        self.robots = [self.robot(number) for number in range(settings.robots)]
         # From the places of a record to its end.
         self.before_s = settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
         self.now_s = 0.0
@@ -156,10 +156,10 @@ class _Simulation:
         self.series: list[SeriesRow] = []
         self.log: list[str] = []
 
-    def robot(self, number: int, streams: Sequence[np.random.Generator]) -> _Robot:
-        """A robot at the start; all share the maps."""
-        sensor_rng, strategy_rng, gnss_rng, beside_rng = streams
+    def robot(self, number: int) -> _Robot:
+        """A robot at the start, numbered from 0; all share the maps."""
         settings, field = self.settings, self.field
+        seed = settings.seed
         dwell = parse_dwell(settings.dwell)
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
         mission = Mission(
@@ -176,15 +176,17 @@ class _Simulation:
         )
         explorer = Explorer(
             [
-                Property(self.channels[0].field_map, curve=field.curve if settings.target == "vwc" else None),
-                *(Property(other.field_map, settings.also_weight) for other in self.channels[1:]),
+                Property(
+                    channel.field_map, channel.wanted.weight, channel.curve if settings.target == "vwc" else None
+                )
+                for channel in self.channels
             ],
             self.stops,
             self.travel,
             make_strategy(settings.strategy, settings.preset),
             first_strategy,
             dwell,
-            strategy_rng,
+            strategy_stream(seed, number),
             mission.rules.min_dwell_s,
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
@@ -192,10 +194,17 @@ class _Simulation:
         start = start_stop(field.field, self.stops)
         body = VirtualRobot(self.motion, (start.x_m, start.y_m))
         sensors = [
-            VirtualSensor(channel.field, rng, settings.cadence_s, settings.footprint_m, settings.weather)
-            for channel, rng in zip(self.channels, (sensor_rng, beside_rng), strict=False)
+            VirtualSensor(
+                channel.field,
+                sensor_stream(seed, kind, number, settings.robots),
+                settings.cadence_s,
+                settings.footprint_m,
+                settings.weather,
+            )
+            for kind, channel in enumerate(self.channels)
         ]
-        return _Robot(number, mission, explorer, body, sensors, _noise(gnss_rng, settings.position_sd_m))
+        noise_m = _noise(gnss_stream(seed, number), settings.position_sd_m)
+        return _Robot(number + 1, mission, explorer, body, sensors, noise_m)
 
     def run(self, progress: Callable[[float], None]) -> MissionResult:
         """Let events happen one after the other until the mission of each robot has ended."""
@@ -294,7 +303,7 @@ class _Simulation:
             channel.update()
 
     def record(self, robot: _Robot) -> CountRecord:
-        """What a robot has counted in the interval that ends now; returns the record of the first property."""
+        """What a robot has counted in the interval that ends now; returns that of the mission's own field."""
         places = robot.body.places(self.now_s - self.before_s)
         x_m, y_m = places[len(places) // 2].tolist()
         reported = self.reported(robot, (x_m, y_m))
@@ -312,18 +321,12 @@ class _Simulation:
 
     def enter_series(self) -> None:
         """Write down how the mission stands."""
-        (mse, vwc_rmse, coverage), *also = (channel.errors for channel in self.channels)
         row = SeriesRow(
             time_s=self.now_s,
             distance_m=sum(robot.body.distance_m(self.now_s) for robot in self.robots),
             samples=len(self.visits),
-            mse=mse,
-            mse_10s=100 * mse,
-            vwc_rmse=vwc_rmse,
-            coverage95=coverage,
             counting_s=sum(robot.mission.state.all_counting_s for robot in self.robots),
-            also_mse=also[0][0] if also else math.nan,
-            also_coverage95=also[0][2] if also else math.nan,
+            errors=tuple(channel.errors for channel in self.channels),
         )
         if self.series and self.series[-1].time_s == self.now_s:
             self.series[-1] = row
@@ -341,20 +344,15 @@ class _Simulation:
     def result(self) -> MissionResult:
         """What the mission leaves."""
         assert all(robot.mission.state.phase in (Phase.FINISHED, Phase.IDLE) for robot in self.robots)
-        first, *others = (channel.mapped for channel in self.channels)
         return MissionResult(
             settings=self.settings,
             series=tuple(self.series),
             visits=tuple(self.visits),
             tracks=tuple(np.array(robot.body.track) for robot in self.robots),
-            records=first.records,
-            soil_map=first.soil_map,
-            truth_rate=first.truth_rate,
+            properties=tuple(channel.mapped for channel in self.channels),
             frame=self.field.frame,
-            field_title=first.field_title,
             ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),
             log=tuple(self.log),
-            also=others[0] if others else None,
         )
 
 
@@ -411,7 +409,5 @@ def _check(settings: MissionSettings) -> None:
         raise InputError("a travel graph is given, but the robot travels freely", "choose travel by graph")
     if settings.robots < 1:
         raise InputError(f"a mission of {settings.robots} robots is not possible", "give at least 1")
-    if not (math.isfinite(settings.also_weight) and settings.also_weight >= 0):
-        raise InputError(f"a second property cannot have the weight {settings.also_weight}", "give 0 or more")
     if not settings.series_every_s > 0:
         raise InputError("series_every_s must be positive", "60 is usual")

@@ -22,7 +22,8 @@ from soilmoist_ros.reporting.page.style import Picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, load_campaign, missions, run_campaign
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.mission.mission_run import SeriesRow
+from soilmoist_ros.simulation.mission.map_errors import MapErrors
+from soilmoist_ros.simulation.mission.result import SeriesRow
 
 FAKE = Path(__file__).resolve().parents[2] / "simulation"
 CAMPAIGN = Campaign.model_validate(
@@ -56,10 +57,8 @@ def crafted(mission, mse=None, distance=None, border=None):
             t,
             driven * t / 3600,
             int(t // 300),
-            *((error, 100 * error) if t else (np.nan, np.nan)),
-            0.02,
-            0.9,
             t / 2,
+            (MapErrors(error if t else np.nan, 0.02, 0.9),),
         )
         for t in np.arange(0.0, 3601, 300)
     )

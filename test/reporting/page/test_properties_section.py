@@ -13,7 +13,7 @@ import rasterio
 from soilmoist_ros.reporting.mission_report import mission_run, write_mission
 from soilmoist_ros.reporting.outputs import MISSION_NAMES, NAMES
 from soilmoist_ros.reporting.page.properties_section import property_sections, side_by_side, small_multiples
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
@@ -22,7 +22,7 @@ OTHER = ("map_synthetic_low.tif", "samples_synthetic_low.geojson")
 
 @pytest.fixture(scope="module")
 def mission():
-    return simulate_mission(MissionSettings(hours=0.3, cell_m=4.0, dwell="fmi:60", also="synthetic-low"))
+    return simulate_mission(MissionSettings(hours=0.3, cell_m=4.0, dwell="fmi:60", properties=("synthetic-low",)))
 
 
 def titles(figure):
@@ -56,7 +56,11 @@ def test_each_property_has_files_by_its_name(mission, tmp_path):
 def test_files_of_an_older_mission_do_not_stay_when_a_new_one_has_no_map(mission, tmp_path):
     for name in (*NAMES, *OTHER):
         (tmp_path / name).touch()
-    write_mission(tmp_path, replace(mission, soil_map=None), created_utc=NOW)
+    write_mission(
+        tmp_path,
+        replace(mission, properties=[replace(one, soil_map=None) for one in mission.properties]),
+        created_utc=NOW,
+    )
     assert {path.name for path in tmp_path.iterdir()} == {"summary.json", *MISSION_NAMES}
 
 

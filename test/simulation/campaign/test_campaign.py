@@ -26,7 +26,8 @@ from soilmoist_ros.simulation.campaign.campaign import (
 from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, pack, unpack
 from soilmoist_ros.simulation.campaign.table import METRICS, SETTINGS, time_grid
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 HERE = Path(__file__).resolve().parents[1]
 SMALL = """
@@ -213,7 +214,7 @@ def test_a_mission_survives_its_file(fake):
     result = fake(settings)
     stored = unpack(pack(result, "k"))
     assert stored.settings == settings
-    np.testing.assert_equal(np.array(stored.series), np.array(result.series))
+    assert repr(stored.series) == repr(tuple(result.series)), "not even NaN differs"
     np.testing.assert_equal([asdict(visit) for visit in stored.visits], [asdict(visit) for visit in result.visits])
     np.testing.assert_array_equal(stored.tracks, result.tracks)
     np.testing.assert_allclose(stored.rate, result.soil_map.rate, rtol=1e-6)
@@ -442,15 +443,50 @@ def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path)
     assert len(keys) == 2
 
 
-def test_a_second_property_is_varied_and_counts_by_its_content(tmp_path):
-    text = "title: t\nruns: 1\nexperiments: [{name: a, also: %s, also_weight: [0, 1]}]\n"
-    with pytest.raises(InputError, match=r"also.*no field 'ruogh'"):
-        written(tmp_path / "c.yaml", text % "ruogh")
+PROPERTIES = "title: t\nruns: 1\nexperiments: [{name: a, properties: %s}]\n"
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ("rough", ["rough"]),
+        ("[rough, 'smooth:0.5']", ["rough smooth:0.5"]),
+        ("[[rough], ['smooth:0.5', patches], []]", ["rough", "smooth:0.5 patches", ""]),
+        ("[]", [""]),
+    ],
+)
+def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
+    found = missions(written(tmp_path / "c.yaml", PROPERTIES % given))
+    assert [" ".join(map(str, mission.settings.properties)) for mission in found] == expected
+
+
+def test_a_property_counts_by_the_content_of_its_file(tmp_path):
+    with pytest.raises(InputError, match=r"properties.*no field 'ruogh'"):
+        written(tmp_path / "c.yaml", PROPERTIES % "['ruogh:2']")
+    with pytest.raises(InputError, match="'rough:-1' is not a property with a weight"):
+        written(tmp_path / "c.yaml", PROPERTIES % "['rough:-1']")
     keys = set()
     for content in ("truth: {}", "truth: {hours: 1}"):
         (tmp_path / "salt.yaml").write_text(content)
-        found = missions(written(tmp_path / "c.yaml", text % "[./salt.yaml, rough]"))
-        assert [mission.settings.also_weight for mission in found] == [0, 1, 0, 1]
-        assert found[0].settings.also == str(tmp_path / "salt.yaml")
+        found = missions(written(tmp_path / "c.yaml", PROPERTIES % "[['./salt.yaml:2'], [rough]]"))
+        assert str(found[0].settings.properties[0]) == f"{tmp_path / 'salt.yaml'}:2"
         keys |= {mission.key for mission in found}
-    assert len(keys) == 4 + 2, "the shipped field is the same in both"
+    assert len(keys) == 2 + 1, "the shipped field is the same in both"
+
+
+def test_old_keys_of_a_property_mean_the_same_missions(tmp_path, caplog):
+    old = "title: t\nruns: 1\ndefaults: {also: rough}\nexperiments: [{name: a, also_weight: [0, 1]}, {name: b}]\n"
+    new = "[{name: a, properties: [['rough:0'], [rough]]}, {name: b, properties: rough}]"
+    new = f"title: t\nruns: 1\nexperiments: {new}\n"
+    assert missions(written(tmp_path / "old.yaml", old)) == missions(written(tmp_path / "new.yaml", new))
+    assert "'also' and 'also_weight' have become 'properties'" in caplog.text
+
+
+def test_each_further_property_has_its_columns_in_the_tables(tmp_path):
+    experiment = "{name: a, hours: 0.05, properties: [[], ['rough:0', smooth]]}"
+    text = f"title: t\nruns: 1\nexperiments: [{experiment}]\n"
+    run_campaign(written(tmp_path / "c.yaml", text), tmp_path, simulate_mission, workers=0)
+    final = pd.read_parquet(tmp_path / "missions.parquet").set_index("properties")
+    assert list(final.index) == ["none", "rough:0 smooth"]
+    assert {"mse_rough", "coverage95_rough", "mse_smooth", "coverage95_smooth"} < set(final.columns)
+    assert final.loc["none", ["mse_rough", "mse_smooth"]].isna().all()

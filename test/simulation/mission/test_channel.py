@@ -1,4 +1,4 @@
-"""Missions that count a second property beside the first."""
+"""Missions that count several properties."""
 
 import json
 from dataclasses import replace
@@ -8,7 +8,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.mission_report import write_mission
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 QUICK = MissionSettings(hours=0.25, cell_m=4.0, map_from="records", fit="reml", variogram="matern32", seed=3)
@@ -16,39 +16,44 @@ LOOKS_AHEAD = replace(QUICK, strategy="ivr", dwell="optimal")
 
 
 def course(result):
-    return [row[:8] for row in result.series], list(result.visits), list(result.records)
+    def shared(row):
+        return row.time_s, row.distance_m, row.samples, row.counting_s, row.errors[0]
+
+    return [*map(shared, result.series)], list(result.visits), list(result.records)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("settings", [QUICK, LOOKS_AHEAD, replace(QUICK, map_from="stops", dwell="fmi:60")])
-def test_a_second_property_without_weight_changes_nothing_of_the_first(settings):
-    alone, beside = simulate_mission(settings), simulate_mission(replace(settings, also="rough", also_weight=0.0))
-    np.testing.assert_equal(course(beside), course(alone))
-    assert alone.also is None
-    assert beside.also.soil_map is not None
-    assert len(beside.also.records) == len(beside.records)
+def test_a_property_without_weight_changes_nothing_of_the_first(settings):
+    alone, both = simulate_mission(settings), simulate_mission(replace(settings, properties=("rough:0",)))
+    np.testing.assert_equal(course(both), course(alone))
+    assert len(alone.properties) == 1
+    assert both.properties[1].soil_map is not None
+    assert len(both.properties[1].records) == len(both.records)
 
 
 @pytest.mark.slow
 def test_the_second_property_is_counted_where_and_when_the_first_is():
-    result = simulate_mission(replace(LOOKS_AHEAD, also="rough", robots=2))
-    assert result.also.field_title == "A rough random field"
-    for first, second in zip(result.records, result.also.records, strict=True):
+    result = simulate_mission(replace(LOOKS_AHEAD, properties=("rough",), robots=2))
+    further = result.properties[1]
+    assert further.title == "A rough random field"
+    for first, second in zip(result.records, further.records, strict=True):
         assert (first.stamp_s, first.x_m, first.y_m) == (second.stamp_s, second.x_m, second.y_m)
-    samples, other = result.soil_map.samples, result.also.soil_map.samples
+    samples, other = result.soil_map.samples, further.soil_map.samples
     np.testing.assert_array_equal(samples.xy, other.xy)
     assert not np.array_equal(samples.counts, other.counts)
-    error = result.also.soil_map.rate - result.also.truth_rate
-    assert result.series[-1].also_mse == pytest.approx(np.nanmean(error**2), rel=1e-6)
+    error = further.soil_map.rate - further.truth_rate
+    assert result.series[-1].errors[1].mse == pytest.approx(np.nanmean(error**2), rel=1e-6)
 
 
 def test_a_map_of_stops_has_the_counts_of_the_stops():
-    result = simulate_mission(replace(QUICK, map_from="stops", dwell="fmi:60", also="rough"))
-    first, second = result.soil_map.samples, result.also.soil_map.samples
+    result = simulate_mission(replace(QUICK, map_from="stops", dwell="fmi:60", properties=("rough",)))
+    further = result.properties[1]
+    first, second = result.soil_map.samples, further.soil_map.samples
     np.testing.assert_array_equal(first.counts, [visit.raw_counts for visit in result.visits])
     np.testing.assert_array_equal(first.exposure_s, second.exposure_s)
-    stamps_s = np.array([record.stamp_s for record in result.also.records])
-    counts = np.array([record.raw_counts for record in result.also.records])
+    stamps_s = np.array([record.stamp_s for record in further.records])
+    counts = np.array([record.raw_counts for record in further.records])
     for visit, counted in list(zip(result.visits, second.counts, strict=True))[:-1]:  # the last is cut short
         begin_s, end_s = visit.arrived_s + 10.0 - 1e-6, visit.arrived_s + visit.dwell_s + 1e-6
         assert counted == counts[(stamps_s >= begin_s) & (stamps_s <= end_s)].sum()
@@ -56,9 +61,7 @@ def test_a_map_of_stops_has_the_counts_of_the_stops():
 
 @pytest.mark.slow
 def test_what_is_planned_for_both_is_another_plan_and_the_outputs_say_so(tmp_path):
-    one, both = (
-        simulate_mission(replace(LOOKS_AHEAD, hours=0.15, also="rough", also_weight=w)) for w in (0.0, 1.0)
-    )
+    one, both = (simulate_mission(replace(LOOKS_AHEAD, hours=0.15, properties=(f"rough:{w}",))) for w in (0, 1))
     assert [visit.name for visit in one.visits] != [visit.name for visit in both.visits]
     assert all(";" not in visit.reason for visit in both.visits)
     write_mission(tmp_path, both)
@@ -67,7 +70,7 @@ def test_what_is_planned_for_both_is_another_plan_and_the_outputs_say_so(tmp_pat
     assert about["also"]["truth"]["rmse_cps"] == pytest.approx(about["final"]["also_mse"] ** 0.5, rel=1e-6)
     assert about["efficiency"] is None, "that of one property would mislead"
     head = (tmp_path / "series.csv").read_text().splitlines()[0]
-    assert head.endswith(",counting_s,also_mse,also_coverage95")
+    assert head.endswith(",counting_s,also_mse,mse_rough,also_coverage95,coverage95_rough")
     report = (tmp_path / "report.html").read_text()
     for said in ('id="also-rate"', 'id="properties"', "planned for with the weight 1"):
         assert said in report
@@ -76,10 +79,10 @@ def test_what_is_planned_for_both_is_another_plan_and_the_outputs_say_so(tmp_pat
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"also": "patches"}, "'patches' of the second property does not cover the field 'synthetic-high'"),
-        ({"also": "validation", "field": "synthetic-low"}, ""),
-        ({"also": "ruogh"}, "did you mean 'rough'"),
-        ({"also": "rough", "also_weight": -1.0}, "cannot have the weight -1.0"),
+        ({"properties": ("patches",)}, "'patches' of a property does not cover the field 'synthetic-high'"),
+        ({"properties": ("validation",), "field": "synthetic-low"}, ""),
+        ({"properties": ("ruogh",)}, "did you mean 'rough'"),
+        ({"properties": ("rough", "smooth", "rough:2")}, "two properties have the name 'rough'"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(change, said):
@@ -93,7 +96,9 @@ def test_what_does_not_fit_together_is_refused(change, said):
 
 def test_each_seed_has_a_second_field_of_its_own():
     drawn = [
-        simulate_mission(replace(QUICK, hours=0.02, also="rough", random_field=True, seed=seed)).also.truth_rate
+        simulate_mission(replace(QUICK, hours=0.02, properties=("rough",), random_field=True, seed=seed))
+        .properties[1]
+        .truth_rate
         for seed in (1, 1, 2)
     ]
     np.testing.assert_array_equal(drawn[0], drawn[1])

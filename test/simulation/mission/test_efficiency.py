@@ -4,7 +4,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 
@@ -32,7 +32,7 @@ def test_a_plan_that_weighs_time_reaches_more_than_the_published_one():
 
 def test_without_a_map_there_is_no_figure():
     short = mission(hours=0.05, strategy="greedy", dwell="fmi:600")
-    assert mission_efficiency(replace(short, soil_map=None)) is None
+    assert mission_efficiency(replace(short, properties=[replace(short.properties[0], soil_map=None)])) is None
 
 
 @pytest.mark.slow

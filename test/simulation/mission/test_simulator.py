@@ -16,7 +16,7 @@ from soilmoist_ros.exploration.travel.topological_map import make_topological_ma
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
 
 SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", variogram="matern32", cell_m=2.0)

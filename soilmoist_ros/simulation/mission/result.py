@@ -1,0 +1,162 @@
+"""What a mission leaves: its course, its visits, and a map of each property."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.simulation.mission.map_errors import MapErrors
+
+if TYPE_CHECKING:
+    from soilmoist_ros.exploration.mission.visit import Visit
+    from soilmoist_ros.foundation.geodesy import LocalFrame
+    from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.sensing.records import CountRecord
+    from soilmoist_ros.simulation.mission.settings import MissionSettings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SeriesRow:
+    """The state of a mission at one time.
+
+    :param time_s: mission time [s]
+    :param distance_m: distance travelled, of all robots together [m]
+    :param samples: finished visits
+    :param counting_s: time spent counting at stops, of all robots together [s]
+    :param errors: of the map of each property; the mission's own field is the first
+    """
+
+    time_s: float
+    distance_m: float
+    samples: int
+    counting_s: float
+    errors: tuple[MapErrors, ...] = (MapErrors(),)
+
+    @property
+    def mse(self) -> float:
+        """Mean squared error of the rate of the mission's own field [(counts/s)^2]."""
+        return self.errors[0].mse
+
+    @property
+    def mse_10s(self) -> float:
+        """The mean squared error in the authors' unit [(counts/10 s)^2]."""
+        return 100 * self.mse
+
+    @property
+    def vwc_rmse(self) -> float:
+        """Root mean squared error of the moisture [m^3/m^3]; NaN without a calibration curve."""
+        return self.errors[0].vwc_rmse
+
+    @property
+    def coverage95(self) -> float:
+        """Share of the cells whose true rate lies in the 95 % interval."""
+        return self.errors[0].coverage95
+
+
+def series_columns(series: Sequence[SeriesRow], names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """A series as columns: those of the mission, then error and coverage of each further property.
+
+    :param series: rows
+    :param names: names of all properties; the first has the columns without a name
+    :returns: ``time_s``, ``distance_m``, ``samples``, ``mse``, ``mse_10s``, ``vwc_rmse``, ``coverage95``,
+        ``counting_s``, and ``mse_NAME`` and ``coverage95_NAME`` of each further property; with exactly one
+        further property also ``also_mse`` and ``also_coverage95``, the names that earlier releases had
+    """
+    shared = ("time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s")
+    columns: dict[str, NDArray[Any]] = {
+        name: np.array([getattr(row, name) for row in series], float) for name in shared
+    }
+    columns["samples"] = np.array([row.samples for row in series], int)
+    for number, name in enumerate(names[1:], start=1):
+        errors = [row.errors[number] for row in series]
+        for metric in ("mse", "coverage95"):
+            column = np.array([getattr(error, metric) for error in errors], float)
+            if len(names) == 2:
+                columns[f"also_{metric}"] = column
+            columns[f"{metric}_{name}"] = column
+    return columns
+
+
+@dataclass(frozen=True, eq=False)
+class MappedProperty:
+    """A property that a mission mapped.
+
+    :param name: its name for files, see :func:`property_name`
+    :param title: its name for reports
+    :param records: all records of its sensors in order of time
+    :param soil_map: final map of its rate, ``None`` if the mission ended before the first
+    :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside and if unknown
+    :param weight: value of a share of its variation to the planner, 0 if it was mapped only
+    """
+
+    name: str
+    title: str
+    records: Sequence[CountRecord]
+    soil_map: SoilMap | None
+    truth_rate: Array
+    weight: float = 1.0
+
+    @property
+    def known_truth(self) -> Array | None:
+        """The truth, ``None`` if it is unknown."""
+        return self.truth_rate if np.isfinite(self.truth_rate).any() else None
+
+
+@dataclass(frozen=True, eq=False)
+class MissionResult:
+    """What a mission leaves.
+
+    :param settings: what it was run with
+    :param series: state over time, in order; the last row is the end of the mission
+    :param visits: visits in the order in which they were finished
+    :param tracks: corner points of each robot's path [m], shape (p, 2)
+    :param properties: the mapped properties; the mission's own field is the first
+    :param frame: plane of the field
+    :param ended: why the mission ended
+    :param log: what happened, line by line
+    """
+
+    settings: MissionSettings
+    series: Sequence[SeriesRow]
+    visits: Sequence[Visit]
+    tracks: Sequence[Array]
+    properties: Sequence[MappedProperty]
+    frame: LocalFrame
+    ended: str = ""
+    log: Sequence[str] = field(default_factory=tuple)
+
+    @property
+    def records(self) -> Sequence[CountRecord]:
+        """Records of the mission's own field."""
+        return self.properties[0].records
+
+    @property
+    def soil_map(self) -> SoilMap | None:
+        """Final map of the mission's own field, ``None`` if the mission ended before the first."""
+        return self.properties[0].soil_map
+
+    @property
+    def truth_rate(self) -> Array:
+        """True rate of the mission's own field on the map's grid [counts/s], shape (ny, nx), NaN outside."""
+        return self.properties[0].truth_rate
+
+    @property
+    def field_title(self) -> str:
+        """Name of the mission's own field for reports."""
+        return self.properties[0].title
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The series as columns, see :func:`series_columns`."""
+        return series_columns(self.series, [mapped.name for mapped in self.properties])
+
+    def __repr__(self) -> str:
+        end_h = self.series[-1].time_s / 3600 if self.series else 0.0
+        names = ", ".join(mapped.name for mapped in self.properties)
+        return f"<MissionResult: {names}; {len(self.visits)} visits in {end_h:.2f} h; {self.ended}>"

@@ -1,0 +1,50 @@
+"""Random streams of a simulated mission: each source of randomness has a stream, whatever else is simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_SENSOR, _STRATEGY, _GNSS = range(3)
+_PER_ROBOT = 3
+
+
+def field_stream(seed: int, number: int) -> np.random.Generator:
+    """What is random in the field of a property.
+
+    :param seed: of the mission
+    :param number: number of the property, from 0
+    """
+    return np.random.default_rng((seed, number + 1))
+
+
+def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -> np.random.Generator:
+    """Counts and weather of the sensor of one property on one robot.
+
+    The keys of the first two properties are those of earlier releases, so that their missions stay the same.
+
+    :param seed: of the mission
+    :param number: number of the property, from 0
+    :param robot: number of the robot, from 0
+    :param robots: number of robots of the mission
+    """
+    keys = ((_PER_ROBOT * robot + _SENSOR,), (_PER_ROBOT * robots + robot,))
+    return _stream(seed, *(keys[number] if number < len(keys) else (number, robot)))
+
+
+def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
+    """Choices of the strategy of one robot, numbered from 0."""
+    return _stream(seed, _PER_ROBOT * robot + _STRATEGY)
+
+
+def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:
+    """Errors of the positions of one robot, numbered from 0."""
+    return _stream(seed, _PER_ROBOT * robot + _GNSS)
+
+
+def device_stream(seed: int, device: int) -> np.random.Generator:
+    """What is random in a device of the simulated system, numbered from 0."""
+    return _stream(seed, _PER_ROBOT + 1 + device)
+
+
+def _stream(seed: int, *key: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
