@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
@@ -16,7 +17,6 @@ from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
