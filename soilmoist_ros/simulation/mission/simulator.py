@@ -177,7 +177,9 @@ class _Simulation:
         explorer = Explorer(
             [
                 Property(
-                    channel.field_map, channel.wanted.weight, channel.curve if settings.target == "vwc" else None
+                    channel.field_map,
+                    channel.wanted.weight,
+                    curve=channel.curve if settings.target == "vwc" else None,
                 )
                 for channel in self.channels
             ],
