@@ -1,8 +1,9 @@
-"""``soilmoist replay --live``: a bag played to real nodes, with the time of its recording."""
+"""``soilmoist replay --live``: play a bag to real nodes, with the time of its recording."""
 
 from __future__ import annotations
 
 import importlib
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -36,21 +37,30 @@ _LAST_MESSAGES: Final = Duration(seconds=10)
 
 
 class BagPlayer(Node):
-    """Publishes a bag's messages, byte by byte as they were, when their time has come.
+    """Publishes the messages of a bag at their times, byte by byte as they were recorded.
 
     :param playback: the messages
     :param pacer: the time
-    :param context: where it publishes
-    :param say: is told what the user should know
+    :param context: context of the node
+    :param say: shows a note to the user
+    :param interrupted: set to end :meth:`wait_for_listeners` and :meth:`play`
     """
 
-    def __init__(self, playback: Playback, pacer: Pacer, context: Context, say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        playback: Playback,
+        pacer: Pacer,
+        context: Context,
+        say: Callable[[str], None],
+        interrupted: threading.Event,
+    ) -> None:
         super().__init__("bag_player", context=context)
+        self._interrupted = interrupted
         self._playback = playback
         self._pacer = pacer
         self._say = say
         self._clock = None if playback.has_clock else self.create_publisher(Clock, "/clock", CLOCK)
-        self._told_ns = 0
+        self._clock_ns = 0
         self._publishers_of: dict[str, Publisher] = {}
         for topic, kind in list(playback.topics.items()):
             self._advertise(topic, kind)
@@ -60,11 +70,14 @@ class BagPlayer(Node):
         self.create_service(Trigger, "~/resume", self._on_resume)
 
     def toggle(self) -> None:
-        """Pause, or go on."""
+        """Pause, or resume."""
         self._pacer.paused = not self._pacer.paused
 
     def wait_for_listeners(self) -> None:
-        """Wait until somebody has subscribed and nobody else does so any more, but not for ever."""
+        """Wait until the number of subscriptions is above zero and stays the same, but not for ever.
+
+        :raises KeyboardInterrupt: if interrupted
+        """
         began_s = changed_s = time.monotonic()
         listeners = 0
         while time.monotonic() - began_s < _LISTENERS_LIMIT_S:
@@ -73,23 +86,26 @@ class BagPlayer(Node):
                 listeners, changed_s = now, time.monotonic()
             elif listeners and time.monotonic() - changed_s >= _LISTENERS_SETTLE_S:
                 return
-            self._tell_time(self._pacer.now_ns)
-            time.sleep(_TICK_S)
-        self._say("nobody listens to what is played" if not listeners else "more and more nodes subscribe")
+            self._publish_time(self._pacer.now_ns)
+            self._sleep(_TICK_S)
+        self._say("no node subscribes to the played topics" if not listeners else "more and more nodes subscribe")
 
     def play(self, progress: Progress) -> int:
-        """Publish all messages; the number of them."""
+        """Publish all messages; returns their number.
+
+        :raises KeyboardInterrupt: if interrupted
+        """
         count, before_s = 0, time.monotonic()
         for message in self._playback.messages():
             while (wait_s := self._pacer.wait_s(message.log_ns)) > 0:
-                self._tell_time(self._pacer.now_ns)
-                time.sleep(min(wait_s, _TICK_S))
+                self._publish_time(self._pacer.now_ns)
+                self._sleep(min(wait_s, _TICK_S))
                 now_s = time.monotonic()
                 self._pacer.step(now_s - before_s)
                 before_s = now_s
-                step = "paused (space goes on)" if self._pacer.paused else "playing (space pauses)"
+                step = "paused (space resumes)" if self._pacer.paused else "playing (space pauses)"
                 progress(step, self._playback.share(self._pacer.now_ns))
-            self._tell_time(message.log_ns)
+            self._publish_time(message.log_ns)
             self._publishers_of[message.topic].publish(message.data)
             count += 1
         for publisher in self._publishers_of.values():
@@ -108,9 +124,13 @@ class BagPlayer(Node):
         profile = published_qos(self._playback.offered(topic))
         self._publishers_of[topic] = self.create_publisher(message, topic, profile)
 
-    def _tell_time(self, now_ns: int) -> None:
-        if self._clock is not None and now_ns >= self._told_ns:
-            self._told_ns = now_ns
+    def _sleep(self, time_s: float) -> None:
+        if self._interrupted.wait(time_s):
+            raise KeyboardInterrupt
+
+    def _publish_time(self, now_ns: int) -> None:
+        if self._clock is not None and now_ns >= self._clock_ns:
+            self._clock_ns = now_ns
             self._clock.publish(Clock(clock=to_time(now_ns * 1e-9)))
 
     def _on_pause(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -131,12 +151,15 @@ def player_of(
     """A player that answers its services.
 
     :param bag: folder of a bag, or a file of one
-    :param topics: pattern of the full names of the topics to play
+    :param topics: regular expression for the full names of the topics to play
     :param speed: recorded time per time
     :param start_s: time after the beginning of the bag at which to start [s]
-    :param say: is told what the user should know
+    :param say: shows a note to the user
     :raises InputError: if the bag cannot be played
     """
+    interrupted = threading.Event()
+    # Python drops a KeyboardInterrupt that is raised within a callback of the garbage collector.
+    previous = signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())
     context = Context()
     rclpy.init(context=context)
     executor = SingleThreadedExecutor(context=context)
@@ -150,7 +173,7 @@ def player_of(
     try:
         with BagReader(bag) as reader:
             playback = Playback(reader, topics, start_s)
-            player = BagPlayer(playback, Pacer(playback.start_ns, speed), context, say)
+            player = BagPlayer(playback, Pacer(playback.start_ns, speed), context, say, interrupted)
             executor.add_node(player)
             thread.start()
             try:
@@ -160,5 +183,6 @@ def player_of(
                 thread.join(2.0)
                 player.destroy_node()
     finally:
+        signal.signal(signal.SIGINT, previous)
         executor.shutdown()
         context.try_shutdown()
