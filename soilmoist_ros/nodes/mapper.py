@@ -99,6 +99,8 @@ class Mapper(Node):
         self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
         self._worker = MapWorker(self._online.compute, self._publish)
+        # Before the first map it is the cell size that the planner needs.
+        self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
         if earlier := parameters.text("start_from"):
             for record in read_earlier(Path(earlier).expanduser(), parameters.text("start_property")):
                 self._online.add(record)

@@ -77,7 +77,7 @@ class Planner(Node):
             self._autostart = False
         graph = self._values.text("graph")
         if graph != "topic":
-            self._control.use_ways(None if graph == "free" else read_topological_map(Path(graph)).graph)
+            self._control.use_graph(None if graph == "free" else read_topological_map(Path(graph)).graph)
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
         self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others, properties)

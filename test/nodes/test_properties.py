@@ -28,6 +28,26 @@ def record(number, place, rate_cps):
     )  # fmt: skip
 
 
+def test_planner_and_mapper_have_one_grid(ros, tmp_path):
+    """The field file has cells of 2 m, the mapper is given others: the planner's stops are the mapper's cells."""
+    (tmp_path / "field.yaml").write_text(FIELD)
+    common = {"use_sim_time": True, "field": str(tmp_path / "field.yaml")}
+    models = ros.collect(String, "model", LATCHED)
+    missions = ros.collect(DiagnosticStatus, "mission", LATCHED)
+    ros.collect(PoseStamped, "goal_pose")
+    ros.start("mapper", params={**common, "cell_m": 5.0})
+    ros.wait_for(lambda: bool(models), message="the cell size before the first map")
+    assert model_from_message(models[-1]).cell_m == 5.0
+    with World(ros, mapper=False) as world:
+        world.place = (20.0, 15.0)
+        ros.start("planner", params={**common, "strategy": "random", "navigator": "goal_pose", "graph": "free"})
+        ros.wait_for(lambda: len(missions) > 2, message="the planner's status")
+        ros.wait_for(lambda: ros.call(Trigger, "planner/start").success)
+        ros.wait_for(lambda: mission_from_message(missions[-1]).target is not None, message="the first stop")
+        stop = mission_from_message(missions[-1]).target
+    assert (stop.x_m % 5.0, stop.y_m % 5.0) == (2.5, 2.5)
+
+
 def test_what_is_unknown_of_a_second_property_changes_the_choice(ros, tmp_path):
     (tmp_path / "field.yaml").write_text(FIELD)
     common = {"use_sim_time": True, "field": str(tmp_path / "field.yaml")}
@@ -77,7 +97,7 @@ def test_what_is_unknown_of_a_second_property_changes_the_choice(ros, tmp_path):
             params={**common, "strategy": "ivr", "navigator": "goal_pose", "graph": "free",
                     "properties": ["compaction:3"], "hours": 2.0},
         )  # fmt: skip
-        ros.wait_for(lambda: "no map has come of compaction: stops are chosen without it" in health("properties"))
+        ros.wait_for(lambda: "no map of compaction: stops are chosen without it" in health("properties"))
         alone = chosen()
         assert alone.x_m < 15.0, "the south-west is unknown"
         feed("/compaction", [place for place in CORNERS if place[0] < 25], 40.0)

@@ -19,7 +19,7 @@ import numpy as np
 
 from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.mission.journal import MissionJournal
@@ -123,8 +123,10 @@ class MissionControl:
         self._settings = settings
         self._home = home
         self._outputs = outputs
-        self._ways: Ways | None = None
-        self._no_ways = "the map of the navigation"
+        self._access: FieldAccess | None = None
+        self._graph: TravelGraph | None = None
+        self._cell_m: float | None = None
+        self._no_access = "the map of the navigation"
         self._journal = journal or MissionJournal(None)
         self._interrupted = ""
         self._resume_when_ready = False
@@ -135,7 +137,7 @@ class MissionControl:
         self._queue_lock = Lock()
         self._pool = ThreadPoolExecutor(1, "planning")
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
-        self._explorer: tuple[float | None, Ways, Explorer] | None = None  # of the pool's thread
+        self._explorer: tuple[float | None, FieldAccess, Explorer] | None = None  # of the pool's thread
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
         self.navigator = make_navigator(self.ended)
@@ -162,19 +164,32 @@ class MissionControl:
 
     # What comes in -------------------------------------------------------------------------------------------
 
-    def use_ways(self, graph: TravelGraph | None) -> None:
+    def use_graph(self, graph: TravelGraph | None) -> None:
         """Where the robot may go: along a graph, or straight where nothing is in the way.
 
         :raises InputError: if it does not fit the field, or does not know the home
         """
         try:
-            ways = Ways(self._field, self._settings.motion, graph, self._mission.rules.arrival_radius_m)
-            home = ways.stop(self._home) if self._home else None
+            self._use(graph, self._cell_m)
         except Exception as error:
-            self._no_ways = f"a map that can be used ({error})"
+            self._no_access = f"a map that can be used ({error})"
             raise
+
+    def _use(self, graph: TravelGraph | None, cell_m: float | None) -> None:
+        radius_m = self._mission.rules.arrival_radius_m
+        access = FieldAccess(self._field, self._settings.motion, graph, radius_m, cell_m)
+        home = access.stop(self._home) if self._home else None
         self._mission.rules = replace(self._mission.rules, home=home)
-        self._ways = ways
+        self._access, self._graph = access, graph
+
+    def _use_cells(self, cell_m: float) -> None:
+        """Plan on the cells of the mapper's map.
+
+        :raises InputError: if the field cannot be gridded with them, or does not know the home then
+        """
+        if self._access is not None and self._access.grid.cell_m != cell_m:
+            self._use(self._graph, cell_m)
+        self._cell_m = cell_m
 
     @property
     def under_way(self) -> bool:
@@ -182,15 +197,15 @@ class MissionControl:
         return self._mission.state.under_way
 
     @property
-    def takes_ways(self) -> bool:
-        """Whether :meth:`use_ways` may be called: not in mid-mission, unless there are none yet."""
-        return self._ways is None or not self.under_way
+    def takes_graph(self) -> bool:
+        """Whether :meth:`use_graph` may be called: not in mid-mission, unless none has been used yet."""
+        return self._access is None or not self.under_way
 
     def missing(self) -> tuple[str, ...]:
         """What is missing before a mission can start."""
         missing = {
             "the time (is /clock published?)": self._outputs.now_s() <= 0,
-            self._no_ways: self._ways is None,
+            self._no_access: self._access is None,
             "a position": self._feed.place is None,
             self.navigator.waiting_for: bool(self.navigator.waiting_for),
         }
@@ -241,8 +256,13 @@ class MissionControl:
             self._queue.take_samples(name, samples, stamp_s)
         self._plan_if_due()
 
-    def fit(self, fit: VariogramFit | None, stamp_s: float, name: str = "") -> None:
-        """Their variogram has come."""
+    def fit(self, fit: VariogramFit | None, stamp_s: float, name: str = "", cell_m: float | None = None) -> None:
+        """Their variogram has come.
+
+        :param cell_m: cell size of the map [m]; the planner takes over that of the robot's own property
+        """
+        if not name and cell_m is not None:
+            self._use_cells(cell_m)
         with self._queue_lock:
             self._queue.take_fit(name, fit, stamp_s)
         self._plan_if_due()
@@ -258,11 +278,11 @@ class MissionControl:
         pending = pending_measurement(status) if status is not None else None
         with self._queue_lock:
             self._queue.take_other(name, pending)
-        state, ways = self._mission.state, self._ways
-        if not goes_first or pending is None or ways is None or state.target is None:
+        state, access = self._mission.state, self._access
+        if not goes_first or pending is None or access is None or state.target is None:
             return
         place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
-        if state.phase is Phase.TRAVELLING and taken(place, [pending], ways.grid.cell_m)[0]:
+        if state.phase is Phase.TRAVELLING and taken(place, [pending], access.grid.cell_m)[0]:
             self._feed.give(Command(self._outputs.now_s(), Verb.SKIP, f"because {name} goes there"))
 
     def ended(self, ended: Ended) -> None:
@@ -392,12 +412,12 @@ class MissionControl:
         Strategies remember what they planned, so each mission has its own.
         """
         try:
-            ways = self._ways
-            assert ways is not None, "a mission does not start without ways"
+            access = self._access
+            assert access is not None, "a mission does not start before it knows where the robot may go"
             held = self._explorer
-            if held is None or held[0] != started_s or held[1] is not ways:
-                explorer = make_explorer(ways, self._settings, self._mission.rules)
-                held = self._explorer = (started_s, ways, explorer)
+            if held is None or held[0] != started_s or held[1] is not access:
+                explorer = make_explorer(access, self._settings, self._mission.rules)
+                held = self._explorer = (started_s, access, explorer)
             if job.late:
                 _log.warning("choosing the next stop without what was measured last: the mapper is late")
             event = answer(held[2], job, self._settings.needs_map)

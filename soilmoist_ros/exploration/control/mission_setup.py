@@ -51,20 +51,26 @@ class ExplorerSettings:
         return warm_up(self.strategy, self.preset)[0]
 
 
-class Ways:
-    """Where the robot may go in a field, and how.
+class FieldAccess:
+    """Where the robot may go and measure in a field, and how it travels there.
 
     :param field: the field
     :param motion: how the robot moves
     :param graph: travel graph; straight lines around no-go areas without
     :param margin_m: nodes this far outside the field may still be measured at [m]
+    :param cell_m: cell size of the map [m]; the field's own if ``None``
     :raises InputError: if the field cannot be gridded, or no node of the graph lies in it
     """
 
     def __init__(
-        self, field: Field, motion: RobotMotion, graph: TravelGraph | None, margin_m: float = 0.0
+        self,
+        field: Field,
+        motion: RobotMotion,
+        graph: TravelGraph | None,
+        margin_m: float = 0.0,
+        cell_m: float | None = None,
     ) -> None:
-        self.grid = field.grid()
+        self.grid = field.grid(cell_m)
         self._named: tuple[Stop, ...]
         self.travel: TravelModel
         if graph is None:
@@ -88,17 +94,17 @@ class Ways:
         raise InputError(f"there is no stop {name!r} to return to", remedy)
 
 
-def make_explorer(ways: Ways, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
+def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
     """An explorer for one mission.
 
-    :param ways: where the robot may go
+    :param access: where the robot may go
     :param settings: how stops are chosen
     :param rules: those of the mission
     """
     return Explorer(
-        [Property(FieldMap(ways.grid, FieldMapSettings(for_planning=True)), curve=settings.curve)],
-        ways.stops,
-        ways.travel,
+        [Property(FieldMap(access.grid, FieldMapSettings(for_planning=True)), curve=settings.curve)],
+        access.stops,
+        access.travel,
         make_strategy(settings.strategy, settings.preset),
         warm_up(settings.strategy, settings.preset)[1],
         settings.dwell,

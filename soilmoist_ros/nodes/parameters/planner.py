@@ -48,7 +48,9 @@ PARAMETERS: Final = (
     ),
     _row("home", "", "stop to return to at the end; the robot stays where it is if empty"),
     _row(
-        "graph", "topic", "ways of the robot: topic (the navigation's map), free (straight lines), or a map file"
+        "graph",
+        "topic",
+        "where the robot may drive: topic (the navigation's map), free (straight lines), or a map file",
     ),
     _row("map_topic", "/topological_map_2", "topic of the navigation's map"),
     _row("navigator", "goto_node", "how goals are sent", choices=("goto_node", "goal_pose")),

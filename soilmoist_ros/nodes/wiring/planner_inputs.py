@@ -82,7 +82,7 @@ class PlannerInputs:
     def _on_model(self, name: str, message: String) -> None:
         try:
             model = model_from_message(message)
-            self._control.fit(model.fit, model.stamp_s, name)
+            self._control.fit(model.fit, model.stamp_s, name, model.cell_m)
         except ValueError as error:
             self._ignore(f"{name} model", error)
 
@@ -93,11 +93,11 @@ class PlannerInputs:
             self._ignore(f"{name}/mission", error)
 
     def _on_map(self, message: String) -> None:
-        if not self._control.takes_ways:
+        if not self._control.takes_graph:
             self._node.get_logger().warning("a new map of the navigation came in mid-mission: the old one is kept")
             return
         try:
-            self._control.use_ways(parse_topological_map(message.data).graph)
+            self._control.use_graph(parse_topological_map(message.data).graph)
         except InputError as error:
             self._ignore("the map of the navigation", error)
 

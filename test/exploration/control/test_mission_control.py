@@ -117,7 +117,7 @@ class Around:
 
     def begin(self):
         self.time_s = 1000.0
-        self.control.use_ways(None)
+        self.control.use_graph(None)
         self.control.fix((1.0, 1.0))
         assert self.control.command(Verb.START).accepted
         self.planned()
@@ -147,7 +147,7 @@ def test_it_starts_only_when_all_is_there():
     around.waiting_for = "the navigation"
     for what, give in [
         ("the time", lambda: setattr(around, "time_s", 1000.0)),
-        ("the map of the navigation", lambda: around.control.use_ways(None)),
+        ("the map of the navigation", lambda: around.control.use_graph(None)),
         ("a position", lambda: around.control.fix((1.0, 1.0))),
         ("the navigation", lambda: setattr(around, "waiting_for", "")),
     ]:
@@ -177,7 +177,7 @@ def test_a_plan_waits_for_the_map():
 def test_a_map_that_does_not_fit_is_what_is_missing():
     around = Around(home="nowhere")
     with pytest.raises(InputError, match="no stop 'nowhere'"):
-        around.control.use_ways(None)
+        around.control.use_graph(None)
     assert any("no stop 'nowhere'" in what for what in around.control.missing())
 
 
@@ -256,6 +256,23 @@ def test_the_dwell_is_planned_with_the_correction_factor_of_the_records(factor):
     around.map()
     around.planned()
     assert around.control._mission.state.target.dwell.factor == pytest.approx(factor)
+
+
+def test_the_planner_plans_on_the_cells_of_the_mappers_map():
+    around = Around(budget_s=3600.0)
+    around.control.fit(None, 0.0, cell_m=5.0)
+    around.begin()
+    stop = around.goals[-1][1]
+    assert (stop.x_m % 5.0, stop.y_m % 5.0) == (2.5, 2.5), "the field's own cells have 2 m"
+    around.arrive()
+    around.count()
+    around.control.fit(None, 1.0, cell_m=4.0)
+    around.map()
+    around.planned()
+    stop = around.goals[-1][1]
+    assert (stop.x_m % 4.0, stop.y_m % 4.0) == (2.0, 2.0), "the mapper was started again with other cells"
+    with pytest.raises(InputError, match="cannot be gridded"):
+        around.control.fit(None, 2.0, cell_m=1e-5)
 
 
 def test_a_stop_that_is_being_counted_is_not_given_up():

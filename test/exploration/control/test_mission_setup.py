@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -31,37 +31,39 @@ def graph(*places):
 
 
 def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
-    ways = Ways(field(), RobotMotion(), graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)), 2.0)
-    assert [stop.name for stop in ways.stops] == ["edge", "in"]
-    assert ways.stop("shed") == Stop("shed", -9.0, 0.0)
-    assert np.isfinite(ways.travel.travel_s((-9.0, 0.0), ways.stops)).all()
+    access = FieldAccess(
+        field(), RobotMotion(), graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)), 2.0
+    )
+    assert [stop.name for stop in access.stops] == ["edge", "in"]
+    assert access.stop("shed") == Stop("shed", -9.0, 0.0)
+    assert np.isfinite(access.travel.travel_s((-9.0, 0.0), access.stops)).all()
 
 
 def test_a_map_of_another_place():
     with pytest.raises(InputError, match=r"no node .* x 900 \.\. 905 m, .* check the datum"):
-        Ways(field(), RobotMotion(), graph(("a", 900.0, 5.0), ("b", 905.0, 5.0)))
+        FieldAccess(field(), RobotMotion(), graph(("a", 900.0, 5.0), ("b", 905.0, 5.0)))
 
 
-def test_free_ways_have_a_stop_for_each_cell():
-    ways = Ways(field(), RobotMotion(), None)
-    assert len(ways.stops) == 100
+def test_free_travel_have_a_stop_for_each_cell():
+    access = FieldAccess(field(), RobotMotion(), None)
+    assert len(access.stops) == 100
     with pytest.raises(InputError, match="did you mean 'r0c"):
-        ways.stop("r0c")
+        access.stop("r0c")
 
 
 def test_a_field_too_fine():
     with pytest.raises(InputError, match="change the cell size"):
-        Ways(field(1e-4), RobotMotion(), None)
+        FieldAccess(field(1e-4), RobotMotion(), None)
 
 
 @pytest.mark.slow
 @given(st.floats(60, 400), st.sampled_from(["random", "ivr"]))
 def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy):
-    ways = Ways(field(), RobotMotion(), None)
-    rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("ami:0.03"), home=ways.stop("r0c0"))
+    access = FieldAccess(field(), RobotMotion(), None)
+    rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("ami:0.03"), home=access.stop("r0c0"))
     settings = ExplorerSettings(strategy=strategy, preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
     request = RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s)
-    plan = make_explorer(ways, settings, rules).plan(request, (10.0, 10.0))
+    plan = make_explorer(access, settings, rules).plan(request, (10.0, 10.0))
     if plan.choice is not None:
         stop = plan.choice.stop
         needed_s = plan.travel_s + rules.min_dwell_s + rules.way_home_s((stop.x_m, stop.y_m))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, Ways, make_explorer
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanFailed, PlanKind, Planned, RequestPlan
@@ -32,8 +32,8 @@ def explorer():
     square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
     dwell, motion = parse_dwell("fmi:60"), RobotMotion()
     settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=dwell, motion=motion)
-    ways = Ways(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), motion, None)
-    return make_explorer(ways, settings, MissionRules(budget_s=3600.0, dwell=dwell))
+    access = FieldAccess(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), motion, None)
+    return make_explorer(access, settings, MissionRules(budget_s=3600.0, dwell=dwell))
 
 
 def test_before_the_first_measurement_nothing_is_waited_for():
