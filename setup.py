@@ -72,8 +72,6 @@ setup(
         "explore": ["pyvrp>=0.14,<0.15"],
         # Tables of simulated campaigns, and campaigns on more than one machine.
         "campaign": ["pandas>=2.2", "pyarrow>=14"],
-        # Runs and maps as tables and rasters of other packages: to_dataframe, to_xarray, to_geodataframe.
-        "tables": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=0.14"],
         "cluster": ["distributed>=2024.1"],
         # Results of the Python API as tables, rasters and layers: to_dataframe, to_xarray, to_geodataframe.
         "frames": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=1.0"],

@@ -197,4 +197,4 @@ def _extra(module: str) -> Any:
     try:
         return __import__(module)
     except ImportError:
-        raise InputError(f"{module} is not installed", 'pip install "soilmoist_ros[tables]"') from None
+        raise InputError(f"{module} is not installed", 'pip install "soilmoist_ros[frames]"') from None
