@@ -1,4 +1,4 @@
-"""A GNSS fix, and what the receiver's quality figures say about its error."""
+"""A GNSS fix, and its error from the quality figures of the receiver."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ UNKNOWN_COVARIANCE: Covariance = ((NAN, NAN, NAN),) * 3
 
 
 class FixStatus(enum.IntEnum):
-    """Whether there is a fix, and how it was augmented; the numbers are those of sensor_msgs/NavSatStatus."""
+    """Whether there is a fix, and its augmentation; the numbers are those of sensor_msgs/NavSatStatus."""
 
     NO_FIX = -1
     FIX = 0
@@ -25,7 +25,7 @@ class FixStatus(enum.IntEnum):
 
 
 class CovarianceKind(enum.IntEnum):
-    """How a position covariance is known; the numbers are those of sensor_msgs/NavSatFix."""
+    """Source of a position covariance; the numbers are those of sensor_msgs/NavSatFix."""
 
     UNKNOWN = 0
     APPROXIMATED = 1
@@ -49,12 +49,12 @@ STATUS_OF_QUALITY: dict[int, FixStatus] = {
 }
 
 # User-equivalent range error [m], one standard deviation, by GGA quality: usual figures of single-frequency
-# receivers in the open. Meant to be replaced where the receiver is known.
+# receivers in the open. Replace them where the receiver is known.
 DEFAULT_UERE_M: dict[int, float] = {1: 4.0, 2: 1.5, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0, 8: 4.0}
 
 
 def horizontal_sd(quality: int, hdop: float, uere_m: dict[int, float] | None = None) -> float:
-    """Standard deviation of each horizontal coordinate [m], NaN if it cannot be said.
+    """Standard deviation of each horizontal coordinate [m], NaN if unknown.
 
     ``HDOP^2 = (var_east + var_north) / UERE^2``, so each of the two has ``HDOP * UERE / sqrt(2)``.
 
@@ -70,20 +70,20 @@ def horizontal_sd(quality: int, hdop: float, uere_m: dict[int, float] | None = N
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """What a GNSS receiver says about one epoch.
+    """One epoch of a GNSS receiver.
 
     :param stamp_s: time of the epoch [s since 1970-01-01 UTC], NaN while the receiver has no date
     :param position: position, NaN without a fix
-    :param status: whether there is a fix, and how it was augmented
+    :param status: whether there is a fix, and its augmentation
     :param quality: quality as in NMEA GGA; 0 is none
     :param satellites: number of satellites in use, -1 if unknown
     :param hdop: horizontal dilution of precision, NaN if unknown
     :param speed_mps: speed over ground [m/s], NaN if unknown
     :param course_deg: course over ground, clockwise from true north [deg], NaN if unknown
-    :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown: add it to the altitude above mean sea
-        level to have that above the ellipsoid
+    :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown; altitude above mean sea level plus
+        this is the height above the ellipsoid
     :param covariance_m2: covariance of east, north, up [m^2], rows; NaN where unknown
-    :param covariance_kind: how the covariance is known
+    :param covariance_kind: source of the covariance
     """
 
     stamp_s: float

@@ -1,4 +1,4 @@
-"""What can be wrong inside a log that is readable as a whole: recorded, never raised."""
+"""Faults inside a readable log: recorded, never raised."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from soilmoist_ros.foundation.errors import Mistake
 
 
 class Severity(enum.IntEnum):
-    """How much a problem matters."""
+    """Severity of a problem."""
 
     NOTE = 0
-    """As to be expected in the field, dealt with."""
+    """Expected in the field, nothing to do."""
     WARNING = 1
-    """The record is kept, but look at the instrument."""
+    """The record is kept, but check the instrument."""
     ERROR = 2
     """Data were lost."""
 
@@ -69,7 +69,7 @@ class Kind(enum.StrEnum):
 class Problem:
     """One fault in a log or stream.
 
-    :param kind: what kind of fault
+    :param kind: reason code
     :param mistake: what, where (file, line, column) and what to do
     :param lost: whether the record or sentence was dropped because of it
     """
@@ -80,7 +80,7 @@ class Problem:
 
     @property
     def severity(self) -> Severity:
-        """How much it matters; duplicates may be dropped without loss."""
+        """Severity of the problem; a dropped duplicate is no loss."""
         if self.lost and self.kind is not Kind.DUPLICATE:
             return Severity.ERROR
         return self.kind.severity

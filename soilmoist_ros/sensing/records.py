@@ -1,4 +1,4 @@
-"""What flows out of the sensor: records of one counting interval, raw and then corrected."""
+"""Records of one counting interval: raw, and then corrected and geo-tagged."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LoggerRecord:
-    """One line of a neutron logger, checked and in this package's units, not yet corrected.
+    """One raw record of a neutron logger, checked and in the units of this package.
 
     :param stamp_s: end of the counting interval [s since 1970-01-01 UTC]
     :param tube_counts: counts of each detector tube in the order of the format; NaN where a tube is missing
@@ -37,7 +37,7 @@ class LoggerRecord:
     :param relative_humidity: relative humidity of the air [0..1], NaN if unknown
     :param position: position logged with the record, ``None`` without a fix
     :param line: line of the log, counted from 1 (0 when it did not come from a file)
-    :param record_number: the logger's own running number, -1 if it has none
+    :param record_number: running number from the logger, -1 if there is none
     """
 
     stamp_s: float
@@ -61,7 +61,7 @@ class CountRecord:
     """One record, geo-tagged, with the correction factors that turn its exposure into an effective one.
 
     ``raw_counts ~ Poisson(rate * effective_exposure_s)``, where ``rate`` is the *corrected* count rate of
-    all tubes together. The raw counts are kept, so that counting statistics stay exact.
+    all tubes together. The raw counts are kept, so the counting statistics stay exact.
 
     :param stamp_s: end of the counting interval [s since 1970-01-01 UTC]
     :param x_m: east of the field's datum [m], at the middle of the counting interval

@@ -23,7 +23,7 @@ from soilmoist_ros.sensing.links.reconnecting import ReconnectingSource, Retry
 from soilmoist_ros.sensing.links.recording import PlaybackClock, RecordingSource
 
 LIMIT_S = 20.0
-QUICK = Retry(first_s=0.01, longest_s=0.05, silence_s=30.0)
+QUICK = Retry(first_s=0.01, max_s=0.05, silence_s=30.0)
 
 
 class ScriptedServer:
@@ -107,7 +107,7 @@ def test_lines_do_not_depend_on_how_the_bytes_are_cut(parts, data):
 
 @given(st.integers(0, 40), st.integers(0, 40))
 def test_a_line_that_is_too_long_is_dropped_and_the_next_one_is_not(length, chunk):
-    buffer = LineBuffer(longest=20)
+    buffer = LineBuffer(max_line=20)
     text = b"x" * length + b"\nnext\n"
     for start in range(0, len(text), chunk + 1):
         buffer.feed(text[start : start + chunk + 1])
@@ -140,7 +140,7 @@ def test_a_half_open_connection_is_made_anew_after_the_silence_limit():
     retry = Retry(0.01, 0.05, silence_s=0.3)
     with ScriptedServer(hang, sends(b"b\n")) as server, opened(server.uri, retry) as source:
         assert read(source, 1) == [b"a"]
-        read_until(source, lambda: "nothing came for" in source.status.last_error)
+        read_until(source, lambda: "no bytes for" in source.status.last_error)
         assert source.status.state is LinkState.SILENT
         hung.set()
         assert read(source, 1) == [b"b"]
@@ -202,7 +202,7 @@ def test_it_connects_when_the_server_comes_late():
 
 @given(st.integers(1, 10_000), st.integers())
 def test_pauses_grow_but_are_bounded(attempts, seed):
-    retry = Retry(first_s=0.5, longest_s=15.0)
+    retry = Retry(first_s=0.5, max_s=15.0)
     pause_s = retry.pause_s(attempts, random.Random(seed))
     full_s = min(15.0, 0.5 * 2.0 ** min(attempts - 1, 20))
     assert full_s / 2 <= pause_s <= full_s

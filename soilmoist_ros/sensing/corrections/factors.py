@@ -1,7 +1,7 @@
 """Correction of neutron counts for air pressure, humidity and incoming cosmic-ray intensity.
 
-Every factor multiplies the count. They never touch the counts themselves: the *exposure* is divided by
-their product (:func:`effective_exposure`), which leaves the counts Poisson.
+The counts themselves stay as they are: the *exposure* is divided by the product of the factors
+(:func:`effective_exposure`), so the counts remain Poisson.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def effective_exposure(exposure_s: float, factor: float) -> float:
     """Exposure that makes raw counts Poisson with the *corrected* rate [s].
 
     ``raw ~ Poisson(rate * exposure_s / factor)``, so ``raw / effective_exposure`` estimates the
-    corrected rate without bending the counting statistics.
+    corrected rate with the original counting statistics.
 
     :param exposure_s: live time of the record [s], > 0
     :param factor: product of the correction factors [-], > 0

@@ -69,7 +69,7 @@ def read_neutron_monitor(path: Path) -> NeutronMonitor:
         raise InputError(faults)
     if not rows:
         raise InputError(
-            "holds no row of time and rate",
+            "has no row of time and rate",
             "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu",
             path,
         )

@@ -1,4 +1,4 @@
-"""Several detector tubes as one sensor, also while some of them fail.
+"""Several detector tubes as one sensor, even while some of them fail.
 
 Let the whole sensor count with the rate ``r`` and tube ``i`` with ``s_i r``, where the *shares* ``s_i`` add up
 to 1. In a record, the tubes that are present count ``N_i ~ Poisson(s_i r t_i)``, independently, over their
@@ -7,8 +7,8 @@ live times ``t_i``. Their sum is Poisson too, with the mean ``r * sum(s_i t_i)``
 * raw counts ``sum N_i`` and
 * exposure ``sum s_i t_i``, both over the tubes that are present,
 
-make ``raw / exposure`` an unbiased estimate of the rate of *all* tubes, and the raw counts remain Poisson, with
-nothing rescaled. (The sum is also sufficient for ``r``: nothing is lost.) With all tubes present and the same
+make ``raw / exposure`` an unbiased estimate of the rate of *all* tubes. The raw counts are not rescaled and remain
+Poisson. (The sum is a sufficient statistic for ``r``.) With all tubes present and the same
 live time ``t`` the exposure is ``t``.
 """
 
@@ -32,9 +32,9 @@ PRIOR_COUNTS = 100.0
 
 
 def equal_shares(number_of_tubes: int) -> NDArray[np.float64]:
-    """Shares of tubes that are all alike.
+    """Shares of equal tubes.
 
-    :param number_of_tubes: how many there are, > 0
+    :param number_of_tubes: number of tubes, > 0
     :raises ValueError: if it is not positive
     """
     if number_of_tubes <= 0:
@@ -45,8 +45,8 @@ def equal_shares(number_of_tubes: int) -> NDArray[np.float64]:
 def tube_shares(records: Sequence[LoggerRecord]) -> NDArray[np.float64]:
     """Share of each tube in the rate of the whole sensor, estimated from its records [-].
 
-    The maximum-likelihood estimate with an own rate for each record, so that neither changing soil nor tubes that
-    are missing here and there bias it. If all tubes are present with equal live times in every record, it is
+    The maximum-likelihood estimate with one rate per record, so that neither changing soil nor tubes that are
+    missing in some records bias it. If all tubes are present with equal live times in every record, it is
     the tube's part of all counts. A tube that never counts has the share 0.
 
     :param records: records of one sensor, with the same number of tubes

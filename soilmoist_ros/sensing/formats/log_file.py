@@ -1,4 +1,4 @@
-"""Files of loggers: reading them as lines, and saying why one cannot be read."""
+"""Files of loggers: their lines, and why a file cannot be read."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _is_binary(start: bytes) -> bool:
 
 
 def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list[str]]:
-    """Lists of column names that the first lines of a file may hold, were it of this format."""
+    """Lists of column names in the first lines of a file, if it has this format."""
     found: list[list[str]] = []
     comment = logger.header.comment
     continued = {plain_name(name) for name in logger.header.continued_by}
@@ -77,7 +77,7 @@ def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list
 
 
 def matching_formats(lines: Sequence[bytes]) -> list[str]:
-    """Names of the formats whose columns the first lines hold, the best match first."""
+    """Names of the formats whose columns are in the first lines, the best match first."""
     matches = []
     for name in logger_names():
         logger = _known_format(name)
@@ -100,11 +100,11 @@ def _number_of_sources(logger: LoggerFormat, names: Sequence[str]) -> int:
 
 
 def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, missing: Sequence[str]) -> Mistake:
-    """Why a file is not of a format, and of which one it may be.
+    """Why a file does not have a format, and which one it may have.
 
     :param path: the file
     :param lines: its lines
-    :param logger: the format it was read by
+    :param logger: the format with which it was read
     :param missing: the columns its header lacks; empty if it has no header
     """
     remedy = other_format(lines)
@@ -124,8 +124,8 @@ def nothing_usable(
 
     :param path: the file
     :param lines: its lines
-    :param logger: the format it was read by
-    :param mistakes: what was wrong with each, at least one
+    :param logger: the format with which it was read
+    :param mistakes: the fault of each record, at least one
     """
     first = mistakes[0]
     fitting = matching_formats(lines)
@@ -136,12 +136,12 @@ def nothing_usable(
 
 
 def other_format(lines: Sequence[bytes]) -> str:
-    """Which format a file may be of, as advice."""
+    """The format that a file may have, as advice."""
     fitting = matching_formats(lines)
     if fitting:
         return f"this looks like {fitting[0]}: pass --logger {fitting[0]}"
     if any(_GNSS_SENTENCE.match(line) for line in lines[:HEADER_LINES]):
-        return "this looks like the log of a GNSS receiver: pass it with --nmea, beside the neutron log"
+        return "this looks like the log of a GNSS receiver: pass it with --nmea, together with the neutron log"
     return (
         f"the known formats are {', '.join(logger_names())}; for another logger copy the nearest YAML "
         "file of config/loggers, change the column names, and pass its path with --logger"

@@ -1,4 +1,4 @@
-"""Where in the lines of one log the quantities of its format stand."""
+"""The columns of one log: which column has which quantity of the format."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ TUBE = "{tube}"
 
 
 def plain_name(name: str) -> str:
-    """A column name without case, blanks and punctuation: what names are compared by."""
+    """A column name without case, blanks and punctuation, for comparison."""
     return re.sub(r"[^a-z0-9%]", "", name.casefold())
 
 
 class MissingColumnsError(ValueError):
-    """A header lacks columns that its format cannot do without.
+    """A header lacks columns that its format requires.
 
-    :param columns: for each, the names it may have, in words
+    :param columns: for each column, its quantity and the names it may have
     """
 
     def __init__(self, columns: Sequence[str]) -> None:
@@ -30,11 +30,11 @@ class MissingColumnsError(ValueError):
 
 @dataclass(frozen=True)
 class Source:
-    """A column that gives a quantity.
+    """The column of a quantity.
 
     :param index: number of the column, from 0
-    :param name: its name as the header has it
-    :param convert: to this package's unit
+    :param name: its name in the header
+    :param convert: converts to the unit of this package
     """
 
     index: int
@@ -44,7 +44,7 @@ class Source:
 
 @dataclass(frozen=True)
 class PositionLayout:
-    """Columns of the position; ``None`` where there is none."""
+    """Columns of the position; ``None`` for absent ones."""
 
     latitude: Source
     longitude: Source
@@ -58,12 +58,12 @@ class PositionLayout:
 class Layout:
     """Columns of one log.
 
-    :param names: all names as the header has them
-    :param time: columns of the stamp, more than one if date and time are apart
+    :param names: all names in the header
+    :param time: columns of the stamp, more than one if date and time have separate columns
     :param record_number: column of the running number
     :param tubes: numbers of the tubes, ascending
     :param counts: a column for each tube
-    :param live: a column for each tube, ``None`` where there is none
+    :param live: a column for each tube, ``None`` for a tube without one
     :param pressure: barometers in order of preference
     :param temperature: thermometers in order of preference
     :param humidity: hygrometers in order of preference
@@ -83,7 +83,7 @@ class Layout:
 
     @property
     def number_of_sources(self) -> int:
-        """How many columns have a meaning: the format that knows most of them fits a header best."""
+        """Number of columns with a known meaning; the format with the highest number fits a header best."""
         groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
         found = sum(source is not None for group in groups for source in group)
         return found + (self.record_number is not None) + 2 * (self.position is not None)
@@ -111,7 +111,7 @@ class _Columns:
         return None
 
     def find_tubes(self, alternatives: Sequence[str]) -> dict[int, Source]:
-        """Columns of a pattern with ``{tube}``, or column 1 of a name without, by number of tube."""
+        """Columns by number of tube: of a pattern with ``{tube}``, or of a plain name as tube 1."""
         for name in alternatives:
             if TUBE not in name:
                 single = self.find([name])
@@ -144,7 +144,7 @@ def build_layout(logger: LoggerFormat, names: Sequence[str]) -> Layout:
 
     :param logger: the format
     :param names: names of the columns, in order
-    :raises MissingColumnsError: if the time, the counts, or a position the format must have is not there
+    :raises MissingColumnsError: if the time, the counts or a required position is missing
     """
     columns = _Columns(names)
     time = _find_time(columns, logger.time.columns)

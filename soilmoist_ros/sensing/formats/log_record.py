@@ -1,4 +1,4 @@
-"""From the fields of one line to a record: units, live times, range checks, choice of sensors."""
+"""Fields of one line -> a record: units, live times, range checks, choice of sensors."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
 
 Longitude = Literal["signed", "east", "west"]
 
-EARLIEST_S = 631_152_000.0  # 1990-01-01: clocks that lost their battery start from 1970 or 1980
+EARLIEST_S = 631_152_000.0  # 1990-01-01: clocks with an empty battery start in 1970 or 1980
 LATEST_S = 4_102_444_800.0  # 2100-01-01
 HALF_DAY_S = 43_200.0
 
 
 class LostRecordError(Exception):
-    """A record that must not be used: its line is damaged, or it holds no counts."""
+    """A record that must not be used: its line is damaged, or it has no counts."""
 
     def __init__(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
         self.note = Note(kind, message, column, remedy)
@@ -31,7 +31,7 @@ class LostRecordError(Exception):
 
 @dataclass(frozen=True)
 class Note:
-    """Something worth saying about a record."""
+    """A remark about a record."""
 
     kind: Kind
     message: str
@@ -41,11 +41,11 @@ class Note:
 
 @dataclass
 class Reading:
-    """A record and what is worth saying about it.
+    """A record and the remarks about it.
 
     :param record: the record
-    :param notes: faults that did not cost the record
-    :param gnss_offset_s: logger's time of day less that of the GNSS receiver [s], NaN if unknown
+    :param notes: faults with which the record is kept
+    :param gnss_offset_s: logger's time of day minus the receiver's [s], NaN if unknown
     """
 
     record: LoggerRecord
@@ -57,8 +57,8 @@ class FieldReader:
     """Reads the fields of the lines of one log.
 
     :param logger: format of the log
-    :param layout: where its quantities stand
-    :param longitude: on which side of Greenwich the log is, for formats that do not write it
+    :param layout: columns of the log
+    :param longitude: side of Greenwich, for formats that write longitudes without a sign
     """
 
     def __init__(self, logger: LoggerFormat, layout: Layout, longitude: Longitude) -> None:
@@ -75,7 +75,7 @@ class FieldReader:
         :param fields: fields of the line, as many as the layout has names
         :param period_s: nominal duration of a record [s], ``None`` if unknown
         :param line: number of the line
-        :raises LostRecordError: if it holds no usable record
+        :raises LostRecordError: if the line has no usable record
         """
         self._notes = []
         stamp_s = self._stamp(fields)
@@ -83,10 +83,10 @@ class FieldReader:
         live = self._live_times(fields, period_s, since_s)
         counts = self._counts(fields, live)
         live = [NAN if math.isnan(count) else time for count, time in zip(counts, live, strict=True)]
-        longest = max(time for time in live if not math.isnan(time))
-        self._check_live_time(longest, period_s)
+        live_s = max(time for time in live if not math.isnan(time))
+        self._check_live_time(live_s, period_s)
         if self._logger.time.marks == "start":
-            stamp_s += period_s or longest
+            stamp_s += period_s or live_s
         humidity = self._quantity(fields, "humidity", self._logger.humidity, self.layout.humidity)
         record = LoggerRecord(
             stamp_s=stamp_s,
@@ -136,13 +136,13 @@ class FieldReader:
         return int(number)
 
     def _live_times(self, fields: Sequence[str], period_s: float | None, since_s: float) -> list[float]:
-        """Live time of each tube [s]; NaN where the column says that the tube gave nothing."""
+        """Live time of each tube [s]; NaN if the column shows that the tube did not count."""
         if self._logger.live_time.from_stamps:
             return [self._time_since(period_s, since_s)] * len(self.layout.tubes)
         return [self._live_time(fields, source, period_s) for source in self.layout.live]
 
     def _time_since(self, period_s: float | None, since_s: float) -> float:
-        """Time since the previous line [s], unless a line was lost in between or there was none."""
+        """Time since the previous line [s]; the record period if that line is missing."""
         if since_s > 0 and (period_s is None or since_s < 1.5 * period_s):
             return since_s
         return self._assumed_live_time(period_s, "the previous line's time is not known")
@@ -161,7 +161,7 @@ class FieldReader:
         live_s = source.convert(number)
         low, high = self._logger.live_time.range
         if live_s == 0:
-            return NAN  # the tube did not count at all in this record
+            return NAN  # the tube did not count in this record
         if not low <= live_s <= high:
             _lose(
                 Kind.OUT_OF_RANGE,
@@ -172,7 +172,7 @@ class FieldReader:
 
     def _assumed_live_time(self, period_s: float | None, why: str) -> float:
         period = self._period(period_s)
-        self._note(Kind.ASSUMED_LIVE_TIME, f"{why}; the record period of {period:g} s is taken for it")
+        self._note(Kind.ASSUMED_LIVE_TIME, f"{why}; the record period of {period:g} s is used")
         return period
 
     def _period(self, period_s: float | None) -> float:
@@ -202,7 +202,10 @@ class FieldReader:
         return counts
 
     def _count(self, text: str, source: Source, live_s: float) -> float:
-        """Counts of one tube: NaN if it gave nothing, :class:`LostRecordError` if the field is damaged."""
+        """Counts of one tube; NaN if it did not count.
+
+        :raises LostRecordError: if the field is damaged
+        """
         settings = self._logger.counts
         if self._is_missing(text):
             return NAN
@@ -250,7 +253,7 @@ class FieldReader:
             if number is None:
                 self._note(Kind.NOT_A_NUMBER, f"the {name} {text[:40]!r} is not a number", source.name)
             elif number in quantity.sentinels:
-                self._note(Kind.SENTINEL, f"the {name} {number:g} means that there is none", source.name)
+                self._note(Kind.SENTINEL, f"the {name} {number:g} is the mark for a missing value", source.name)
             elif not low <= source.convert(number) <= high:
                 message = f"the {name} {number:g} is not credible ({low:g}..{high:g})"
                 self._note(Kind.OUT_OF_RANGE, message, source.name, "check the sensor")

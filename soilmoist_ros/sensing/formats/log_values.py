@@ -1,4 +1,4 @@
-"""Total readers of the parts of a line: bytes to text, text to numbers and times. None of them raises."""
+"""Bytes to text, text to numbers and times; none of these functions raises."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ UTF8_BOM = b"\xef\xbb\xbf"
 
 
 def decode_line(line: bytes) -> str:
-    """Text of a line: UTF-8 (a byte order mark is dropped), else Latin-1, which always succeeds."""
+    """Text of a line: UTF-8 (a byte order mark is dropped), else Latin-1."""
     line = line.removeprefix(UTF8_BOM)
     try:
         return line.decode("utf-8")
@@ -29,7 +29,7 @@ def decode_line(line: bytes) -> str:
 def split_lines(data: bytes) -> tuple[list[bytes], bool]:
     """Lines of a file without their ends (LF, CR LF or CR), and whether the last one had an end.
 
-    UTF-16 with a byte order mark, as Windows tools write it, is turned into UTF-8.
+    UTF-16 with a byte order mark, as Windows tools write it, is converted to UTF-8.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
@@ -42,7 +42,7 @@ def nmea_checksum(body: bytes) -> int:
 
 
 def strip_checksum(line: bytes) -> bytes | None:
-    """The line without its ``*hh``; ``None`` if that is absent or wrong."""
+    """The line without its ``*hh``; ``None`` if the checksum is absent or wrong."""
     body, star, digits = line.rstrip(b"\r\n").removeprefix(UTF8_BOM).rpartition(b"*")
     if not star or not re.fullmatch(rb"[0-9A-Fa-f]{2}", digits):
         return None
@@ -63,7 +63,7 @@ def read_time(text: str, formats: Sequence[str], utc_offset_hours: float = 0.0) 
 
     :param text: the stamp
     :param formats: ``iso8601``, ``unix_s``, ``unix_ms`` or formats of ``strptime``
-    :param utc_offset_hours: what the clock is ahead of UTC, where the stamp itself does not say it [h]
+    :param utc_offset_hours: clock minus UTC [h], for stamps without a time zone
     """
     text = text.strip()
     if len(text) > 60:

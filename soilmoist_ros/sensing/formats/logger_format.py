@@ -1,4 +1,4 @@
-"""A logger format is data: which column of which logger means what, in which unit.
+"""A logger format is data: the meaning and unit of each column.
 
 One YAML file in ``config/loggers`` describes one logger. A new logger needs a new file, no code: copy the
 nearest one, and rename the columns. Another package adds a format with an entry point of the group
@@ -55,76 +55,76 @@ Limits = Annotated[tuple[float, float], AfterValidator(_increasing)]
 
 
 class Header(Section):
-    """How the names of the columns stand in the file or stream.
+    """How the column names are written in the file or stream.
 
-    A header line is one that holds the name of a time column. It may come again at any time.
+    A header line is a line with the name of a time column. It may be repeated at any time.
     """
 
     comment: str = ""
-    """What every line that is not a record starts with, such as // or #. Empty if there is none."""
+    """Start of every line that is not a record, such as // or #. Empty if there is none."""
     continued_by: tuple[str, ...] = ()
-    """First names of header lines that carry on the list of columns, such as GpsUTC."""
+    """First names of header lines that continue the list of columns, such as GpsUTC."""
     columns: tuple[str, ...] = ()
-    """Names of all columns in order, in force until a header line comes. For loggers that write none."""
+    """Names of all columns in order, until a header line comes; for loggers without a header."""
 
 
 class Time(Section):
     """The time stamp of a record."""
 
     columns: tuple[str, ...] = Field(min_length=1)
-    """Alternative names, the first one found counts. Date and time in two columns: ``Date + Time``."""
+    """Alternative names; the first one found is used. Date and time in two columns: ``Date + Time``."""
     formats: TimeFormats = Field(min_length=1)
     """Alternatives, each ``iso8601``, ``unix_s``, ``unix_ms`` or a format of Python's strptime."""
     marks: Literal["start", "end"] = "end"
     """Whether the stamp is the start or the end of the counting interval."""
     utc_offset_hours: float = Field(default=0.0, ge=-12, le=14)
-    """What the logger's clock is ahead of UTC [h]. A zone written in an ISO 8601 stamp goes before it."""
+    """Logger's clock minus UTC [h]. A zone in an ISO 8601 stamp has priority."""
 
 
 class Counts(Section):
     """The counts of the detector tubes."""
 
     columns: tuple[str, ...] = Field(min_length=1)
-    """Alternative names; ``{tube}`` stands for the number of a tube, as in ``N{tube}Cts``."""
+    """Alternative names; ``{tube}`` is the number of a tube, as in ``N{tube}Cts``."""
     unit: CountUnit = "counts"
-    """counts, or counts_per_second, which are multiplied by the live time."""
+    """counts, or counts_per_second: these are multiplied by the live time."""
     range: Limits = (0, 1_000_000)
-    """Counts of one tube in one record outside of these limits are taken for a damaged line."""
+    """Limits of the counts of one tube in one record; counts outside mean a damaged line."""
     sentinels: tuple[float, ...] = ()
-    """Numbers that mean that the tube gave nothing."""
+    """Numbers that mark a tube without counts."""
     left_out: tuple[int, ...] = ()
-    """Tubes that are not to be used: dead ones, or a bare (thermal) detector next to a moderated one."""
+    """Tubes that are not used: dead ones, or a bare (thermal) detector next to a moderated one."""
     rounding_tolerance: float = Field(default=0.1, gt=0, le=0.5)
-    """With counts_per_second: the product with the live time may miss a whole number by this much [counts].
-    It is rounded in any case, because counting statistics need whole counts; what misses by more is reported."""
+    """With counts_per_second: rate times live time is rounded, as counting statistics need whole counts.
+    A difference above this tolerance [counts] is reported."""
 
 
 class LiveTime(Section):
-    """How long the tubes counted in a record. What is not found falls back on the record period."""
+    """How long the tubes counted in a record. Without it, the record period is used."""
 
     columns: tuple[str, ...] = ()
     """Alternative names, with ``{tube}`` for one per tube or without for one per record."""
     unit: DurationUnit = "s"
     """Unit of these columns."""
     covers: int = Field(default=1, ge=1)
-    """Number of neighbouring tubes that share one column: with 2, N1ETsec is also that of tube 2."""
+    """Number of neighbouring tubes that share one column: with 2, N1ETsec also applies to tube 2."""
     from_stamps: bool = False
     """Whether the live time is the time since the previous record's stamp."""
     range: Limits = (0, 90_000)
-    """Live times [s] outside of these limits mean that the tube gave nothing."""
+    """Limits of the live time [s]; a value outside means a damaged line."""
 
 
 class RecordPeriod(Section):
     """The nominal duration of a record."""
 
     header_key: str = ""
-    """Key of the header line that says it, as in ``//Recordperiod = 1 minutes.``; empty if none does."""
+    """Key of its header line, as in ``//Recordperiod = 1 minutes.``; empty if there is none."""
     unit: DurationUnit = "min"
     """Unit of the value in that line."""
     default_s: float | None = Field(default=None, gt=0)
-    """Period where no header line says it [s]."""
+    """Period if no header line has it [s]."""
     minimal_live_fraction: float = Field(default=0.9, ge=0, le=1)
-    """Records that counted for less than this part of the period are reported, and kept."""
+    """Records with a live time below this part of the period are reported, and kept."""
 
 
 class PressureSensor(Section):
@@ -158,33 +158,33 @@ class Pressure(Section):
     """Air pressure."""
 
     sensors: tuple[PressureSensor, ...] = Field(min_length=1)
-    """In order of preference: in each record the first one within the range counts."""
+    """In order of preference: in each record the first one within the range is used."""
     range: Limits = (300, 1085)
     """Credible values [hPa]."""
     sentinels: tuple[float, ...] = ()
-    """Numbers in the column that mean that there is no value."""
+    """Numbers in the column that mark a missing value."""
 
 
 class Temperature(Section):
     """Air temperature, outside of the housing where there is a choice."""
 
     sensors: tuple[TemperatureSensor, ...] = Field(min_length=1)
-    """In order of preference: in each record the first one within the range counts."""
+    """In order of preference: in each record the first one within the range is used."""
     range: Limits = (-60, 65)
     """Credible values [degC]."""
     sentinels: tuple[float, ...] = ()
-    """Numbers in the column that mean that there is no value."""
+    """Numbers in the column that mark a missing value."""
 
 
 class Humidity(Section):
     """Relative humidity of the air, outside of the housing where there is a choice."""
 
     sensors: tuple[HumiditySensor, ...] = Field(min_length=1)
-    """In order of preference: in each record the first one within the range counts."""
+    """In order of preference: in each record the first one within the range is used."""
     range: Limits = (0, 1.05)
-    """Credible values [0..1]; hygrometers read a little above 1 in fog, which is then taken for 1."""
+    """Credible values [0..1]; hygrometers read slightly above 1 in fog, which counts as 1."""
     sentinels: tuple[float, ...] = ()
-    """Numbers in the column that mean that there is no value."""
+    """Numbers in the column that mark a missing value."""
 
 
 class LoggedPosition(Section):
@@ -195,7 +195,7 @@ class LoggedPosition(Section):
     longitude: tuple[str, ...] = Field(min_length=1)
     """Alternative names of the longitude column."""
     longitude_signed: bool
-    """Whether western longitudes are negative. If false, the site's configuration must say on which side it is."""
+    """Whether western longitudes are negative. If false, the site file must name the side of Greenwich."""
     altitude: tuple[str, ...] = ()
     """Alternative names of the column of the altitude above mean sea level [m]."""
     quality: tuple[str, ...] = ()
@@ -203,34 +203,34 @@ class LoggedPosition(Section):
     hdop: tuple[str, ...] = ()
     """Alternative names of the column of the horizontal dilution of precision."""
     no_fix_quality: tuple[str, ...] = ("0",)
-    """Texts in the quality column that mean that there is no fix."""
+    """Texts in the quality column that mark a missing fix."""
     zero_is_no_fix: bool = True
-    """Whether latitude and longitude 0 mean that there is no fix."""
+    """Whether latitude and longitude 0 mark a missing fix."""
     required: bool = True
-    """Whether a log without these columns cannot be of this format."""
+    """Whether a log without these columns has another format."""
     time_of_day: tuple[str, ...] = ()
-    """Alternative names of the column of the receiver's UTC time of day, to compare the logger's clock with."""
+    """Alternative names of the column of the receiver's UTC time of day; shows the error of the logger's clock."""
     time_of_day_format: str = "%H%M%S"
-    """Its format, as of Python's strptime."""
+    """Its format, as in Python's strptime."""
 
 
 class LoggerFormat(Section):
-    """The whole description of what one kind of logger writes."""
+    """The description of one kind of logger."""
 
     title: str
-    """What it is, for people."""
+    """Title in reports and messages."""
     source: str
-    """Where this description is from, and how well it is known."""
+    """Source of this description, and how certain it is."""
     delimiter: Literal["comma", "semicolon", "tab", "whitespace"] = "comma"
-    """What stands between the columns."""
+    """Separator of the columns."""
     checksum: Checksum = "none"
     """nmea: each line ends with ``*hh``, the exclusive or of all bytes before the star, hexadecimal."""
     missing: tuple[str, ...] = ("nan", "na", "n/a", "null", "none", "-")
-    """Texts that mean that there is no value, besides an empty field."""
+    """Texts that mark a missing value, in addition to an empty field."""
     serial_key: str = ""
     """Key of the header line with the serial number, as in ``//Logger SerialNum=16100724``."""
     header: Header
-    """How the names of the columns are written."""
+    """How the column names are written."""
     time: Time
     """The time stamp."""
     record_number: tuple[str, ...] = ()
@@ -238,7 +238,7 @@ class LoggerFormat(Section):
     counts: Counts
     """The counts."""
     live_time: LiveTime = LiveTime()
-    """How long was counted."""
+    """How long the tubes counted."""
     record_period: RecordPeriod = RecordPeriod()
     """The nominal duration of a record."""
     pressure: Pressure | None = None

@@ -1,4 +1,4 @@
-"""Logger bytes to records: one parser for live streams and files, which no byte can bring down."""
+"""Logger bytes -> records: one parser for live streams and files; no byte can make it raise."""
 
 from __future__ import annotations
 
@@ -61,17 +61,17 @@ _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
 
 @dataclass(frozen=True, repr=False)
 class LogFile:
-    """What a log holds.
+    """The content of a log.
 
     :param path: the file
     :param format_title: what kind of logger wrote it
     :param records: the good records, in the order of the file
-    :param problems: what was wrong, in the order of the file
-    :param serial: serial number of the logger, empty if the header does not tell
+    :param problems: all faults, in the order of the file
+    :param serial: serial number of the logger, empty if unknown
     :param metadata: all ``key = value`` lines of the header
     :param period_s: nominal duration of a record [s], NaN if unknown
-    :param clock_offset_s: logger's clock less GNSS time [s], median over the records, NaN if unknown. Take it
-        off the records' stamps before joining them with positions from another receiver
+    :param clock_offset_s: logger's clock minus GNSS time [s], median over the records, NaN if unknown.
+        Subtract it from the stamps before they are joined with positions of another receiver
     :param n_lines: number of lines in the file
     """
 
@@ -90,7 +90,7 @@ class LogFile:
 
     @property
     def simulated(self) -> bool:
-        """Whether the log says of itself that its counts are simulated."""
+        """Whether the header says that the counts are simulated."""
         return self.metadata.get("simulated") == "yes"
 
     @property
@@ -100,12 +100,12 @@ class LogFile:
 
 
 class RecordParser:
-    """Turns lines into records, one at a time, and never raises on what a line holds.
+    """Turns lines into records, one at a time; no line can make it raise.
 
     :param logger: the format, or its name
-    :param longitude: ``east`` or ``west`` of Greenwich, for formats that write longitudes without a sign; the
-        others do not look at it
-    :param on_problem: called with each problem; if not given, they collect in :attr:`problems`
+    :param longitude: ``east`` or ``west`` of Greenwich, for formats that write longitudes without a sign;
+        other formats ignore it
+    :param on_problem: called with each problem; by default problems are collected in :attr:`problems`
     :param path: file the lines are from, for messages
     :raises InputError: if the format is unknown, or leaves the sign of longitudes to ``longitude``
     """
@@ -137,7 +137,7 @@ class RecordParser:
 
     @property
     def period_s(self) -> float | None:
-        """Nominal duration of a record [s]: the header's, else the format's, ``None`` if neither has it."""
+        """Nominal duration of a record [s] from the header, else from the format; ``None`` if unknown."""
         period = self.format.record_period
         match = _LEADING_NUMBER.match(self._value_of(period.header_key))
         number = read_number(match[0]) if match else None
@@ -146,12 +146,12 @@ class RecordParser:
 
     @property
     def serial(self) -> str:
-        """Serial number of the logger, empty until the header has told it."""
+        """Serial number of the logger, empty until it is in a header."""
         return self._value_of(self.format.serial_key)
 
     @property
     def layout(self) -> Layout | None:
-        """Where the columns are; ``None`` before a header, or if that lacks columns."""
+        """Columns of the log; ``None`` before a header, or if the header lacks columns."""
         self._use_new_header()
         return self._reader.layout if self._reader else None
 
@@ -165,22 +165,22 @@ class RecordParser:
 
     @property
     def missing_columns(self) -> tuple[str, ...]:
-        """What the header lacks."""
+        """Columns that the header lacks."""
         return self._bad_header.columns if self._bad_header else ()
 
     def feed(self, line: bytes, complete: bool = True) -> LoggerRecord | None:
         """Take one line.
 
         :param line: the line, with or without its end
-        :param complete: whether the line had an end; the last one of a file may have been cut off
-        :return: the record it holds, or ``None`` if it is of the header, empty or faulty
+        :param complete: whether the line had an end; the last line of a file may be cut off
+        :return: the record, or ``None`` if the line is part of the header, empty or faulty
         """
         self.line_number += 1
         if len(line) > MAX_LINE:
             self._lose(Note(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
             return None
         line = line.strip(b"\r\n")
-        if not line.strip(b" \t\x03\x04\x1a"):  # also ends of text, of transmission, of a DOS file
+        if not line.strip(b" \t\x03\x04\x1a"):  # also marks of an end: of text, transmission, DOS file
             return None
         if self.format.checksum == "nmea":
             body = strip_checksum(line)
@@ -199,7 +199,7 @@ class RecordParser:
         return self._take_record(text, complete)
 
     def _is_free_comment(self, line: bytes) -> bool:
-        """Whether a line without a checksum is a remark that somebody put into the file."""
+        """Whether a line without a checksum is a remark that somebody wrote into the file."""
         comment = self.format.header.comment.encode()
         return bool(comment) and line.lstrip().startswith(comment) and b"*" not in line
 
@@ -251,7 +251,7 @@ class RecordParser:
 
     def _take_record(self, text: str, complete: bool) -> LoggerRecord | None:
         if not text.replace("\t", " ").strip("\ufeff").isprintable():
-            self._lose(Note(Kind.UNREADABLE, "the line holds bytes that are not text"))
+            self._lose(Note(Kind.UNREADABLE, "the line has bytes that are not text"))
             return None
         fields = self._split(text)
         if not fields[0][:1].isdigit() and is_header(self.format, fields):
@@ -280,7 +280,7 @@ class RecordParser:
         return self._accept(reading)
 
     def _accept(self, reading: Reading) -> LoggerRecord | None:
-        """Compare with the records before; drop it if it was there already."""
+        """Compare a record with the earlier ones; drop it if it is repeated."""
         record, notes = reading.record, reading.notes
         key = (
             record.record_number,
@@ -288,7 +288,7 @@ class RecordParser:
             tuple(-1.0 if math.isnan(n) else n for n in record.tube_counts),
         )
         if key in self._seen:
-            self._lose(Note(Kind.DUPLICATE, f"record {record.record_number} was there before, and is dropped"))
+            self._lose(Note(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
             return None
         if record.stamp_s in self._stamps:
             notes.append(Note(Kind.SAME_TIME, "another record has the same time and other counts"))
@@ -312,7 +312,7 @@ class RecordParser:
             return
         if not self.gnss_offsets_s and abs(offset_s) > CLOCK_TOLERANCE_S:
             message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
-            remedy = "set it, or mind this when joining the records with positions from elsewhere"
+            remedy = "set it, or consider it when you join the records with other positions"
             reading.notes.append(Note(Kind.CLOCK_OFFSET, message, "", remedy))
         if len(self.gnss_offsets_s) < REMEMBERED_RECORDS:
             self.gnss_offsets_s.append(offset_s)
@@ -333,7 +333,7 @@ def read_log(
     :param path: the file
     :param logger: its format: a model, its name, or the path of a YAML file; found from the header if ``None``
     :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
-    :raises InputError: if the file cannot be read at all, or is not of this format: then it names the known
+    :raises InputError: if the file cannot be read at all, or has another format: then it names the known
         formats that fit
     """
     path = Path(path)
@@ -351,10 +351,10 @@ def parse_log(
     """Read the lines of a logger.
 
     :param lines: the lines, without their ends
-    :param path: where they are from, for messages
+    :param path: their source, for messages
     :param last_is_complete: whether the last line had an end
 
-    The others, and what is raised, are those of :func:`read_log`.
+    The other parameters and the errors are those of :func:`read_log`.
     """
     parser = RecordParser(logger, longitude, path=path)
     last = len(lines) - 1
@@ -380,9 +380,9 @@ def parse_log(
 
 
 def detect_format(path: Path | str) -> LoggerFormat:
-    """The known logger format that a file is of.
+    """The known logger format of a file.
 
-    Told by the names of its columns; a file without names is of the format by which its first lines can be read.
+    It is found by the names of the columns; a file without names has the format that can read its first lines.
 
     :raises InputError: if the file cannot be read, or no known format fits it
     """
@@ -396,7 +396,7 @@ def detect_format(path: Path | str) -> LoggerFormat:
             parser = RecordParser(logger, "east")
             if any(parser.feed(line) is not None for line in lines[:HEADER_LINES]):
                 return logger
-    raise InputError("is not of any known logger format", other_format(lines), path)
+    raise InputError("has no known logger format", other_format(lines), path)
 
 
 def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None) -> Longitude:

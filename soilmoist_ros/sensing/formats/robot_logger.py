@@ -1,4 +1,4 @@
-"""What the robot's sensor sends: lines of the format ``thorvald_crs``.
+"""The lines that the robot's sensor sends: format ``thorvald_crs``.
 
 ``config/loggers/thorvald_crs.yaml`` defines it. The virtual logger writes it through these functions, and
 :class:`RecordParser` reads it.
@@ -34,7 +34,7 @@ def format_header(serial: str = "virtual", period_s: float = PERIOD_S, simulated
 
     :param serial: serial number of the sensor; printable ASCII without ``*``
     :param period_s: nominal duration of a record [s]
-    :param simulated: whether the counts are simulated; every report made of them says so
+    :param simulated: whether the counts are simulated; every report then has a notice
     :raises ValueError: if the serial number cannot be written
     """
     if not (
@@ -52,14 +52,14 @@ def format_record(record: LoggerRecord) -> str:
 
     Stamp and live time are written to 1 ms, pressure, temperature and humidity to 0.01 hPa, degC and %.
 
-    :param record: counts of 12 tubes, NaN where a tube is missing; its position is not sent
-    :raises ValueError: if there are not 12 tubes, or those present differ in their live time
+    :param record: counts of 12 tubes, NaN for a missing tube; its position is not sent
+    :raises ValueError: if there are not 12 tubes, or their live times differ
     """
     if len(record.tube_counts) != TUBES:
         raise ValueError(f"the sensor has {TUBES} tubes, the record {len(record.tube_counts)}")
     live = {live_s for live_s in record.tube_live_s if not math.isnan(live_s)}
     if len(live) != 1:
-        raise ValueError(f"the tubes have one live time in common, the record has {sorted(live)}")
+        raise ValueError(f"the tubes must have the same live time, the record has {sorted(live)}")
     fields = [
         _stamp(record.stamp_s),
         str(record.record_number) if record.record_number >= 0 else "",

@@ -1,4 +1,4 @@
-"""Units that loggers write, and how they become this package's units."""
+"""Conversion of the units that loggers write to the units of this package."""
 
 from __future__ import annotations
 

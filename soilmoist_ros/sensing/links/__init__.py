@@ -1,4 +1,4 @@
-"""Where lines of a sensor come from: TCP, UDP, serial ports and recorded files, all behind one method."""
+"""Sources of lines: TCP, UDP, serial ports and recorded files behind one interface."""
 
 from soilmoist_ros.sensing.links.line_source import LineSource, LinkState, LinkStatus
 from soilmoist_ros.sensing.links.open_source import open_source

@@ -1,4 +1,4 @@
-"""A thread that reads lines, so that nobody else has to wait for them."""
+"""A thread that reads lines in the background."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from collections.abc import Callable
 from soilmoist_ros.sensing.links.line_source import LineSource, LinkStatus
 
 MAX_WAITING = 20_000
-"""Lines that may wait to be taken; when there are more the reader pauses, and the sender is held up."""
+"""Lines that may wait to be taken; when there are more, the reader pauses."""
 _WAIT_S = 0.2
 _STOP_S = 5.0
 _log = logging.getLogger(__name__)
 
 
 class LineReader:
-    """Reads a source in a thread of its own.
+    """Reads a source in a background thread.
 
     :param source: the source; closed at the end
     :param on_line: called from the thread after each line; must not take long
@@ -33,16 +33,16 @@ class LineReader:
 
     @property
     def status(self) -> LinkStatus:
-        """What the link has been through."""
+        """State of the link."""
         return self._source.status
 
-    def take(self, most: int) -> list[bytes]:
-        """Lines that have come, oldest first.
+    def take(self, max_lines: int) -> list[bytes]:
+        """Lines that have arrived, oldest first.
 
-        :param most: how many at most
+        :param max_lines: largest number of lines
         """
         lines: list[bytes] = []
-        while len(lines) < most:
+        while len(lines) < max_lines:
             try:
                 lines.append(self._waiting.get_nowait())
             except queue.Empty:
@@ -52,21 +52,21 @@ class LineReader:
     def stop(self) -> None:
         """End the thread and close the source."""
         self._stopping.set()
-        self._thread.join(_STOP_S)  # looking up a name cannot be interrupted: then the thread is left behind
+        self._thread.join(_STOP_S)  # a name lookup cannot be interrupted: then the thread stays behind
         self._source.close()
 
     def _run(self) -> None:
         while not self._stopping.is_set():
             try:
                 line = self._source.read_line(_WAIT_S)
-            except Exception:  # a fault of ours must not silence the sensor for good
-                _log.exception("reading a line failed; going on")
+            except Exception:  # a bug in reading must not silence the sensor
+                _log.exception("reading a line failed; reading continues")
                 self._stopping.wait(1.0)
                 continue
             if line is not None:
-                self._hand_over(line)
+                self._put(line)
 
-    def _hand_over(self, line: bytes) -> None:
+    def _put(self, line: bytes) -> None:
         while not self._stopping.is_set():
             try:
                 self._waiting.put(line, timeout=_WAIT_S)

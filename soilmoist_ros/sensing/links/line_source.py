@@ -1,4 +1,4 @@
-"""What every source of lines is, and the state it tells of."""
+"""The interface of sources of lines, and their state."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ class LinkState(enum.Enum):
     """State of a link."""
 
     CONNECTING = "connecting"
-    """Not connected; tries again and again."""
+    """Not connected; retries."""
     CONNECTED = "connected"
     SILENT = "silent"
-    """Connected as far as one can tell, but nothing comes."""
+    """Connected, but no bytes arrive."""
     ENDED = "ended"
     """A file was read to its end."""
     CLOSED = "closed"
@@ -23,16 +23,16 @@ class LinkState(enum.Enum):
 
 @dataclass(frozen=True)
 class LinkStatus:
-    """What a link has been through.
+    """State and counts of a link.
 
-    :param uri: where the lines come from
+    :param uri: address of the source
     :param state: state of the link
     :param attempts: attempts to connect since the last line
     :param connections: connections made so far
-    :param last_error: why the link was not made or broke, empty if it never happened
+    :param last_error: why the last connection failed or broke, empty if it never did
     :param n_bytes: bytes received
     :param n_lines: lines received
-    :param n_oversized: lines thrown away because they had no end
+    :param n_oversized: lines dropped because they were too long
     :param silent_s: time since the last byte or connection [s]
     """
 
@@ -48,19 +48,19 @@ class LinkStatus:
 
 
 class LineSource(Protocol):
-    """A stream of lines that never ends by itself and never raises."""
+    """A stream of lines that never ends and never raises."""
 
     @property
     def status(self) -> LinkStatus:
-        """What the link has been through; may be asked for from any thread."""
+        """State of the link; may be read from any thread."""
 
     def read_line(self, timeout_s: float) -> bytes | None:
         """The next line without its end, ``None`` if none came in time.
 
-        Connects first where needed; making a connection may take longer than the time given.
+        Connects first if necessary; a connection may take longer than the timeout.
 
-        :param timeout_s: how long to wait [s]
+        :param timeout_s: longest wait [s]
         """
 
     def close(self) -> None:
-        """Close the link for good; wakes a reader in another thread."""
+        """Close the link; wakes a reader in another thread."""

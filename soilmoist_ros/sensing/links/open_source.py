@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from functools import partial
 from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.sensing.links.line_source import LineSource
 from soilmoist_ros.sensing.links.reconnecting import ReconnectingSource, Retry
 from soilmoist_ros.sensing.links.recording import PlaybackClock, RecordingSource, StampOf
@@ -35,13 +35,13 @@ def open_source(
     """The source of lines at an address; it connects when it is first read.
 
     ``tcp://host:port`` connects to a server, ``udp://0.0.0.0:port`` listens for datagrams,
-    ``serial:///dev/ttyUSB0?baud=115200`` opens a port, ``file:///path?speed=10`` plays a recording ten times
-    faster than it was, or with ``speed=0`` as fast as possible.
+    ``serial:///dev/ttyUSB0?baud=115200`` opens a port, ``file:///path?speed=10`` plays a recording at ten
+    times its speed, or with ``speed=0`` as fast as possible.
 
     :param uri: the address
-    :param retry: when to try again
-    :param stamp_of: tells the time of a recorded line; see :class:`RecordingSource`
-    :param playback: shared by recordings that belong together
+    :param retry: pauses between attempts
+    :param stamp_of: time of a recorded line; see :class:`RecordingSource`
+    :param playback: shared by recordings that are played together
     :raises InputError: if the address cannot be used, or a file cannot be read
     """
     try:
@@ -50,15 +50,14 @@ def open_source(
     except ValueError as error:
         raise _bad(uri, str(error)) from None
     if parts.scheme not in EXAMPLES:
-        known = ", ".join(EXAMPLES)
-        said = f"does not begin with one of: {known}" if parts.scheme else "has no kind before '://'"
-        raise _bad(uri, said, difflib.get_close_matches(parts.scheme, EXAMPLES, 1))
+        kinds = f"{', '.join(EXAMPLES)}{did_you_mean(parts.scheme, EXAMPLES)}"
+        raise _bad(uri, f"must begin with one of: {kinds}" if parts.scheme else "has no kind before '://'")
     options = _options(uri, parts)
     if parts.scheme in ("tcp", "udp"):
         if not parts.hostname or not port:
             raise _bad(uri, "lacks the host" if port else "lacks the port", [parts.scheme])
         if parts.path not in ("", "/"):
-            raise _bad(uri, f"has a path {parts.path!r}, which this kind has not", [parts.scheme])
+            raise _bad(uri, f"has a path {parts.path!r}, which this kind does not have", [parts.scheme])
         make = connect_tcp if parts.scheme == "tcp" else bind_udp
         return ReconnectingSource(uri, partial(make, parts.hostname, port), retry)
     if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
@@ -67,7 +66,7 @@ def open_source(
     if parts.scheme == "file":
         speed = _number(uri, options, "speed", 1.0, low=0.0)
         return RecordingSource(Path(path), speed, stamp_of, playback)
-    # Only who has a serial port needs its library.
+    # The library for serial ports is needed only here.
     from soilmoist_ros.sensing.links.serial_port import open_serial
 
     baud = int(_number(uri, options, "baud", DEFAULT_BAUD, low=50.0))

@@ -1,4 +1,4 @@
-"""A link that is made again, for ever, whenever it breaks or falls silent."""
+"""A link that reconnects whenever it breaks or falls silent."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Connection(Protocol):
     """One connection over some transport."""
 
     datagrams: bool
-    """Whether each piece received is whole lines, and silence says nothing about the connection."""
+    """Whether each piece holds whole lines; then silence does not mean that the connection is broken."""
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` if nothing came in time.
+        """Some bytes, ``None`` if none arrived in time.
 
         :raises OSError: if the connection broke or the other side closed it
         """
@@ -31,24 +31,24 @@ class Connection(Protocol):
 
 @dataclass(frozen=True)
 class Retry:
-    """When to try again.
+    """Pauses between attempts to connect.
 
     :param first_s: pause before the second attempt [s]; each further pause doubles
-    :param longest_s: longest pause [s]
-    :param silence_s: a connection on which nothing comes for so long is taken for dead and made anew [s]
+    :param max_s: longest pause [s]
+    :param silence_s: time without a byte after which a connection counts as dead, and is made again [s]
     """
 
     first_s: float = 0.5
-    longest_s: float = 15.0
+    max_s: float = 15.0
     silence_s: float = 35.0
 
     def pause_s(self, attempts: int, rng: random.Random) -> float:
-        """Pause after so many attempts in vain [s].
+        """Pause after a number of failed attempts [s].
 
-        Up to half of it is chance, so that many readers do not come back all at the same moment.
+        Up to half of it is random, so that many readers do not reconnect at the same moment.
         """
-        longest_s = min(self.longest_s, self.first_s * 2.0 ** min(attempts - 1, 60))
-        return longest_s * rng.uniform(0.5, 1.0)
+        pause_s = min(self.max_s, self.first_s * 2.0 ** min(attempts - 1, 60))
+        return pause_s * rng.uniform(0.5, 1.0)
 
 
 class ReconnectingSource:
@@ -56,9 +56,9 @@ class ReconnectingSource:
 
     :param uri: name of the link, for messages
     :param connect: makes a connection, or raises ``OSError``
-    :param retry: when to try again
+    :param retry: pauses between attempts
     :param clock: monotonic time [s]
-    :param rng: source of chance in the pauses
+    :param rng: randomness of the pauses
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class ReconnectingSource:
 
     @property
     def status(self) -> LinkStatus:
-        """What the link has been through."""
+        """State of the link."""
         silent_s = self._clock() - self._heard_at_s
         if self._closed.is_set():
             state = LinkState.CLOSED
@@ -105,7 +105,7 @@ class ReconnectingSource:
         )
 
     def read_line(self, timeout_s: float) -> bytes | None:
-        """The next line, ``None`` if none came in time."""
+        """The next line, ``None`` if none arrived in time."""
         deadline_s = self._clock() + timeout_s
         while not self._closed.is_set():
             line = self._buffer.pop()
@@ -116,19 +116,19 @@ class ReconnectingSource:
             if left_s <= 0:
                 return None
             if self._connection is None:
-                self._try_again(left_s)
+                self._reconnect(left_s)
             else:
                 self._receive(self._connection, left_s)
         return None
 
     def close(self) -> None:
-        """Close the link for good."""
+        """Close the link."""
         self._closed.set()
         connection = self._connection
         if connection is not None:
             connection.close()
 
-    def _try_again(self, left_s: float) -> None:
+    def _reconnect(self, left_s: float) -> None:
         pause_s = self._retry_at_s - self._clock()
         if pause_s > 0:
             self._closed.wait(min(pause_s, left_s))
@@ -141,18 +141,18 @@ class ReconnectingSource:
             return
         self._connections += 1
         self._heard_at_s = self._clock()
-        if self._closed.is_set():  # while it was being made
+        if self._closed.is_set():  # during the attempt
             self._connection.close()
 
     def _receive(self, connection: Connection, left_s: float) -> None:
         quiet_s = self._clock() - self._heard_at_s
         if quiet_s > self._retry.silence_s and not connection.datagrams:
             self._silent = True
-            self._fail(TimeoutError(f"nothing came for {quiet_s:.0f} s"))
+            self._fail(TimeoutError(f"no bytes for {quiet_s:.0f} s"))
             return
         try:
             data = connection.receive(min(left_s, max(self._retry.silence_s - quiet_s, 0.05)))
-        except (OSError, ValueError) as error:  # ValueError: closed by another thread meanwhile
+        except (OSError, ValueError) as error:  # ValueError: closed by another thread
             self._fail(error)
             return
         if not data:
@@ -164,7 +164,7 @@ class ReconnectingSource:
         if connection.datagrams:
             self._buffer.end_line()
         if lines or connection.datagrams:
-            # Only a line proves that the link works: a server that accepts and hangs up gets longer pauses.
+            # Only a line shows that the link works: a server that accepts and hangs up gets longer pauses.
             self._attempts = 0
 
     def _fail(self, error: Exception) -> None:

@@ -1,4 +1,4 @@
-"""Recorded lines, played at their own pace or faster."""
+"""Recorded lines, played at the recorded speed or faster."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 
 StampOf = Callable[[bytes], float | None]
-"""When a line was sent [s since 1970 UTC], ``None`` if it does not tell."""
+"""Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
 
 
 class PlaybackClock:
-    """Turns the time of recordings into the time of playing.
+    """Converts recorded time to playing time.
 
-    Recordings that share one stay in step however the threads that read them are scheduled: a line goes out only
-    when every line from before has, of whichever recording.
+    Recordings that share a clock stay in step however their threads are scheduled: a line is returned only after
+    all earlier lines of all recordings.
 
     :param clock: monotonic time [s]
     """
@@ -31,24 +31,24 @@ class PlaybackClock:
         self._start: tuple[float, float] | None = None
 
     def join(self) -> int:
-        """Take part; gives the number of the recording."""
+        """Add a recording; returns its number."""
         with self._turn:
-            self._at_s.append(-math.inf)  # its first line is not known yet, and the others have to wait for it
+            self._at_s.append(-math.inf)  # the others wait until its first line is known
             return len(self._at_s) - 1
 
     def leave(self, number: int) -> None:
-        """Nothing more comes of a recording."""
-        self._stand_at(number, math.inf)
+        """End a recording."""
+        self._set_position(number, math.inf)
 
     def is_due(self, number: int, stamp_s: float, speed: float, timeout_s: float) -> bool:
-        """Whether the next line of a recording is due; waits for it, but not always as long as it may.
+        """Whether the next line of a recording is due; waits for it, up to the timeout.
 
         :param number: the recording
-        :param stamp_s: when the line was sent [s since 1970 UTC]; the first of all is due at once
-        :param speed: how many times faster than it was; 0 for as fast as possible
-        :param timeout_s: how long to wait at most [s]
+        :param stamp_s: time at which the line was sent [s since 1970 UTC]; the first of all is due at once
+        :param speed: playing speed as a multiple of the recorded one; 0 for as fast as possible
+        :param timeout_s: longest wait [s]
         """
-        self._stand_at(number, stamp_s)
+        self._set_position(number, stamp_s)
         with self._turn:
             wait_s = self._wait_s(number, speed)
             if wait_s > 0 and timeout_s > 0:
@@ -56,7 +56,7 @@ class PlaybackClock:
                 wait_s = self._wait_s(number, speed)
         return wait_s <= 0
 
-    def _stand_at(self, number: int, stamp_s: float) -> None:
+    def _set_position(self, number: int, stamp_s: float) -> None:
         with self._turn:
             self._at_s[number] = stamp_s
             self._turn.notify_all()
@@ -75,9 +75,9 @@ class RecordingSource:
     """A :class:`LineSource` that plays a file.
 
     :param path: the file
-    :param speed: how many times faster than it was recorded; 0 for as fast as possible
-    :param stamp_of: when a line was sent; lines that do not tell come right after the one before
-    :param playback: shared by recordings that belong together
+    :param speed: playing speed as a multiple of the recorded one; 0 for as fast as possible
+    :param stamp_of: time at which a line was sent; lines without a time follow the line before at once
+    :param playback: shared by recordings that are played together
     :raises InputError: if the file cannot be read
     """
 
@@ -101,14 +101,14 @@ class RecordingSource:
 
     @property
     def status(self) -> LinkStatus:
-        """How much was played."""
+        """State of the recording."""
         state = LinkState.CONNECTED if self._next < len(self._lines) else LinkState.ENDED
         if self._closed.is_set():
             state = LinkState.CLOSED
         return LinkStatus(self._uri, state, connections=1, n_bytes=self._n_bytes, n_lines=self._next)
 
     def read_line(self, timeout_s: float) -> bytes | None:
-        """The next line when it is due, ``None`` if that is later or there is none."""
+        """The next line if it is due in time, else ``None``."""
         if self._closed.is_set():
             return None
         if self._next >= len(self._lines):
@@ -130,7 +130,7 @@ class RecordingSource:
     def _is_due(self, line: bytes, timeout_s: float) -> bool:
         if self._stamp_of is None:
             return True
-        if self._looked_at != self._next:  # each line once: what tells the time may remember the lines before
+        if self._looked_at != self._next:  # each line once: `stamp_of` may remember earlier lines
             self._looked_at = self._next
             self._stamp_s = self._stamp_of(line)
         if self._stamp_s is None:

@@ -23,7 +23,7 @@ class SerialConnection:
         self._port = port
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` if nothing came in time."""
+        """Some bytes, ``None`` if none arrived in time."""
         descriptor = self._port.fileno()
         ready, _, _ = select.select([descriptor], [], [], min(timeout_s, 0.5))  # close() does not wake it
         if not ready:
@@ -37,7 +37,7 @@ class SerialConnection:
         return data
 
     def close(self) -> None:
-        """Close it."""
+        """Close the port."""
         with contextlib.suppress(OSError):
             self._port.close()
 

@@ -10,7 +10,7 @@ RECEIVE_BUFFER = 1 << 20
 
 
 def bind_udp(host: str, port: int) -> SocketConnection:
-    """Listen for datagrams; each holds one or more whole lines.
+    """Listen for datagrams of one or more whole lines.
 
     :param host: address of this machine to listen on, ``0.0.0.0`` for all
     :raises OSError: if the address is not this machine's, or the port is in use

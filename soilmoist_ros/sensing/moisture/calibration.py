@@ -24,11 +24,11 @@ _DENSEST_SOIL_GCM3 = 2.8
 
 @dataclass(frozen=True)
 class SoilCores:
-    """What the soil cores of a calibration say.
+    """Moisture and density from the soil cores of a calibration.
 
     :param vwc: weighted mean volumetric water content [m^3/m^3]
     :param vwc_sd: standard error of that mean [m^3/m^3]; NaN for a single core
-    :param bulk_density_gcm3: weighted mean dry bulk density [g/cm^3], ``None`` if the cores do not tell
+    :param bulk_density_gcm3: weighted mean dry bulk density [g/cm^3], ``None`` if unknown
     :param count: number of cores
     """
 
@@ -40,12 +40,12 @@ class SoilCores:
 
 @dataclass(frozen=True)
 class N0Estimate:
-    """N0 with its uncertainty and where that comes from.
+    """N0 with its uncertainty and the sources of that uncertainty.
 
     :param n0_cps: count rate over dry soil [counts/s]
     :param n0_sd_cps: standard deviation of N0 [counts/s]
-    :param from_counting_cps: part of it that comes from counting [counts/s]
-    :param from_cores_cps: part of it that comes from the cores [counts/s]; NaN if unknown
+    :param from_counting_cps: part of the standard deviation that comes from counting [counts/s]
+    :param from_cores_cps: part that comes from the cores [counts/s]; NaN if unknown
     """
 
     n0_cps: float
@@ -55,14 +55,14 @@ class N0Estimate:
 
 
 def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None) -> SoilCores:
-    """Read a CSV of soil cores: one row a core.
+    """Read a CSV of soil cores, one row per core.
 
     Columns, by name in the first line: ``vwc`` [m^3/m^3], or ``gravimetric_water`` [g/g] together with a bulk
     density; optionally ``bulk_density_gcm3`` and ``weight`` (for example the sensor's sensitivity at the core's
     distance and depth). Other columns are ignored.
 
     :param path: CSV file
-    :param bulk_density_gcm3: density for gravimetric values if the cores have none of their own
+    :param bulk_density_gcm3: density for gravimetric values of cores without a density
     :raises InputError: with every mistake in the file
     """
     rows = _read_rows(path)
@@ -76,7 +76,7 @@ def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None) -> SoilC
     if mistakes:
         raise InputError(mistakes)
     if not values:
-        raise InputError("holds no soil core", "add one row per core below the header", path)
+        raise InputError("has no soil core", "add one row per core below the header", path)
     vwc, density, weight = np.array(values).T
     if weight.sum() <= 0:
         raise InputError("all weights are zero", "give at least one core a positive weight", path)
@@ -96,7 +96,7 @@ def estimate_n0(rate_cps: float, rate_sd_cps: float, vwc: float, vwc_sd: float, 
     :param rate_cps: corrected rate at the calibration [counts/s], > 0
     :param rate_sd_cps: its standard deviation [counts/s], ``rate / sqrt(raw counts)``
     :param vwc: soil moisture of the cores [m^3/m^3]
-    :param vwc_sd: its standard deviation [m^3/m^3]; NaN if unknown, then counting alone is told
+    :param vwc_sd: its standard deviation [m^3/m^3]; NaN if unknown: then only counting adds to the result
     :param soil: soil properties
     :raises ValueError: if the rate is not positive or the moisture is out of the curve's range
     """
@@ -111,9 +111,9 @@ def estimate_n0(rate_cps: float, rate_sd_cps: float, vwc: float, vwc_sd: float, 
 
 
 def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | None = None) -> None:
-    """Put a calibration (and soil properties, if given) into a site file; its comments and order stay.
+    """Write a calibration (and soil properties, if given) into a site file; comments and order stay.
 
-    The file is replaced in one step, so a crash leaves the old one or the new one.
+    The file is replaced in one step, so a crash leaves either the old or the new file.
 
     :raises InputError: if the file cannot be read or written
     """
@@ -128,7 +128,7 @@ def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | No
     temporary = site_file.with_name(site_file.name + ".tmp")
     try:
         temporary.write_text(text.getvalue(), encoding="utf-8")
-        load_site(temporary)  # never replace a good file by one that cannot be read back
+        load_site(temporary)  # a file that cannot be read back must not replace a good one
         os.replace(temporary, site_file)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "check its permissions", site_file) from None
@@ -204,7 +204,7 @@ def _number(row: dict[str, str], column: str, low: float, high: float, remedy: s
 
 
 def pooled_rate(raw_counts: Sequence[int], effective_exposure_s: Sequence[float]) -> tuple[float, float]:
-    """Corrected rate of records taken together, and its standard deviation [counts/s].
+    """Corrected rate of all records together, and its standard deviation [counts/s].
 
     :raises ValueError: without any count or exposure
     """

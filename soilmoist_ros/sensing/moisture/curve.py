@@ -47,14 +47,14 @@ class CalibrationCurve:
         return A1 * self.n0_cps
 
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Where a rate has a soil moisture: above ``A1 * N0``. Check this before trusting a NaN."""
+        """Where a rate has a soil moisture: above ``A1 * N0``."""
         return np.asarray(rate_cps, float) / self.n0_cps > A1
 
     def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
         """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
 
-        NaN where :meth:`valid` is false. Very dry values below 0 are returned as they are: they say that
-        N0 or the water terms are off, which clipping would hide.
+        NaN where :meth:`valid` is false. Very dry values below 0 are returned as they are: they show that
+        N0 or the water terms are wrong, which clipping would hide.
         """
         return self._vwc(self._excess(rate_cps))
 
@@ -74,15 +74,15 @@ class CalibrationCurve:
         return -self.bulk_density_gcm3 * A0 / (self.n0_cps * self._excess(rate_cps) ** 2)
 
     def weight(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """Squared slope: what the variance of a rate weighs in that of the VWC [(m^3/m^3 per count/s)^2].
+        """Squared slope: factor from the variance of a rate to that of the VWC [(m^3/m^3 per count/s)^2].
 
-        Near its pole, and below, the curve is too steep for one place to decide a plan: there it is taken as a
-        tenth above the pole.
+        Near its pole and below, the curve is so steep that one place would decide a whole plan. Rates there are
+        raised to a tenth above the pole.
         """
         return self.slope(np.maximum(np.asarray(rate_cps, float), _NEAR_POLE * self.lowest_rate_cps)) ** 2
 
     def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """Standard deviation of the VWC that follows from that of the rate [m^3/m^3].
+        """Standard deviation of the VWC from that of the rate [m^3/m^3].
 
         :param rate_cps: corrected rate [counts/s], any shape
         :param rate_sd_cps: its standard deviation [counts/s], same shape
@@ -99,7 +99,7 @@ class CalibrationCurve:
     def vwc_and_sd(
         self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """:meth:`vwc`, and its standard deviation of third order as :meth:`vwc_sd`; together they cost less.
+        """:meth:`vwc` and its standard deviation of third order (:meth:`vwc_sd`), in less time than both.
 
         :param rate_cps: corrected rate [counts/s], any shape
         :param rate_sd_cps: its standard deviation [counts/s], same shape

@@ -89,7 +89,7 @@ class Calibration(Section):
 
 
 class Location(Section):
-    """Where a stationary probe stands."""
+    """Position of a stationary probe."""
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)]
     """Latitude, WGS-84 [deg]."""
@@ -105,13 +105,13 @@ class Site(Section):
     name: str = "unnamed site"
     """Name shown in reports."""
     longitude: Literal["signed", "east", "west"] = "signed"
-    """Which hemisphere a logger means that writes longitudes without a sign."""
+    """Hemisphere of the site, for loggers that write longitudes without a sign."""
     location: Location | None = None
-    """Position of a probe that logs none of its own (a stationary probe)."""
+    """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
     """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield."""
     deconvolve_footprint: bool = False
-    """Whether the map is of the rate at each place, rather than of its mean over the footprint around it."""
+    """Whether the map shows the rate at each place, or its mean over the footprint around the place."""
     corrections: CorrectionSettings = CorrectionSettings()
     """Correction of the counts."""
     tube_shares: list[NotNegative] | None = None
@@ -140,7 +140,7 @@ class Site(Section):
 
     @property
     def support_radius_m(self) -> float:
-        """Radius of the footprint to be de-convolved from the counts [m], 0 to map them as they are."""
+        """Radius of the footprint that is deconvolved from the counts [m]; 0 maps the counts as they are."""
         return self.footprint_radius_m if self.deconvolve_footprint else 0.0
 
     @property

@@ -1,7 +1,7 @@
 """NMEA 0183 of a GNSS receiver to fixes: GGA, RMC and GST, one fix per epoch.
 
-Each sentence is a row of :data:`SENTENCES`: which of its fields is read, by which converter. Sentences of the
-same time of day make an epoch. No line can raise; what is wrong with one is reported and counted.
+Each sentence is a row of :data:`SENTENCES`: its fields and their converters. Sentences of the
+same time of day make an epoch. No line can raise; faults are reported and counted.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 
 DAY_S = 86_400.0
-MAX_SENTENCE = 512  # the standard allows 82 characters; receivers take more
+MAX_SENTENCE = 512  # the standard allows 82 characters; receivers send more
 KNOTS_MPS = 1852.0 / 3600.0
 VERTICAL_PER_HORIZONTAL = 2.0  # without GST: altitude is usually about this much worse than each coordinate
-EARLIEST_DATE_S = 946_684_800.0  # 2000-01-01: receivers without a date count from 1980
+EARLIEST_DATE_S = 946_684_800.0  # 2000-01-01: receivers without a date start in 1980
 QUALITY_OF_MODE = {"A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8, "N": 0}
 
 Values = dict[str, float | None]
 
 
 class _BadFieldError(ValueError):
-    """A field that is there, but cannot be what it should be."""
+    """A field with an impossible value."""
 
 
 def _number(text: str) -> float | None:
@@ -166,9 +166,9 @@ class _Epoch:
 class NmeaParser:
     """Turns sentences into fixes, one line at a time.
 
-    A fix is complete when the sentence types of the epoch before have come again, or at the latest when the next
-    epoch begins; :meth:`flush` gives the last one. GGA has no date: it is that of the last RMC, counted on
-    over midnight.
+    A fix is complete when the epoch has all sentence types of the epoch before, at the latest when the next epoch
+    begins; :meth:`flush` returns the last one. GGA has no date: the date of the last RMC is used, and midnight is
+    counted.
 
     :param uere_m: user-equivalent range error by GGA quality [m], for receivers that send no GST
     :param reference_stamp_s: a time within 12 h of the first epoch [s since 1970 UTC], if known; until a date is
@@ -198,7 +198,7 @@ class NmeaParser:
         self._expected: set[str] = set()
 
     def feed(self, line: bytes) -> Fix | None:
-        """Take one line; the fix that it completes, if any."""
+        """Take one line; returns the fix that it completes, if any."""
         self.line_number += 1
         found = self._read(line)
         if found is None:
@@ -206,7 +206,7 @@ class NmeaParser:
         kind, values = found
         time_of_day_s = values["time"]
         if time_of_day_s is None:
-            return None  # a receiver that is still starting
+            return None  # the receiver is still starting
         finished = None
         if self._epoch is None or self._epoch.time_of_day_s != time_of_day_s:
             finished = self.flush()
@@ -223,7 +223,7 @@ class NmeaParser:
         return finished
 
     def flush(self) -> Fix | None:
-        """The fix of the epoch begun, if it was not given yet."""
+        """The fix of the current epoch, if it was not returned yet."""
         epoch, self._epoch = self._epoch, None
         if epoch is None:
             return None
@@ -231,7 +231,7 @@ class NmeaParser:
         return None if epoch.sent else self._fix(epoch)
 
     def _read(self, line: bytes) -> tuple[str, Values] | None:
-        """Type and values of a sentence that matters, ``None`` for other ones and for damaged ones."""
+        """Type and values of a sentence, ``None`` if it is of another type or damaged."""
         start = line.rfind(b"$")
         if start < 0:
             if line.strip():
@@ -248,7 +248,7 @@ class NmeaParser:
             self._report(Kind.CHECKSUM, "the checksum is absent or wrong")
             return None
         except pynmea2.SentenceTypeError:
-            return None  # a sound sentence of a type that is of no use here
+            return None  # an intact sentence of another type
         except (pynmea2.ParseError, ValueError):
             self._report(Kind.UNREADABLE, "the sentence is damaged")
             return None
@@ -291,7 +291,7 @@ class NmeaParser:
         )
 
     def _stamp(self, epoch: _Epoch) -> float:
-        """Time of the epoch: with the date of its RMC, else that within 12 h of the epoch before."""
+        """Time of the epoch: with the date of its RMC, else within 12 h of the epoch before."""
         midnight_s = epoch.value("RMC", "date")
         if midnight_s is not None:
             self._last_stamp_s = midnight_s + epoch.time_of_day_s
@@ -334,13 +334,13 @@ def _or_nan(value: float | None) -> float:
 
 
 def _all_known(values: list[float | None], deviations: int) -> bool:
-    """Whether all are there, and the first ones can be standard deviations."""
+    """Whether all values are known, and the first ones are possible standard deviations."""
     known = [value for value in values if value is not None]
     return len(known) == len(values) and all(0 < value < 1e5 for value in known[:deviations])
 
 
 def _quality(epoch: _Epoch) -> int:
-    """Quality as in GGA; of an epoch without GGA, by the mode of RMC. A void RMC is no fix in any case."""
+    """Quality as in GGA; without GGA from the mode of RMC. A void RMC always means no fix."""
     if epoch.value("RMC", "valid") == 0.0:
         return 0
     quality = epoch.value("GGA", "quality")
@@ -361,12 +361,12 @@ def _place(epoch: _Epoch) -> tuple[float, float] | None:
 
 
 def read_nmea(path: Path | str) -> tuple[list[Fix], list[Problem]]:
-    """All fixes of a file of NMEA sentences, in its order, and what was wrong.
+    """All fixes of a file of NMEA sentences, in the order of the file, and all problems.
 
-    Epochs before the first date are dated by it.
+    Epochs before the first date get their date from it.
 
     :param path: the file; other lines between the sentences are reported and skipped
-    :raises InputError: if it cannot be read, or holds no NMEA sentence
+    :raises InputError: if it cannot be read, or has no NMEA sentence
     """
     path = Path(path)
     lines, _ = read_lines(path)
@@ -377,14 +377,14 @@ def parse_nmea(lines: Sequence[bytes], path: Path) -> tuple[list[Fix], list[Prob
     """All fixes of the lines of a receiver, as :func:`read_nmea`.
 
     :param lines: the lines
-    :param path: where they are from, for messages
+    :param path: their source, for messages
     """
     parser = NmeaParser(reference_stamp_s=_first_stamp(lines), path=path)
     fixes = [parser.feed(line) for line in lines]
     fixes.append(parser.flush())
     if parser.sentences_read == 0:
         raise InputError(
-            "holds no NMEA sentence with a right checksum",
+            "has no NMEA sentence with a correct checksum",
             "give the text that the GNSS receiver sent, with lines such as $GPGGA,...*hh",
             path,
         )

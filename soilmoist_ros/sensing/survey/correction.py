@@ -23,7 +23,7 @@ _MIN_POSITION_GAP_S = 5.0
 
 
 class UnusableRecordError(Exception):
-    """A record cannot be used, or not be placed; says which kind of problem that is, and what to do."""
+    """A record cannot be used or placed; has the kind of problem and the remedy."""
 
     def __init__(self, kind: Kind, message: str, remedy: str) -> None:
         super().__init__(message)
@@ -31,7 +31,7 @@ class UnusableRecordError(Exception):
 
 
 def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | None:
-    """Where the incoming intensity comes from, ``None`` if it is not corrected for.
+    """Source of the incoming intensity, ``None`` if it is not corrected for.
 
     :raises InputError: if the file of a monitor cannot be used
     """
@@ -47,7 +47,7 @@ def correction_factors(
 ) -> Mapping[str, float]:
     """Factors ``f_pressure``, ``f_humidity`` and ``f_intensity`` of one record [-].
 
-    A correction that is switched off is 1.
+    The factor of a correction that is switched off is 1.
 
     :raises ValueError: if a value that an active correction needs is missing or impossible; names it
     """
@@ -68,7 +68,7 @@ def correct_record(
     intensity: NeutronMonitor | float | None,
     shares: NDArray[np.float64],
 ) -> CountRecord:
-    """The record with its corrections, not yet at a place.
+    """The record with its corrections, not yet placed.
 
     :param record: the raw record
     :param air: weather at its time

@@ -1,4 +1,4 @@
-"""A sensor under way: its links, and what comes of their lines."""
+"""The driver of a sensor: reads its links, and turns their lines into records."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, 
 from soilmoist_ros.sensing.survey.stream import SensorStream
 
 LINES_PER_STEP = 500
-"""Lines taken at once, so that other work gets its turn after a jam."""
+"""Lines processed in one step, so that other work gets its turn after a jam."""
 LOGGER, GNSS = "logger", "GNSS"
 
 
 @dataclass(frozen=True)
 class DriverSettings:
-    """What to read.
+    """Addresses and limits of a driver.
 
-    :param logger_uri: where the logger is
+    :param logger_uri: address of the logger
     :param logger_format: its format: its name, or a YAML file
-    :param gnss_uri: where the GNSS receiver is; empty if fixes come from outside
-    :param silence_limit_s: a link is made anew after so long without a byte [s]
+    :param gnss_uri: address of the GNSS receiver; empty if fixes come from outside
+    :param silence_limit_s: time without a byte after which a link is connected again [s]
     :param fix_wait_s: longest time that a record waits for a fix [s]
     """
 
@@ -48,14 +48,14 @@ class DriverSettings:
 
 @dataclass(frozen=True)
 class Batch:
-    """What has come since the last time, each in its order.
+    """What has arrived since the last step, each in its order.
 
     :param logger_lines: lines of the logger
     :param gnss_lines: lines of the receiver
-    :param fixes: fixes of the receiver, also those that say that there is none
+    :param fixes: epochs of the receiver, with and without a fix
     :param readings: raw records, for their weather
     :param records: corrected, geo-tagged records
-    :param more: whether more is waiting
+    :param more: whether more lines are waiting
     """
 
     logger_lines: Sequence[bytes]
@@ -67,13 +67,13 @@ class Batch:
 
 
 class Driver:
-    """Reads the devices in threads of its own; everything else is done by whoever calls, in one thread at a time.
+    """Reads the devices in background threads; everything else runs in the thread of the caller.
 
-    :param settings: what to read
+    :param settings: addresses and limits
     :param site: the sensor
     :param frame: plane to place the records in
-    :param now_s: time, if it is known [s since 1970 UTC]; dates the fixes of receivers that send none
-    :raises InputError: if anything of it cannot be used
+    :param now_s: time, if it is known [s since 1970 UTC]; dates the fixes of receivers that send no date
+    :raises InputError: if a setting cannot be used
     """
 
     def __init__(self, settings: DriverSettings, site: Site, frame: LocalFrame, now_s: float = NAN) -> None:
@@ -83,15 +83,15 @@ class Driver:
         self.stream = SensorStream(
             site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s
         )
-        self._open_all()  # only to see that the addresses can be used: nothing is connected yet
+        self._open_all()  # checks the addresses; nothing is connected yet
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()
 
     def start(self, wake: Callable[[], None]) -> None:
-        """Begin to read.
+        """Start reading.
 
-        :param wake: called from threads when there is something for :meth:`step`
-        :raises InputError: if a recording cannot be read any more
+        :param wake: called from threads when lines wait for :meth:`step`
+        :raises InputError: if a recording cannot be read
         """
 
         def on_line() -> None:
@@ -102,20 +102,20 @@ class Driver:
         self._readers = {name: LineReader(source, on_line) for name, source in self._open_all().items()}
 
     def stop(self) -> None:
-        """Stop reading; :meth:`start` begins again."""
+        """Stop reading; :meth:`start` starts again."""
         for reader in self._readers.values():
             reader.stop()
         self._readers = {}
 
     def step(self, now_s: float) -> Batch:
-        """Take what has come.
+        """Process the lines that have arrived.
 
         :param now_s: time, zero if it is not known yet [s since 1970 UTC]
         """
         self._awake.clear()
-        # Records wait by steady time: simulated time jumps on while lines are still on their way.
+        # Records wait by steady time: simulated time jumps while lines are still on their way.
         steady_s = time.monotonic()
-        # Fixes first, all of them: a record that came with them need not wait for them.
+        # All fixes first: a record that came with them need not wait.
         gnss_lines = self._lines(GNSS)
         fixes = [fix for line in gnss_lines if (fix := self.stream.take_nmea_line(line)) is not None]
         jammed = len(gnss_lines) == LINES_PER_STEP
@@ -131,7 +131,7 @@ class Driver:
         return Batch(logger_lines, gnss_lines, fixes, readings, self.stream.take_ready(steady_s), more)
 
     def health(self, now_s: float) -> list[Health]:
-        """How all parts are doing.
+        """State of all parts.
 
         :param now_s: time [s since 1970 UTC]
         """

@@ -1,4 +1,4 @@
-"""How the links, the logger and the GNSS receiver are doing, in words and numbers."""
+"""State of the links, the logger and the GNSS receiver, for diagnostics."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
 CLOCK_TOLERANCE_S = 5.0
-"""Clocks that differ by more are told of [s]."""
-MISSING_RECORDS = 3.5
-"""No record for the duration of so many is an error."""
+"""Difference of the clocks above which there is a warning [s]."""
+MAX_SILENT_PERIODS = 3.5
+"""Time without a record that is an error, as a multiple of the record period."""
 STALE_FIX_S = 5.0
-MANY_LOSSES = 2
+"""Age of the last fix above which there is a warning [s]."""
+MAX_LOSSES = 1
+"""Lost records among the last ones above which there is a warning."""
 
 _LINK_LEVELS = {
     LinkState.CONNECTED: Level.OK,
@@ -31,7 +33,7 @@ def link_health(name: str, status: LinkStatus) -> Health:
     """State of a link.
 
     :param name: name of the part, such as ``logger link``
-    :param status: what the link tells of itself
+    :param status: state of the link
     """
     level = _LINK_LEVELS[status.state]
     message = status.state.value
@@ -40,7 +42,7 @@ def link_health(name: str, status: LinkStatus) -> Health:
     values = {
         "address": status.uri,
         "connections": str(status.connections),
-        "attempts in vain": str(status.attempts),
+        "failed attempts": str(status.attempts),
         "last error": status.last_error or "none",
         "lines": str(status.n_lines),
         "bytes": str(status.n_bytes),
@@ -51,7 +53,7 @@ def link_health(name: str, status: LinkStatus) -> Health:
 
 
 def records_health(stream: SensorStream, now_s: float) -> Health:
-    """How the records come.
+    """State of the records.
 
     :param stream: the lines and their records
     :param now_s: time [s since 1970 UTC]
@@ -79,9 +81,9 @@ def records_health(stream: SensorStream, now_s: float) -> Health:
         offset_s = 0.0 if math.isnan(difference_s) else difference_s
         silent_s = now_s + offset_s - last.stamp_s
         values["age of the last record [s]"] = f"{silent_s:.1f}"
-        if silent_s > MISSING_RECORDS * (stream.parser.period_s or math.inf):
+        if silent_s > MAX_SILENT_PERIODS * (stream.parser.period_s or math.inf):
             level, message = Level.ERROR, f"no record for {silent_s:.0f} s: check the logger"
-        elif stream.recent_losses >= MANY_LOSSES:
+        elif stream.recent_losses > MAX_LOSSES:
             example = problems.last_loss.mistake.message if problems.last_loss else ""
             message = f"{stream.recent_losses} of the last {LAST_RECORDS} records are lost ({example})"
             level = Level.WARN
@@ -91,7 +93,7 @@ def records_health(stream: SensorStream, now_s: float) -> Health:
 
 
 def fix_health(stream: SensorStream, now_s: float) -> Health:
-    """How well the place is known.
+    """State of the positions.
 
     :param stream: the lines and their records
     :param now_s: time [s since 1970 UTC]

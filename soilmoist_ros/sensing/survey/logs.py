@@ -1,4 +1,4 @@
-"""Logs of a survey -> corrected, geo-tagged counts, with an account of everything that was lost."""
+"""Logs of a survey -> corrected, geo-tagged counts, and a list of everything that was lost."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SurveyRecords:
 
     :param records: corrected, geo-tagged records in order of time
     :param frame: plane in which they lie
-    :param problems: everything that was dropped or kept with a reservation
+    :param problems: faults of all records that were lost, or kept with a note
     :param tube_share: share of each tube in the rate of the whole sensor, shape (tubes,)
     """
 
@@ -58,7 +58,7 @@ class SurveyRecords:
 
 @dataclass(frozen=True)
 class _Entry:
-    """A record and the log in which it stands."""
+    """A record and its log."""
 
     log: LogFile
     record: LoggerRecord
@@ -96,7 +96,7 @@ def process_logs(
 
 
 def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
-    """Raw counts and effective exposures [s] of all records, wherever they were taken, as for a calibration.
+    """Raw counts and effective exposures [s] of all records, with or without a position, as for a calibration.
 
     :raises InputError: if the logs are of different probes, or a record cannot be corrected
     """
@@ -116,7 +116,7 @@ def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:
         if log.serial:
             probes.setdefault(log.serial, log)
     if len(probes) > 1:
-        remedy = "map the logs of each probe on their own: probes differ in sensitivity"
+        remedy = "map the logs of each probe separately: probes differ in sensitivity"
         raise InputError(
             [Mistake(f"was written by probe {serial}", remedy, log.path) for serial, log in probes.items()]
         )
@@ -127,7 +127,7 @@ def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:
 
 
 def _without_duplicates(entries: list[_Entry], problems: list[Problem]) -> list[_Entry]:
-    """Drop records that stand in two of the files."""
+    """Drop records that are in two of the files."""
     seen: dict[tuple[object, ...], _Entry] = {}
     for entry in entries:
         record = entry.record
@@ -150,7 +150,7 @@ def _survey_of(
 ) -> Survey:
     """A survey that knows all its records beforehand."""
     if len({len(record.tube_counts) for record in records}) > 1:
-        raise InputError("the logs have different numbers of tubes", "map the logs of each probe on their own")
+        raise InputError("the logs have different numbers of tubes", "map the logs of each probe separately")
     try:
         return Survey(site, frame, records, track, keep_unplaced=False, on_problem=problems.append)
     except ValueError as error:
@@ -158,7 +158,7 @@ def _survey_of(
 
 
 def _clock_ahead_s(log: LogFile) -> float:
-    """Logger's clock minus GNSS time [s], as far as the log tells."""
+    """Logger's clock minus GNSS time [s], 0 if unknown."""
     return log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0
 
 
@@ -180,7 +180,7 @@ def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[fl
 
 
 def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
-    """Why nothing is left, most frequent reason first, one example each."""
+    """Why no record is left: the most frequent reason first, one example each."""
     lost = [problem for problem in problems if problem.lost]
     kinds = Counter(problem.kind for problem in lost).most_common()
     examples = [next(problem.mistake for problem in lost if problem.kind is kind) for kind, _ in kinds]

@@ -45,7 +45,7 @@ class ProblemCount:
 
 
 class SensorStream:
-    """Feeds a survey with lines, and keeps the figures that show how they come.
+    """Feeds a survey with lines, and keeps the figures for diagnostics.
 
     :param site: corrections and tubes
     :param frame: plane to place the records in
@@ -112,7 +112,7 @@ class SensorStream:
         return fix
 
     def take_fix(self, fix: Fix) -> None:
-        """Take a fix of another source; also one that says that there is none."""
+        """Take an epoch of another source, with or without a fix."""
         self.last_fix = fix
         self.survey.take_fix(fix)
 

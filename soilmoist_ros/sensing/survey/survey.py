@@ -71,7 +71,7 @@ class Survey:
     :param site: corrections and tubes
     :param frame: plane in which the records are placed
     :param ahead: all records in order of time, if they are known already: then tube shares, weather and
-        positions of later records serve the earlier ones, too
+        positions use later records, too
     :param track: positions of a separate receiver that are known already
     :param tubes: number of tubes, if it is known already
     :param fix_wait_s: longest time that a record waits for a fix [s]
@@ -131,7 +131,7 @@ class Survey:
 
         :param record: the raw record
         :param now_s: monotonic time [s]
-        :param clock_ahead_s: logger's clock minus GNSS time, as far as its own receiver tells [s]
+        :param clock_ahead_s: logger's clock minus GNSS time [s], 0 if unknown
         :param unused_tubes: positions of the tubes that are left out on purpose
         :param path: file of the record, for messages
         """
@@ -147,7 +147,7 @@ class Survey:
             self._waiting.append(_Waiting(corrected, record, interval_s, clock_ahead_s, now_s, path))
 
     def take_fix(self, fix: Fix) -> None:
-        """Take a fix of a separate receiver; also one that says that there is none."""
+        """Take an epoch of a separate receiver, with or without a fix."""
         self._track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
 
     def take_intensity(self, rate: float) -> bool:
@@ -194,14 +194,14 @@ class Survey:
             place = self._own.at(middle_s, gap_s)
         if place is not None or record.position is not None:
             return place or record.position
-        stand = self._site.location
-        if stand is None or len(self._track) or len(self._own):
+        location = self._site.location
+        if location is None or len(self._track) or len(self._own):
             return None
-        altitude_m = NAN if stand.altitude_m is None else stand.altitude_m
-        return Position(stand.latitude_deg, stand.longitude_deg, altitude_m)
+        altitude_m = NAN if location.altitude_m is None else location.altitude_m
+        return Position(location.latitude_deg, location.longitude_deg, altitude_m)
 
     def _learn(self, record: LoggerRecord) -> None:
-        """Remember what serves other records, too."""
+        """Remember weather and position for other records."""
         self._weather.add(record)
         if record.position is not None:
             self._own.add(record.stamp_s, record.position)

@@ -33,7 +33,7 @@ def test_bad_rows_are_named(tmp_path):
         read_neutron_monitor(path)
     assert [mistake.line for mistake in caught.value.mistakes] == [2, 3]
     path.write_text("time,rate\n")
-    with pytest.raises(InputError, match="holds no row of time and rate"):
+    with pytest.raises(InputError, match="has no row of time and rate"):
         read_neutron_monitor(path)
     with pytest.raises(InputError, match="cannot be read"):
         read_neutron_monitor(tmp_path / "missing.csv")

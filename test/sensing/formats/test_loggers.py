@@ -151,5 +151,5 @@ def test_a_log_of_the_robot(tmp_path) -> None:
 
 
 def test_nothing_fits(tmp_path) -> None:
-    with pytest.raises(InputError, match="not of any known logger format"):
+    with pytest.raises(InputError, match="has no known logger format"):
         detect_format(write(tmp_path, b"a,b\n1,2\n"))

@@ -261,7 +261,7 @@ def test_file(tmp_path) -> None:
 def test_files_without_sentences(tmp_path, data) -> None:
     path = tmp_path / "a.nmea"
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"is empty|holds no NMEA sentence"):
+    with pytest.raises(InputError, match=r"is empty|has no NMEA sentence"):
         read_nmea(path)
     with pytest.raises(InputError, match="no such file"):
         read_nmea(tmp_path / "b.nmea")

@@ -41,7 +41,7 @@ def test_every_state_of_a_link_has_its_level(state, level):
     part = link_health("logger link", LinkStatus("tcp://h:1", state, attempts=3, last_error="refused"))
     assert (part.level, part.name) == (level, "logger link")
     assert ("refused" in part.message) == (level is Level.ERROR)
-    assert part.values["attempts in vain"] == "3"
+    assert part.values["failed attempts"] == "3"
 
 
 def test_records_that_come_are_fine_and_those_that_do_not_are_told(survey):
