@@ -17,7 +17,7 @@ from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environme
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.replay import Replay, ReplaySettings, replay_bag
-from soilmoist_ros.reporting.live.live_mission import LiveMission
+from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
@@ -82,16 +82,15 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     parameters = _configure(settings, field, out)
     grid = field.field.grid()
     truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
-    also = settings.properties[0].name if settings.properties else ""  # the live view shows one further property
+    names = ("", *(one.name for one in settings.properties))
     live = LiveMission(
         f" soilmoist demo: {field.title}, {settings.strategy}, {settings.dwell}, {settings.speed:g} x real time ",
-        truths[0],
-        LiveMission(also, truths[1]) if also else None,
+        [LiveMap(name, truth) for name, truth in zip(names, truths, strict=True)],
     )
     with free_domain() as domain:
         environment = loopback_environment(domain)
         os.environ.update(environment)  # before ROS is loaded here
-        with ProcessGroup(environment, out / "log") as group, _monitored(live, field, domain, also):
+        with ProcessGroup(environment, out / "log") as group, _monitored(live, field, domain):
             for name, path in parameters.items():
                 if name == "sensor_driver":
                     path = _with_ports(path, out, group)
@@ -190,7 +189,7 @@ def _require_all(group: ProcessGroup) -> None:
 
 
 @contextlib.contextmanager
-def _monitored(live: LiveMission, field: SurrogateField, domain: int, also: str) -> Iterator[None]:
+def _monitored(live: LiveMission, field: SurrogateField, domain: int) -> Iterator[None]:
     """Listen to the mission in a thread."""
     import rclpy
     from rclpy.context import Context as RclContext
@@ -201,7 +200,7 @@ def _monitored(live: LiveMission, field: SurrogateField, domain: int, also: str)
     context: Context = RclContext()
     rclpy.init(context=context, domain_id=domain)
     executor = SingleThreadedExecutor(context=context)
-    monitor = Monitor(live, field.frame, context, also)
+    monitor = Monitor(live, field.frame, context)
     executor.add_node(monitor)
     ending = threading.Event()
 

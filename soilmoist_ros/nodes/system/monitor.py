@@ -1,4 +1,4 @@
-"""Listens to a mission, for a live view."""
+"""Subscribes to a mission, for a live view."""
 
 from __future__ import annotations
 
@@ -16,30 +16,25 @@ from msg_adapters.samples import samples_from_message
 from msg_adapters.soil_map import soil_map_from_message
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
-from soilmoist_ros.reporting.live.live_mission import LiveMission
+from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 
 
 class Monitor(Node):
-    """Hands what it hears to a :class:`LiveMission`.
+    """Keeps a :class:`LiveMission` up to date; messages that cannot be read are ignored.
 
-    Messages that are not what their topics promise are left out.
-
-    :param live: takes it
+    :param live: the mission, with a map of each property to subscribe to
     :param frame: plane of the field
     :param context: context of the node
-    :param beside: namespace of the mapper of a second property, if there is one
     """
 
-    def __init__(self, live: LiveMission, frame: LocalFrame, context: Context, beside: str = "") -> None:
+    def __init__(self, live: LiveMission, frame: LocalFrame, context: Context) -> None:
         super().__init__("monitor", context=context)
         self._live = live
         self._frame = frame
         self.create_subscription(DiagnosticStatus, "mission", self._on_mission, LATCHED)
-        self.create_subscription(PointCloud2, "soil_map", partial(self._on_map, live), LATCHED)
-        if live.beside is not None:
-            self.create_subscription(
-                PointCloud2, f"{beside}/soil_map", partial(self._on_map, live.beside), LATCHED
-            )
+        for one in live.maps:
+            topic = f"{one.name}/soil_map" if one.name else "soil_map"
+            self.create_subscription(PointCloud2, topic, partial(self._on_map, one), LATCHED)
         self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
         self.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
 
@@ -48,9 +43,9 @@ class Monitor(Node):
             mission_from_message(message)
             self._live.status = dict(health_from_status(message).values)
 
-    def _on_map(self, live: LiveMission, message: PointCloud2) -> None:
+    def _on_map(self, live: LiveMap, message: PointCloud2) -> None:
         with contextlib.suppress(ValueError):
-            live.take_map(soil_map_from_message(message))
+            live.cells = soil_map_from_message(message)
 
     def _on_samples(self, message: PointCloud2) -> None:
         with contextlib.suppress(ValueError):

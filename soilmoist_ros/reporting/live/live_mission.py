@@ -1,14 +1,14 @@
-"""Collects what a mission under way says of itself, for :mod:`terminal`."""
+"""Collects the messages of a running mission for :mod:`terminal`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.live.terminal import LiveView
+from soilmoist_ros.reporting.live.terminal import LiveBand, LiveView
 from soilmoist_ros.reporting.page.wording import duration, length
 
 Array = NDArray[np.float64]
@@ -17,26 +17,54 @@ WETTEST = 0.6
 """Soil moisture that hardly any soil can exceed [m^3/m^3]; early maps do, where the rate is hardly known."""
 
 
-class LiveMission:
-    """The newest of everything. What comes may be set in one thread and viewed in another.
+class LiveMap:
+    """The latest map of a property.
 
-    :param title: first line
+    :param name: name of the property, which is the namespace of its mapper; empty for the mission's own field
     :param true_rate: true rate on the map's raster, shape (ny, nx) [counts/s], if it is known
-    :param beside: a second property: what is told of its map, titled with its name
     """
 
-    def __init__(self, title: str, true_rate: Array | None = None, beside: LiveMission | None = None) -> None:
-        self._title = title
+    def __init__(self, name: str = "", true_rate: Array | None = None) -> None:
+        self.name = name
         self._true_rate = true_rate
-        self.beside = beside
+        self.cells: NDArray[np.void] | None = None
+        """Cells with fields x, y, rate, rate_sd, vwc, vwc_sd, shape (ny, nx)."""
+
+    @property
+    def mse(self) -> float:
+        """Mean squared error of the rate map [(counts/s)^2]; NaN without a map or a truth."""
+        cells = self.cells
+        if cells is None or self._true_rate is None or cells.shape != self._true_rate.shape:
+            return math.nan
+        error = cells["rate"] - self._true_rate
+        return float(np.mean(error[np.isfinite(error)] ** 2)) if np.isfinite(error).any() else math.nan
+
+    @property
+    def band(self) -> LiveBand | None:
+        """Moisture, or the rate where there is none; ``None`` without a map."""
+        cells = self.cells
+        if cells is None or not (_inside(cells) & np.isfinite(cells["rate"])).any():
+            return None
+        field, extent = _field(cells)
+        moist = bool(np.isfinite(field["vwc"]).any())
+        what = "moisture [m³/m³]" if moist else "rate [counts/s]"
+        values = np.asarray(field["vwc" if moist else "rate"], float)
+        return LiveBand(f"{self.name} {what}".lstrip(), values, extent, wet_is_high=moist)
+
+
+class LiveMission:
+    """The latest messages of a mission. They may be set in one thread and viewed in another.
+
+    :param title: first line
+    :param maps: maps of the properties; the mission's own field is the first
+    """
+
+    def __init__(self, title: str, maps: Sequence[LiveMap] = ()) -> None:
+        self._title = title
+        self.maps = tuple(maps) or (LiveMap(),)
         self.status: Mapping[str, str] = {}
         self.robot_xy: tuple[float, float] | None = None
         self.samples_xy: Array = np.empty((0, 2))
-        self._map: NDArray[np.void] | None = None
-
-    def take_map(self, cells: NDArray[np.void]) -> None:
-        """A map has come: cells with fields x, y, rate, rate_sd, vwc, vwc_sd, shape (ny, nx)."""
-        self._map = cells
 
     @property
     def state(self) -> str:
@@ -44,30 +72,13 @@ class LiveMission:
         status = self.status
         return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
 
-    @property
-    def mse(self) -> float:
-        """Mean squared error of the rate map [(counts/s)^2]; NaN without a map or a truth."""
-        cells = self._map
-        if cells is None or self._true_rate is None or cells.shape != self._true_rate.shape:
-            return math.nan
-        error = cells["rate"] - self._true_rate
-        return float(np.mean(error[np.isfinite(error)] ** 2)) if np.isfinite(error).any() else math.nan
-
     def view(self) -> LiveView:
-        """What is to be seen now."""
-        cells, status, samples = self._map, self.status, self.samples_xy  # each may be replaced meanwhile
-        facts = self._facts(status, len(samples))
-        if cells is None or not (_inside(cells) & np.isfinite(cells["rate"])).any():
-            return LiveView(self._title, facts)
-        field, extent = _field(cells)
-        moist = bool(np.isfinite(field["vwc"]).any())
+        """The view now."""
+        status, samples = self.status, self.samples_xy  # each may be replaced in the meantime
         return LiveView(
             self._title,
-            facts,
-            band=np.asarray(field["vwc" if moist else "rate"], float),
-            band_name="moisture [m³/m³]" if moist else "rate [counts/s]",
-            wet_is_high=moist,
-            extent=extent,
+            self._facts(status, len(samples)),
+            [band for one in self.maps if (band := one.band) is not None],
             samples_xy=samples,
             robot_xy=self.robot_xy,
             target_xy=_target(status),
@@ -90,10 +101,9 @@ class LiveMission:
             f"{value} {unit} driven"
         )
         facts["map"] = f"{status['samples']} stops, {n_samples} samples with those on the way"
-        if math.isfinite(mse := self.mse):
-            facts["map"] += f"; mean squared error {mse:.4f} (counts/s)²"
-        if self.beside is not None and math.isfinite(mse := self.beside.mse):
-            facts["beside"] = f"{self.beside._title}; mean squared error {mse:.4f} (counts/s)²"
+        errors = [f"{one.name} {mse:.4f}".lstrip() for one in self.maps if math.isfinite(mse := one.mse)]
+        if errors:
+            facts["map"] += f"; mean squared error {', '.join(errors)} (counts/s)²"
         return facts
 
 
@@ -103,7 +113,7 @@ def _target(status: Mapping[str, str]) -> tuple[float, float] | None:
 
 
 def _inside(cells: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Which cells are in the field: one outside does not even tell its place."""
+    """Which cells are in the field: cells outside have no place."""
     return np.asarray(np.isfinite(cells["x"]) & np.isfinite(cells["y"]))
 
 

@@ -1,4 +1,4 @@
-"""A mission under way on a terminal: state, numbers, and the map as a small picture."""
+"""A running mission on a terminal: state, numbers, and the map of each property as a small picture."""
 
 from __future__ import annotations
 
@@ -32,26 +32,36 @@ _ROBOT, _TARGET, _SAMPLE = (230, 30, 60), (255, 140, 0), (20, 20, 20)
 
 
 @dataclass(frozen=True, eq=False)
+class LiveBand:
+    """A map to show.
+
+    :param name: name of the map with its unit
+    :param values: values, shape (ny, nx), south first; NaN outside
+    :param extent: west, east, south, north [m]
+    :param wet_is_high: whether high values are wet
+    """
+
+    name: str
+    values: Array
+    extent: tuple[float, float, float, float]
+    wet_is_high: bool = True
+
+
+@dataclass(frozen=True, eq=False)
 class LiveView:
-    """What is shown; all of it may still be missing.
+    """The content of the view; all of it may still be missing.
 
     :param title: first line
     :param facts: short name -> text, one line each
-    :param band: map to show, shape (ny, nx), south first; NaN outside
-    :param band_name: name of the map with its unit
-    :param wet_is_high: whether high values are wet
-    :param extent: of the map: west, east, south, north [m]
+    :param bands: a map of each property
     :param samples_xy: places measured, shape (n, 2) [m]
-    :param robot_xy: where the robot is [m]
-    :param target_xy: where it is going or counting [m]
+    :param robot_xy: place of the robot [m]
+    :param target_xy: place where it is going or counting [m]
     """
 
     title: str
     facts: Mapping[str, str]
-    band: Array | None = None
-    band_name: str = ""
-    wet_is_high: bool = True
-    extent: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)
+    bands: Sequence[LiveBand] = ()
     samples_xy: Array = field(default_factory=lambda: np.empty((0, 2)))
     robot_xy: tuple[float, float] | None = None
     target_xy: tuple[float, float] | None = None
@@ -60,8 +70,8 @@ class LiveView:
 def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
     """The view for a rich console.
 
-    :param columns: most columns of the picture, at least 1 is used
-    :param rows: most lines of it, at least 1 is used
+    :param columns: maximum width of all pictures, which stand side by side
+    :param rows: maximum height of each
     """
     from rich.console import Group
     from rich.table import Table
@@ -73,19 +83,20 @@ def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
     for name, value in view.facts.items():
         facts.add_row(Text(name), Text(value))  # as texts: brackets in them are no markup
     parts: list[RenderableType] = [Text(view.title, style="bold reverse"), facts]
-    if view.band is None:
+    if not view.bands:
         parts.append(Text("no map yet: it begins with the first samples", style="dim"))
-    else:
-        parts += [map_picture(view, max(1, columns), max(1, rows)), scale(view)]
-    return Group(*parts)
+        return Group(*parts)
+    pictures = Table.grid(padding=(0, 1))
+    width = max(1, (columns + 1) // len(view.bands) - 1 if len(view.bands) > 1 else columns)
+    pictures.add_row(*(map_picture(view, band, width, max(1, rows)) for band in view.bands))
+    return Group(*parts, pictures, *map(scale, view.bands), legend())
 
 
-def map_picture(view: LiveView, columns: int, rows: int) -> Text:
-    """The map in half blocks, two cells of the picture per character, north up."""
+def map_picture(view: LiveView, band: LiveBand, columns: int, rows: int) -> Text:
+    """A map in half blocks, two cells of the picture per character, north up."""
     from rich.text import Text
 
-    assert view.band is not None
-    pixels = _pixels(view, columns, 2 * rows)
+    pixels = _pixels(view, band, columns, 2 * rows)
     text = Text(no_wrap=True, overflow="crop")
     for line in range(0, len(pixels), 2):
         if line:
@@ -101,35 +112,42 @@ def map_picture(view: LiveView, columns: int, rows: int) -> Text:
     return text
 
 
-def scale(view: LiveView) -> Text:
-    """Colour scale of the picture, and what the marks mean."""
+def scale(band: LiveBand) -> Text:
+    """Colour scale of a picture."""
     from rich.text import Text
 
-    low, high = _limits(view)
-    text = Text(f"{view.band_name} {low:.3g} ")
+    low, high = _limits(band)
+    text = Text(f"{band.name} {low:.3g} ")
     for share in np.linspace(0, 1, 16):
-        text.append("█", style=_hex(_colour(np.array([share if view.wet_is_high else 1 - share]))[0]))
-    text.append(f" {high:.3g}   ")
+        text.append("█", style=_hex(_colour(np.array([share if band.wet_is_high else 1 - share]))[0]))
+    text.append(f" {high:.3g}")
+    return text
+
+
+def legend() -> Text:
+    """The marks and their meaning."""
+    from rich.text import Text
+
+    text = Text()
     for colour, name in ((_ROBOT, "robot"), (_TARGET, "target"), (_SAMPLE, "sample")):
         text.append("■", style=_hex(colour))
         text.append(f" {name}  ")
     return text
 
 
-def _pixels(view: LiveView, columns: int, lines: int) -> Array:
+def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> Array:
     """Colours of the picture, north first, shape (lines, columns, 3); -1 where there is no field."""
-    assert view.band is not None
-    ny, nx = view.band.shape
+    ny, nx = band.values.shape
     factor = max(nx / columns, ny / lines)
     width, height = max(1, round(nx / factor)), max(2, round(ny / factor))
     height += height % 2
     row = np.minimum((np.arange(height) + 0.5) / height * ny, ny - 1).astype(int)[::-1]
     column = np.minimum((np.arange(width) + 0.5) / width * nx, nx - 1).astype(int)
-    band = view.band[np.ix_(row, column)]
-    low, high = _limits(view)
-    share = np.clip((band - low) / (high - low), 0, 1) if high > low else np.where(np.isnan(band), np.nan, 0.5)
-    colours = _colour(share if view.wet_is_high else 1 - share)
-    west, east, south, north = view.extent
+    values = band.values[np.ix_(row, column)]
+    low, high = _limits(band)
+    share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.where(np.isnan(values), np.nan, 0.5)
+    colours = _colour(share if band.wet_is_high else 1 - share)
+    west, east, south, north = band.extent
 
     def mark(places: Sequence[Sequence[float]] | Array, colour: tuple[int, int, int]) -> None:
         for x, y in places:
@@ -145,10 +163,9 @@ def _pixels(view: LiveView, columns: int, lines: int) -> Array:
     return colours
 
 
-def _limits(view: LiveView) -> tuple[float, float]:
-    """Smallest and largest value that the colours tell apart; a few odd cells do not decide it."""
-    assert view.band is not None
-    known = view.band[np.isfinite(view.band)]
+def _limits(band: LiveBand) -> tuple[float, float]:
+    """Smallest and largest value that the colours show: quantiles, so that a few odd cells do not matter."""
+    known = band.values[np.isfinite(band.values)]
     return (float(np.quantile(known, 0.02)), float(np.quantile(known, 0.98))) if known.size else (0.0, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What the monitor hears."""
+"""The monitor keeps a live mission up to date."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from soilmoist_ros.mapping import Samples
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.system.monitor import Monitor
 from soilmoist_ros.reporting.field_survey import open_survey
-from soilmoist_ros.reporting.live.live_mission import LiveMission
+from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.sensing.records import CountRecord
 
 STATUS = MissionStatus(
@@ -44,9 +44,9 @@ STATUS = MissionStatus(
 def live(ros):
     """A live mission that a monitor feeds, and the monitor; errors in its callbacks end it, as in the demo."""
     survey = open_survey("example")
-    found = LiveMission("test", beside=LiveMission("salt", np.full(survey.map.grid.mask.shape, 4.0)))
+    found = LiveMission("test", [LiveMap(), LiveMap("salt", np.full(survey.map.grid.mask.shape, 4.0))])
     executor = SingleThreadedExecutor(context=ros.context)
-    monitor = Monitor(found, survey.field.frame, ros.context, "salt")
+    monitor = Monitor(found, survey.field.frame, ros.context)
     executor.add_node(monitor)
     found.spin = lambda condition: ros.wait_for(lambda: (executor.spin_once(timeout_sec=0.02), condition())[1])
     found.survey, found.monitor = survey, monitor
@@ -74,13 +74,7 @@ def test_it_hears_everything(ros, live):
 
     def complete():
         fixes.publish(fix)
-        return (
-            live.status
-            and len(live.samples_xy)
-            and live.view().band is not None
-            and live.robot_xy
-            and "beside" in live.view().facts
-        )
+        return live.status and len(live.samples_xy) and len(live.view().bands) == 2 and live.robot_xy
 
     live.spin(complete)
     assert live.robot_xy == pytest.approx((12.0, 34.0), abs=1e-6)
@@ -88,7 +82,8 @@ def test_it_hears_everything(ros, live):
     view = live.view()
     assert view.target_xy == (3.0, 4.0)
     np.testing.assert_allclose(view.samples_xy, survey.map.state.samples.xy)
-    assert view.extent == pytest.approx((0, 60, 0, 50), abs=0.6)
+    assert view.bands[0].extent == pytest.approx((0, 60, 0, 50), abs=0.6)
+    assert "mean squared error salt" in view.facts["map"]
     fix.status.status = -1
     fix.latitude = 0.0
     seen = live.robot_xy
@@ -104,9 +99,9 @@ def test_messages_of_others_do_no_harm(live):
     """Called by hand: a latched topic may replace a message before it is taken."""
     live.monitor._on_samples(samples_to_message(Samples(np.zeros((1, 2)), [3.0], [1.0]), 1e9))
     live.monitor._on_mission(DiagnosticStatus(message="of another robot"))
-    live.monitor._on_map(live, PointCloud2(height=2, width=3))
+    live.monitor._on_map(live.maps[0], PointCloud2(height=2, width=3))
     live.monitor._on_samples(PointCloud2())
     live.monitor._on_fix(NavSatFix(status=NavSatStatus(status=0), latitude=np.nan, longitude=0.0))
     assert live.status == {}
-    assert live.view().band is None
+    assert live.view().bands == []
     assert len(live.samples_xy) == 1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from soilmoist_ros.reporting.live.live_mission import LiveMission
+from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.reporting.live.terminal import render
 
 BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd")
@@ -32,7 +32,7 @@ def cells(mask=None, west=4.0, south=-8.0, cell=2.0, moist=True):
 def test_before_anything_has_come():
     view = LiveMission(" demo ").view()
     assert view.facts == {"state": "waiting for the planner"}
-    assert view.band is None
+    assert view.bands == []
     assert (view.title, view.target_xy) == (" demo ", None)
 
 
@@ -46,17 +46,19 @@ def test_what_is_told():
         "mission": "1 h 00 min used, 30 min left; 812 m driven",
         "map": "7 stops, 31 samples with those on the way",
     }
-    live.take_map(cells())
+    live.maps[0].cells = cells()
     assert live.view().target_xy == (12.5, 3.0)
 
 
-def test_a_second_property_is_told_once_it_has_a_map():
-    live = LiveMission("", beside=LiveMission("salt", np.full((3, 5), 2.0)))
+def test_every_property_with_a_map_is_shown():
+    live = LiveMission("", [LiveMap(), LiveMap("salt", np.full((3, 5), 2.0)), LiveMap("clay")])
     live.status = STATUS
-    assert "beside" not in live.view().facts
-    live.beside.take_map(cells())
-    assert live.view().facts["beside"] == "salt; mean squared error 3.0000 (counts/s)²"
     assert "error" not in live.view().facts["map"]
+    live.maps[1].cells = cells(moist=False)
+    assert live.view().facts["map"].endswith("; mean squared error salt 3.0000 (counts/s)²")
+    assert [band.name for band in live.view().bands] == ["salt rate [counts/s]"]
+    live.maps[0].cells = cells()
+    assert [band.name for band in live.view().bands] == ["moisture [m³/m³]", "salt rate [counts/s]"]
 
 
 def test_what_is_unknown_is_not_told():
@@ -64,23 +66,23 @@ def test_what_is_unknown_is_not_told():
     live.status = {**STATUS, "planned_dwell_s": "nan"}
     assert live.view().facts["target"] == "s17, counted 40 s"
     live.status = {**STATUS, "target": "", "target_x_m": "nan", "target_y_m": "nan"}
-    live.take_map(cells())
+    live.maps[0].cells = cells()
     assert "target" not in live.view().facts
     assert live.view().target_xy is None
 
 
 def test_moisture_is_shown_if_there_is_any():
     live = LiveMission("")
-    live.take_map(cells())
-    view = live.view()
-    assert view.band_name.startswith("moisture")
-    assert view.wet_is_high
-    np.testing.assert_array_equal(view.band[0], [3, 4, 5, 6, 7])
-    live.take_map(cells(moist=False))
-    view = live.view()
-    assert view.band_name.startswith("rate")
-    assert not view.wet_is_high
-    np.testing.assert_array_equal(view.band[0], [1, 2, 3, 4, 5])
+    live.maps[0].cells = cells()
+    (band,) = live.view().bands
+    assert band.name.startswith("moisture")
+    assert band.wet_is_high
+    np.testing.assert_array_equal(band.values[0], [3, 4, 5, 6, 7])
+    live.maps[0].cells = cells(moist=False)
+    (band,) = live.view().bands
+    assert band.name.startswith("rate")
+    assert not band.wet_is_high
+    np.testing.assert_array_equal(band.values[0], [1, 2, 3, 4, 5])
 
 
 def test_the_extent_is_that_of_the_field_whatever_lies_around_it():
@@ -88,10 +90,10 @@ def test_the_extent_is_that_of_the_field_whatever_lies_around_it():
     mask = np.zeros((6, 9), bool)
     mask[1:4, 2:7] = True
     mask[2, 4] = mask[:, 5] = False  # a no-go area and a strip without cells do not matter
-    live.take_map(cells(mask, west=0.0, south=0.0))
-    view = live.view()
-    assert view.extent == (3.0, 13.0, 1.0, 7.0)
-    assert view.band.shape == (3, 5)
+    live.maps[0].cells = cells(mask, west=0.0, south=0.0)
+    (band,) = live.view().bands
+    assert band.extent == (3.0, 13.0, 1.0, 7.0)
+    assert band.values.shape == (3, 5)
 
 
 @pytest.mark.parametrize(
@@ -100,28 +102,28 @@ def test_the_extent_is_that_of_the_field_whatever_lies_around_it():
 )
 def test_the_extent_of_small_fields(shape, extent):
     live = LiveMission("")
-    live.take_map(cells(np.ones(shape)))
-    assert live.view().extent == extent
+    live.maps[0].cells = cells(np.ones(shape))
+    assert live.view().bands[0].extent == extent
 
 
 def test_the_error_needs_a_truth_on_the_same_raster():
     table = cells()
-    live = LiveMission("", table["rate"] - 0.5)
-    assert math.isnan(live.mse)
-    live.take_map(table)
-    assert live.mse == pytest.approx(0.25)
+    live = LiveMission("", [LiveMap("", table["rate"] - 0.5)])
+    assert math.isnan(live.maps[0].mse)
+    live.maps[0].cells = table
+    assert live.maps[0].mse == pytest.approx(0.25)
     live.status = STATUS
     assert live.view().facts["map"].endswith("; mean squared error 0.2500 (counts/s)²")
-    assert math.isnan(other_raster(table).mse)
+    assert math.isnan(other_raster(table).maps[0].mse)
     mask = np.ones((3, 5), bool)
     mask[0, 0] = False
-    live.take_map(cells(mask))
-    assert live.mse == pytest.approx(0.25)
+    live.maps[0].cells = cells(mask)
+    assert live.maps[0].mse == pytest.approx(0.25)
 
 
 def other_raster(table):
-    live = LiveMission("", np.ones((2, 2)))
-    live.take_map(table)
+    live = LiveMission("", [LiveMap("", np.ones((2, 2)))])
+    live.maps[0].cells = table
     return live
 
 
@@ -130,14 +132,14 @@ def test_an_empty_map_is_none(lost):
     live = LiveMission("")
     table = cells()
     table[lost] = np.nan
-    live.take_map(table)
-    assert live.view().band is None
+    live.maps[0].cells = table
+    assert live.view().bands == []
 
 
 def test_it_can_be_drawn():
     live = LiveMission("demo")
     live.status, live.robot_xy = STATUS, (math.nan, math.nan)
-    live.take_map(cells())
+    live.maps[0].cells = cells()
     console = Console(file=io.StringIO(), width=90)
     console.print(render(live.view()))
     assert "7 stops" in console.file.getvalue()

@@ -11,15 +11,16 @@ from hypothesis.extra.numpy import arrays
 from rich.console import Console
 
 from soilmoist_ros.reporting.live import terminal
-from soilmoist_ros.reporting.live.terminal import LiveView, map_picture, render, scale
+from soilmoist_ros.reporting.live.terminal import LiveBand, LiveView, map_picture, render, scale
 
 RAMP = np.linspace(0.1, 0.4, 8)[None, :] * np.ones((8, 1))
 
 
 def view(band=RAMP, **changes):
     ny, nx = band.shape
-    values = {"band_name": "moisture", "extent": (0.0, float(nx), 0.0, float(ny)), **changes}
-    return LiveView("a mission", {"state": "counting"}, band=band, **values)
+    of = {name: changes.pop(name) for name in ("extent", "wet_is_high") if name in changes}
+    shown = LiveBand("moisture", band, **{"extent": (0.0, float(nx), 0.0, float(ny)), **of})
+    return LiveView("a mission", {"state": "counting"}, [shown], **changes)
 
 
 def lines(text):
@@ -28,7 +29,7 @@ def lines(text):
 
 def pixels(of, columns=8, rows=4):
     """Colours of a picture's pixels, north first: ``None`` where there is nothing."""
-    text = map_picture(of, columns, rows)
+    text = map_picture(of, of.bands[0], columns, rows)
     styles = {}
     for span in text.spans:
         for place in range(span.start, span.end):
@@ -113,7 +114,7 @@ def test_any_map_gives_a_picture_within_its_room(band, columns, rows):
     console = Console(file=io.StringIO(), width=200)
     console.print(render(of, columns, rows))
     columns, rows = max(1, columns), max(1, rows)
-    drawn = lines(map_picture(of, columns, rows))
+    drawn = lines(map_picture(of, of.bands[0], columns, rows))
     assert 1 <= len(drawn) <= rows
     assert {len(line) for line in drawn} <= set(range(1, columns + 1))
     if not np.isnan(band).any():
@@ -130,8 +131,8 @@ def test_a_uniform_field_has_one_colour():
 def test_a_few_odd_cells_do_not_decide_the_colours():
     band = np.tile(RAMP, (20, 20))
     band[0, 0] = 50.0
-    assert "0.1 " in scale(view(band)).plain
-    assert " 0.4 " in scale(view(band)).plain
+    assert "0.1 " in scale(view(band).bands[0]).plain
+    assert scale(view(band).bands[0]).plain.endswith(" 0.4")
 
 
 def test_the_page():
@@ -141,6 +142,14 @@ def test_the_page():
     assert "moisture 0.1" in text
     assert "■ robot" in text
     assert "no map yet" in shown(LiveView("a mission", {"state": "idle"}))
+
+
+def test_the_maps_of_several_properties_stand_side_by_side():
+    of = view()
+    both = LiveView(of.title, of.facts, [of.bands[0], LiveBand("salt", 1 - RAMP, of.bands[0].extent)])
+    text = shown(both, columns=17, rows=4).splitlines()
+    assert sum(line.count("▀") == 16 for line in text) == 4
+    assert [line.split()[0] for line in text if "█" in line] == ["moisture", "salt"]
 
 
 def test_brackets_in_texts_are_shown_as_they_are():
