@@ -23,6 +23,8 @@ OPTIONAL = {
     "pandas": "campaigns, on a laptop",
     "pyarrow": "campaigns, on a laptop",
     "distributed": "campaigns on several machines",
+    "geopandas": "tables of results, on a laptop",
+    "xarray": "tables of results, on a laptop",
     "soilmoist_msgs": "interfaces/; without it the planner publishes no visits",
     "topological_navigation_msgs": "the robot's own workspace has it",
 }

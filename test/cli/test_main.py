@@ -84,6 +84,7 @@ def test_the_field_may_be_left_out(survey, tmp_path):
         assert raster.crs.to_epsg() == 3857
 
 
+@pytest.mark.slow
 def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_record, tmp_path):
     log = roving_record
     result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")

@@ -199,6 +199,7 @@ def fit(samples, **options):
     return estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=100.0, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle_deg", [0, 60, 90, 150])
 def test_a_clear_direction_is_found(angle_deg):
     samples = counted(6, angle_deg)
@@ -240,6 +241,7 @@ def test_the_fit_is_deterministic():
     assert maximise_reml(samples, "matern32", 100.0) == maximise_reml(samples, "matern32", 100.0)
 
 
+@pytest.mark.slow
 def test_a_direction_makes_a_better_map_of_a_field_that_has_one():
     errors = []
     for seed in range(4):

@@ -56,6 +56,7 @@ def merged(places, radius_m, counts=40, exposure_s=10.0):
     return merger.samples
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(records, min_size=1, max_size=40), st.floats(0, 30))
 def test_merging_conserves_counts_exposure_and_the_centre_of_exposure(many, radius_m):
@@ -169,6 +170,7 @@ def test_the_map_is_that_of_the_samples_at_once():
     assert found.fit.n_samples == 12
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.lists(records, min_size=1, max_size=25), st.data())
 def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, data):

@@ -226,6 +226,7 @@ def test_a_reset_is_told_even_without_the_samples(makers, tmp_path):
         assert "it was reset" in replay.comparisons[0].message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "why"),
     [({"cell_m": 5.0}, "cells, not"), ({"model": "spherical"}, "of its largest values"),

@@ -35,6 +35,7 @@ def saved(tmp_path_factory):
     return survey, folder, survey.save(folder, survey.map.snapshot())
 
 
+@pytest.mark.slow
 def test_what_is_saved_tells_the_whole_story(saved):
     _, folder, written = saved
     assert {path.name for path in written} == {path.name for path in folder.iterdir()}

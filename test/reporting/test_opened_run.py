@@ -7,11 +7,11 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting import open_run, write_mission, write_outputs
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 

@@ -83,6 +83,7 @@ def test_an_errand_is_what_a_status_leaves_to_count():
     assert pending_measurement(replace(counting, dwell_s=400.0)) == PendingMeasurement(3.0, 4.0, 0.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     strategy=st.sampled_from([name for name in STRATEGIES if name != "lattice"]),

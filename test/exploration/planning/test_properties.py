@@ -173,6 +173,7 @@ positive = st.floats(1e-3, 1e3)
 terms = st.tuples(st.one_of(st.just(0.0), positive), st.one_of(st.just(0.0), positive), positive, positive)
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(
     of_each=st.lists(terms, min_size=2, max_size=4),

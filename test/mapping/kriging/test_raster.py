@@ -288,6 +288,7 @@ def by_points(kriging, x_m, y_m, mask):
     return (row, column), kriging.predict(np.column_stack([x_m[column], y_m[row]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keep_nugget", [True, False])
 @pytest.mark.parametrize(
     "variogram",
@@ -316,6 +317,7 @@ def test_large_rasters_of_many_samples_by_tiles_are_those_of_points(variogram, k
     assert shares[-1] == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variogram", "exposure_s", "y_m"),
     [

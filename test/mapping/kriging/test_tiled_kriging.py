@@ -41,6 +41,7 @@ def test_a_tile_that_holds_all_samples_is_exact(keep_nugget, spread):
         np.testing.assert_allclose(one, other, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "range_m", "nugget", "bound"),
     [

@@ -71,6 +71,7 @@ def test_merge_exactly_keeps_the_order_of_first_appearance():
     np.testing.assert_array_equal(place, [0, 1, 0, 1, 2])
 
 
+@pytest.mark.slow
 @given(st.lists(RECORD, min_size=1, max_size=40), st.sampled_from([0.0, 0.5, 3.0, 15.0, 100.0]))
 def test_merge_records_conserves_counts_exposure_and_centre(records, radius_m):
     xy, counts, exposure_s = columns(records)
@@ -80,6 +81,7 @@ def test_merge_records_conserves_counts_exposure_and_centre(records, radius_m):
     np.testing.assert_allclose(merged.exposure_s @ merged.xy, exposure_s @ xy, atol=1e-8)
 
 
+@pytest.mark.slow
 @given(st.lists(RECORD, min_size=1, max_size=40), st.sampled_from([0.0, 3.0, 15.0]), st.randoms())
 def test_merge_records_does_not_depend_on_the_order(records, radius_m, random):
     shuffled = records.copy()

@@ -159,6 +159,7 @@ def test_information_is_as_defined(model):
     np.testing.assert_allclose(found, moved.T @ P @ moved / 2, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
 def test_no_climb_from_elsewhere_finds_a_higher_peak(seed):
     """Against plain L-BFGS-B from many starts; the spherical model has many small peaks beside each other."""

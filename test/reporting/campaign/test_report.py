@@ -92,6 +92,7 @@ def fixed(factor, only="fmi"):
     return lambda s: factor if s.dwell.startswith(only) else 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mse", "verdict"),
     [
@@ -105,6 +106,7 @@ def test_adaptive_intervals_on_the_high_gradient(mse, verdict):
     assert verdicts(mse=mse)["ami_high"] == verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mse", "verdict"),
     [
@@ -131,6 +133,7 @@ def sampling_error(factor):
     return lambda s: factor if s.strategy == "adaptive_sampling" else 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distance", "mse", "verdict"),
     [
@@ -145,6 +148,7 @@ def test_adaptive_sampling(distance, mse, verdict):
     assert verdicts(distance=distance, mse=mse)["adaptive_sampling"] == verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("greedy", "other", "verdict"), [(0.9, 0.5, "confirmed"), (0.2, 0.5, "not seen"), (0.9, 0.9, "partly")]
 )
@@ -185,6 +189,7 @@ def test_the_shipped_reasons_belong_to_the_shipped_campaign():
     assert set(load_campaign("paper").published.reasons) == {"ami_high", "ami_low", "adaptive_sampling"}
 
 
+@pytest.mark.slow
 def test_each_measure_counts_its_own_comparisons():
     found = findings(data(distance=sampling(0.4), mse=sampling_error(0.8)))
     assert [finding.summary for finding in found if finding.key == "adaptive_sampling"] == [
@@ -319,6 +324,7 @@ def test_missing_and_failed_missions_are_named():
         render_campaign_report(data(keep=lambda s: False))
 
 
+@pytest.mark.slow
 def test_names_belong_to_their_lines():
     campaign = data(mse=lambda s: {"fmi:600": 8.0, "fmi:300": 4.0, "ami:0.025": 2.0, "ami:0.03": 1.0}[s.dwell])
     figure = campaign_figures.intervals_figure(campaign, campaign.cases[0])

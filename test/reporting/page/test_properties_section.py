@@ -85,6 +85,7 @@ def test_all_are_shown_in_rows_of_small_maps(mission):
     np.testing.assert_array_equal(maps[5][inside], other.soil_map.rate[inside])
 
 
+@pytest.mark.slow
 def test_one_property_alone_has_no_comparison(mission):
     run = mission_run(mission, NOW)
     assert side_by_side(run) is not None

@@ -169,6 +169,7 @@ def test_one_sample_and_nothing_else(make_run, map_of):
     assert "rate-series" not in ids(page)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_only")
 def test_fitted_variogram_and_truth(make_run, the_map):
     s = the_map.samples

@@ -99,6 +99,7 @@ def test_encodings_and_line_ends(tmp_path, encoding, end) -> None:
     assert (len(log.records), log.problems, log.serial) == (1, (), "4711")
 
 
+@pytest.mark.slow
 def test_lines_of_both_encodings(tmp_path) -> None:
     data = "//Ort: Gießen\n".encode("latin-1") + "//Straße: x\n".encode() + ROVER_HEADER + line() + b"\n"
     log = read_log(write(tmp_path, data), "hydroinnova_rover", "east")

@@ -218,6 +218,7 @@ def test_any_bytes_never_raise(lines) -> None:
     parse(*lines, require_checksum=False)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     st.lists(

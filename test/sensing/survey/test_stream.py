@@ -83,6 +83,7 @@ def statistics(one):
             one.f_pressure, one.f_humidity, one.f_intensity)  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [0.0, 4.0, 6.5, 30.0])
 def test_the_same_records_as_from_the_files_however_late_the_fixes_are(simulated, late_s):
     frame, site, log, fixes, lines = simulated

@@ -376,6 +376,7 @@ def test_a_cluster_gives_the_same(campaign, tmp_path, fake):
     assert folder(tmp_path / "there") == folder(tmp_path / "here")
 
 
+@pytest.mark.slow
 def test_a_cluster_that_is_not_there(monkeypatch):
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
