@@ -134,7 +134,7 @@ class Explorer:
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
         travel_s = self.travel.travel_s(position_xy, candidates)
         fits = travel_s + self.min_dwell_s + home_s <= request.budget_left_s
-        known_rate = counted.fit is not None
+        known_rate = counted.soil_map is not None
         considered = np.flatnonzero(free & self._considered)
         place = (float(position_xy[0]), float(position_xy[1]))
         rate = float(counted.rate.mean()) if known_rate else self.nominal_rate_cps

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from soilmoist_ros.simulation.mission.mission_run import MissionSettings
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
@@ -17,6 +16,7 @@ from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
@@ -59,9 +59,20 @@ def test_a_dwell_by_counts_is_expected_shorter_where_more_neutrons_arrive():
     assert at_900_hpa.expected_dwell_s == pytest.approx(0.42 * usual.expected_dwell_s)
 
 
+def test_before_the_first_map_the_nominal_rate_is_expected():
+    mapped = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
+    new = Explorer(
+        [mapped], cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy("lattice"), make_strategy("random"),
+        parse_dwell("ami:0.1"), np.random.default_rng(1), nominal_rate_cps=2.5,
+    )  # fmt: skip
+    assert new.situation(REQUEST, PLACE).expected_dwell_s == pytest.approx(100 / 2.5, rel=0.02)
+
+
 @pytest.mark.parametrize("weather", [False, True])
 def test_the_simulator_plans_with_the_factors_of_its_records(weather):
-    settings = MissionSettings(strategy="ivr", dwell="optimal", map_from="records", fit="reml", also="rough")
+    settings = MissionSettings(
+        strategy="ivr", dwell="optimal", map_from="records", fit="reml", properties=("rough",)
+    )
     simulation = _Simulation(replace(settings, hours=0.15, cell_m=4.0, weather=weather))
     simulation.run(lambda share: None)
     (robot,) = simulation.robots
