@@ -23,8 +23,8 @@ from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.samples.spread import footprint_spread
+from soilmoist_ros.mapping.variogram.correlation import BUILT_IN
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.mapping.variogram.model import MODELS
 
 SIDE_M = 280.0
 SPREAD = footprint_spread(radius_m=10.0)
@@ -54,7 +54,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", type=int, nargs="+", default=[72, 300, 1000], help="numbers of places")
     parser.add_argument("--repeats", type=int, default=5, help="the median of so many runs counts")
-    parser.add_argument("--model", default="matern32", choices=MODELS)
+    parser.add_argument("--model", default="matern32", choices=[*BUILT_IN])
     arguments = parser.parse_args()
     print(f"{'places':>6} {'one range':>10} {'directions':>10} {'footprints':>10} {'soft_l1':>10}   [ms]")
     for n in arguments.sizes:

@@ -14,7 +14,28 @@ import click
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 
 FILE = click.Path(path_type=Path)
-MODELS = ("gaussian", "exponential", "spherical", "matern32", "matern52")
+
+
+class VariogramModel(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """Name of a registered variogram model; the registry is read when the option is used, as it needs numpy."""
+
+    name = "model"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The name itself, if there is such a model."""
+        from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+
+        try:
+            VARIOGRAM_MODELS.get(value)
+        except InputError as error:
+            self.fail(str(error), param, ctx)
+        return value
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """All names."""
+        from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+
+        return f"[{'|'.join(VARIOGRAM_MODELS.names())}]"
 
 
 def report_errors(command: Callable[..., None]) -> Callable[..., None]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros import __version__
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, report_errors
+from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
 from soilmoist_ros.cli.recordings import bag_group, demo_command, replay_command
 from soilmoist_ros.cli.simulate import campaign_command, simulate_command
 from soilmoist_ros.foundation.errors import InputError, Mistake
@@ -41,7 +41,7 @@ def main() -> None:
 @click.option(
     "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
 )
-@click.option("--model", type=click.Choice(MODELS), default="matern32", show_default=True, help="Variogram model.")
+@click.option("--model", type=VariogramModel(), default="matern32", show_default=True, help="Variogram model.")
 @click.option(
     "--fit", type=click.Choice(["reml", "soft_l1"]), default="reml", show_default=True, help="Variogram fit."
 )

@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, property_options, rate_error, report_errors
+from soilmoist_ros.cli.console import (
+    FILE,
+    VariogramModel,
+    progress_bar,
+    property_options,
+    rate_error,
+    report_errors,
+)
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,7 +84,7 @@ def demo_command(out: Path, navigator: str | None, properties: tuple[str, ...], 
               help="Surrogate field to compare with: a built-in one, or a field file with a truth. Of the first "
               "property if none is named; repeatable.")  # fmt: skip
 @click.option("--also-truth", hidden=True)
-@click.option("--model", type=click.Choice(MODELS), help="Variogram model. Default: that of the run.")
+@click.option("--model", type=VariogramModel(), help="Variogram model. Default: that of the run.")
 @click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: that of the run.")
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
               help="Map the rate with its micro-scale variation, or its smooth part only.")  # fmt: skip

@@ -8,7 +8,14 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, property_options, rate_error, report_errors
+from soilmoist_ros.cli.console import (
+    FILE,
+    VariogramModel,
+    progress_bar,
+    property_options,
+    rate_error,
+    report_errors,
+)
 
 
 @click.command("simulate")
@@ -23,9 +30,7 @@ from soilmoist_ros.cli.console import FILE, MODELS, progress_bar, property_optio
     "--hours", type=click.FloatRange(min=0, min_open=True), help="Mission time [h]. Default: the field's."
 )
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all randomness.")
-@click.option(
-    "--variogram", type=click.Choice(MODELS), default="gaussian", show_default=True, help="Variogram model."
-)
+@click.option("--variogram", type=VariogramModel(), default="gaussian", show_default=True, help="Variogram model.")
 @click.option("--fit", type=click.Choice(["soft_l1", "reml"]), default="soft_l1", show_default=True,
               help="Variogram fit: the published one, or restricted maximum likelihood.")  # fmt: skip
 @click.option("--preset", type=click.Choice(["paper", "authors"]), default="paper", show_default=True,

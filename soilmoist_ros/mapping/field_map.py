@@ -24,8 +24,8 @@ from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples, merge_records
 from soilmoist_ros.mapping.samples.spread import footprint_spread
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
+from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, VariogramFit, estimate_variogram
-from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
 

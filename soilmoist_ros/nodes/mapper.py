@@ -24,8 +24,8 @@ from soilmoist_ros.mapping.field_map import MapState, Skip
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
 from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
 from soilmoist_ros.nodes.parameters.parameter import Parameter
 from soilmoist_ros.nodes.runtime import qos
@@ -41,7 +41,9 @@ PARAMETERS = (
     Parameter(
         name="cell_m", default=0.0, description="cell size of the map; 0 for the field's own", unit="m", low=0
     ),
-    Parameter(name="model", default="matern32", description="variogram model", choices=get_args(ModelName)),
+    Parameter(
+        name="model", default="matern32", description="variogram model", choices=(*VARIOGRAM_MODELS.names(),)
+    ),
     Parameter(name="fit", default="reml", description="how the variogram is fitted", choices=get_args(FitMethod)),
     Parameter(
         name="keep_nugget", default=True, description="map the rate with its micro-scale variation (the nugget)"

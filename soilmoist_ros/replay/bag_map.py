@@ -11,8 +11,8 @@ from typing import Any, Literal, get_args
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
@@ -189,7 +189,7 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) 
         raise InputError("does not say which field it is of", "give the field file with --field", bag)
     options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
     options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
-    for name, known in (("model", get_args(ModelName)), ("fit", get_args(FitMethod))):
+    for name, known in (("model", VARIOGRAM_MODELS.names()), ("fit", get_args(FitMethod))):
         if options.get(name, known[0]) not in known:
             raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
     try:

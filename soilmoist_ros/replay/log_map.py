@@ -15,8 +15,8 @@ from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
+from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.reporting.map_run import input_file, make_run
 from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format

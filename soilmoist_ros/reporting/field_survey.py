@@ -10,8 +10,8 @@ from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
+from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.recording.record_table import RECORDS, write_records
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 from msg_adapters.model import Model, model_from_message, model_to_message
 from soilmoist_ros.mapping import Variogram, VariogramFit, estimate_variogram
-from soilmoist_ros.mapping.variogram.model import MODELS
+from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 
 numbers = st.floats(allow_infinity=False, allow_nan=False)
 positive = st.floats(1e-300, 1e300)

@@ -55,10 +55,10 @@ def least_variance(
     if not (time_s > 0 and (rate_cps > 0).all()):
         raise ValueError("time and rates must be > 0")
     structured = variogram.structured_sill
-    from soilmoist_ros.mapping.variogram.model import MODELS
+    from soilmoist_ros.mapping.variogram.correlation import correlation_model
 
     scaled = variogram.scaled(cells_xy)
-    prior = structured * MODELS[variogram.model].correlation(cdist(scaled, scaled, "sqeuclidean"))
+    prior = structured * correlation_model(variogram.model).correlation(cdist(scaled, scaled, "sqeuclidean"))
     # A mean that nothing is known of is a constant of very large variance.
     prior += _FAR * structured
     dwell_s = np.full(len(cells_xy), time_s / len(cells_xy))

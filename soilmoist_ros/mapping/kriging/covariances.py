@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram.model import MODELS, Variogram, isotropic_plane
+from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
@@ -223,7 +223,7 @@ class SamplePoints:
     """
 
     def __init__(self, variogram: Variogram, samples: Array) -> None:
-        self._correlation = MODELS[variogram.model].correlation
+        self._correlation = variogram.correlation_model.correlation
         self.layers: list[tuple[slice | NDArray[np.intp], Array, Array, Array]] = []
         for which, points, weight in Supports(samples[:, :2], samples[:, 2:5]).layers:
             factor = np.full(len(points), variogram.structured_sill)

@@ -112,7 +112,7 @@ class RasterKriging:
         :param evaluate: gives the surfaces at Chebyshev points, shape (2, q, p)
         :param at_places: gives the surfaces where cells have a sample, shape (2, k): their numbers and places
         """
-        if variogram.model != "gaussian" or variogram.structured_sill == 0 or self._is_empty:
+        if not variogram.correlation_model.is_product or variogram.structured_sill == 0 or self._is_empty:
             return None
         x_m, y_m, mask = self._inside
         # A product of two Gaussians, as the variance has them, is narrower than one by the root of two;
@@ -171,7 +171,7 @@ class RasterKriging:
         from scipy.linalg.lapack import dtrtri
 
         variogram, places, factor, ones, residual, mean = system
-        if len(places) < MIN_TILED or variogram.model == "spherical":  # whose edge meets many tiles
+        if len(places) < MIN_TILED or variogram.correlation_model.has_edge:  # whose edge meets many tiles
             return None
         if not all((np.diff(axis) > 0).all() for axis in (self._x_m, self._y_m)):
             return None

@@ -80,7 +80,7 @@ class RasterCells:
         self._row, self._column = np.nonzero(mask)
         self.xy = np.column_stack([x_m[self._column], y_m[self._row]])
         self._variogram = variogram
-        self._separable = variogram.model == "gaussian"
+        self._separable = variogram.correlation_model.is_product
         self._points = None
         if not variogram.along_axes:
             self._points = Points(variogram, places_xy, self.xy, spread)

@@ -194,7 +194,7 @@ class _Boxes:
         self._lengths = lengths
         self._margin = MARGIN * np.maximum(*lengths)
         self._to_corner = sum(lengths)
-        self._has_edge = variogram.model == "spherical"
+        self._has_edge = variogram.correlation_model.has_edge
 
     def are_near(self, samples: SamplePoints) -> Mask:
         """Which samples are near which tiles, shape (samples, tiles): if any of the points of a sample is."""

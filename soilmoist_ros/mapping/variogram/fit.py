@@ -9,14 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, merge_exactly, noise_rate
-from soilmoist_ros.mapping.variogram.model import (
-    ModelName,
-    Variogram,
-    check_model,
-    default_edges,
-    semivariogram_of,
-)
+from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import maximise_reml
+from soilmoist_ros.mapping.variogram.semivariogram import default_edges, semivariogram_of
 from soilmoist_ros.mapping.variogram.soft_l1 import fit_soft_l1
 
 Array = NDArray[np.float64]
@@ -135,7 +131,7 @@ def estimate_variogram(
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
-    check_model(model)
+    correlation_model(model)
     if method not in ("reml", "soft_l1"):
         raise ValueError(f"unknown method {method!r}; known are reml, soft_l1")
     places, _ = merge_exactly(as_samples(xy, counts, exposure_s, spread))

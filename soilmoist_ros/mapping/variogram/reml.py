@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
-from soilmoist_ros.mapping.variogram.model import MODELS, ModelName, Variogram, isotropic_plane
+from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
 from soilmoist_ros.mapping.variogram.newton import minimise
 from soilmoist_ros.mapping.variogram.packed import Packed
 from soilmoist_ros.mapping.variogram.support import SupportCorrelation
@@ -30,8 +31,7 @@ MAX_BLOCKS = 16
 
 _MIN_POOLS = 8
 _FEW_PLACES = 100
-_ONE_PEAK = ("exponential", "matern32", "matern52")
-"""Models for which one start does beyond :data:`_FEW_PLACES`; the others may have a second, lower peak."""
+"""Beyond so many places one start is enough if the likelihood of the model has one peak only."""
 ANISOTROPIES = (2.0, 4.0, 8.0)
 """Ratios of the longest range over the shortest among which the likelihood chooses."""
 ANGLES_DEG = tuple(22.5 * step for step in range(8))
@@ -90,7 +90,7 @@ class Prior:
         corrected = _variance_without_noise(places, m)
         guess = cls.GUESS_WORTH * (cls.GUESSED_VARIATION * m) ** 2
         structured = (guess + (n - 1) * corrected) / (cls.GUESS_WORTH + n - 1)
-        medians = [structured, extent_m / 3 / MODELS[model].practical, 0.05 * structured]
+        medians = [structured, extent_m / 3 / correlation_model(model).practical, 0.05 * structured]
         return cls(np.log(medians), np.array([1.0, 1.0, 1.5]))
 
 
@@ -156,7 +156,7 @@ class RestrictedLikelihood:
         plane: Array | None = None,
     ) -> None:
         m = noise_rate(places)
-        self._model = MODELS[model]
+        self._model = correlation_model(model)
         self._plane = plane
         blocks = [np.arange(len(places))] if blocks is None else blocks
         kept = 8 if len(blocks) == 1 else 2  # many blocks fill the memory
@@ -390,7 +390,7 @@ def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
         min((np.array([0.0, range_, nugget]) for nugget in (-0.5, 1.5)), key=badness)
         for range_ in (-1.5, -0.75, 0.0, 0.75, 1.5)
     ]
-    one = len(places) > _FEW_PLACES and model in _ONE_PEAK
+    one = len(places) > _FEW_PLACES and correlation_model(model).has_one_peak
     return sorted(of_ranges, key=badness)[: 1 if one else 3]
 
 

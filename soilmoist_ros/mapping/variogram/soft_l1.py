@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram.model import MODELS, CorrelationModel, ModelName
+from soilmoist_ros.mapping.variogram.correlation import CorrelationModel, ModelName, correlation_model
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
     :param model: variogram model
     :param least_sill: lower bound of the structured sill in units of the semivariance
     """
-    correlation = MODELS[model]
+    correlation = correlation_model(model)
     most_sill = max(MAX_SILL, 2 * least_sill)
     lower = np.array([0.0, np.log(RANGES[0]), least_sill])
     upper = np.array([MAX_NUGGET, np.log(RANGES[1]), most_sill])

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2
-from soilmoist_ros.mapping.variogram.model import CorrelationModel
+from soilmoist_ros.mapping.variogram.correlation import CorrelationModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

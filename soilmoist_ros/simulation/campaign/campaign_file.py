@@ -30,8 +30,8 @@ from soilmoist_ros.foundation.configuration import (
 )
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.mapping.variogram.model import ModelName
 from soilmoist_ros.simulation.mission.settings import MissionSettings, Preset, PropertySettings
 
 FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]

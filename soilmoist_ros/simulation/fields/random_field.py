@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram.model import MODELS, ModelName
+from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def _torus_eigenvalues(shape: tuple[int, int], steps: tuple[float, float], model
     from scipy.fft import next_fast_len
 
     least = [2 * (count - 1) for count in shape]
-    reach = [MODELS[model].practical * range_m / step for step in steps]
+    reach = [correlation_model(model).practical * range_m / step for step in steps]
     for enlargement in (0.0, 2.0, 4.0, 6.0, 9.0, 13.0):
         wanted = np.maximum(least, np.add(shape, np.multiply(enlargement, reach)))
         size = [next_fast_len(max(2, int(np.ceil(count)))) for count in wanted]
@@ -58,7 +58,7 @@ def _torus_eigenvalues(shape: tuple[int, int], steps: tuple[float, float], model
             break
         lags = [np.minimum(np.arange(n), n - np.arange(n)) * step for n, step in zip(size, steps, strict=True)]
         square = (lags[0][:, None] ** 2 + lags[1][None, :] ** 2) / range_m**2
-        eigenvalues = np.fft.fft2(MODELS[model].correlation(square)).real
+        eigenvalues = np.fft.fft2(correlation_model(model).correlation(square)).real
         if -eigenvalues[eigenvalues < 0].sum() <= NEGLIGIBLE * eigenvalues.size:
             return np.maximum(eigenvalues, 0.0)
     raise ValueError(

@@ -8,7 +8,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram.model import MODELS, ModelName, Variogram
+from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def default_variogram(xy: Array, values: Array, model: ModelName = "exponential"
     """
     diagonal = float(np.hypot(*np.ptp(xy, axis=0)))
     sill = max(float(np.var(values)), 1e-6)
-    return Variogram(model, 0.0, diagonal / 2 / MODELS[model].practical, sill)
+    return Variogram(model, 0.0, diagonal / 2 / correlation_model(model).practical, sill)
 
 
 def krige(xy: Array, values: Array, variogram: Variogram, x_m: Array, y_m: Array) -> Array:

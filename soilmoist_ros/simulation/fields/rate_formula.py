@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from soilmoist_ros.foundation.configuration import Section
-from soilmoist_ros.mapping.variogram.model import ModelName
+from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.simulation.fields.random_field import random_field
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 

@@ -13,7 +13,8 @@ from pydantic import model_validator
 from soilmoist_ros.foundation.configuration import Section, load_model
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.mapping.field import Field, FieldFile, load_field
-from soilmoist_ros.mapping.variogram.model import ModelName, Variogram
+from soilmoist_ros.mapping.variogram.correlation import ModelName
+from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil
 from soilmoist_ros.simulation.fields.rate_extrapolation import MAX_POINTS, default_variogram, kriged_grid

@@ -8,8 +8,8 @@ from typing import Literal
 
 from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.mapping.variogram.model import ModelName
 
 Preset = Literal["paper", "authors"]
 

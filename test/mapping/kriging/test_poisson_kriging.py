@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.mapping.kriging.poisson_kriging import clip_negative
-from soilmoist_ros.mapping.variogram.model import MODELS
+from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 
 MODEL = Variogram("matern32", 0.02, 40.0, 0.3)
 

@@ -1,12 +1,9 @@
-import json
-
 import mpmath
 import numpy as np
 import pytest
-from scipy.spatial.distance import cdist
 
-from soilmoist_ros.mapping import Variogram, default_edges, empirical_semivariogram
-from soilmoist_ros.mapping.variogram.model import MODELS
+from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 
 EXACT = {
     "gaussian": lambda u: mpmath.exp(-(u**2)),
@@ -65,7 +62,10 @@ def test_the_models_do_not_change_their_argument():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("cubic", 0, 1, 1), "unknown variogram model 'cubic'; known are gaussian, exponential, spherical"),
+        (
+            ("cubic", 0, 1, 1),
+            "there is no variogram model 'cubic' -> use one of: gaussian, exponential, spherical",
+        ),
         (("gaussian", -0.1, 1, 1), "nugget must be >= 0, got -0.1"),
         (("gaussian", 0, 0, 1), "range_m must be > 0, got 0.0"),
         (("gaussian", 0.5, 1, 0.4), "sill is the total sill and must be >= nugget"),
@@ -79,94 +79,3 @@ def test_the_models_do_not_change_their_argument():
 def test_variogram_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
         Variogram(*arguments)
-
-
-def test_empirical_semivariogram_against_reference(reference_data):
-    case = json.loads((reference_data / "variogram30.json").read_text())
-    lag_m, gamma, weight = empirical_semivariogram(case["points"], case["counts"], case["t"], case["edges"])
-    for row, (lag, value, total) in zip(case["bins"], zip(lag_m, gamma, weight, strict=True), strict=True):
-        assert value == pytest.approx(float(row["gamma"]), rel=1e-12)
-        assert total == pytest.approx(float(row["N_h"]), rel=1e-12)
-        assert lag == pytest.approx(float(row["weighted_mean_h"]), rel=1e-12)
-    equal = empirical_semivariogram(case["points"], np.ones(30), np.full(30, 2.0), case["edges"])
-    np.testing.assert_allclose(equal[2], [row["pairs"] for row in case["bins"]], rtol=1e-12)
-
-
-def test_empirical_semivariogram_of_blocks_is_that_of_one_block(monkeypatch):
-    rng = np.random.default_rng(3)
-    data = rng.uniform(0, 100, (150, 2)), rng.poisson(300, 150), rng.uniform(10, 90, 150)
-    whole = empirical_semivariogram(*data, np.arange(0, 60, 5))
-    from soilmoist_ros.mapping.variogram import model as variogram
-
-    blocks = variogram._pair_blocks
-    monkeypatch.setattr(variogram, "_pair_blocks", lambda n: blocks(n, 7 * n))
-    assert len(variogram._pair_blocks(150)) == 22
-    np.testing.assert_allclose(empirical_semivariogram(*data, np.arange(0, 60, 5)), whole, rtol=1e-12)
-
-
-def test_classes_are_open_below_and_closed_above_and_may_be_empty():
-    xy = [[0, 0], [10, 0], [10, 0]]
-    lag_m, gamma, weight = empirical_semivariogram(xy, [20, 30, 10], [10, 10, 10], [0, 5, 10, 20])
-    np.testing.assert_array_equal(weight, [0, 10, 0])
-    np.testing.assert_array_equal(np.isnan(lag_m), [True, False, True])
-    np.testing.assert_array_equal(np.isnan(gamma), [True, False, True])
-    assert lag_m[1] == 10
-    assert gamma[1] == pytest.approx((5 * (1**2 + 1**2) - 2 * 2) / (2 * 10))  # m* = 2; never (10, 0) with itself
-
-
-@pytest.mark.parametrize("edges", [[0], [0, 0], [5, 1], [-1, 5], [0, np.nan], [[0, 1]]])
-def test_empirical_semivariogram_refuses_edges(edges):
-    with pytest.raises(ValueError, match="edges must"):
-        empirical_semivariogram([[0, 0], [1, 1]], [1, 1], [1, 1], edges)
-
-
-def test_empirical_semivariogram_is_unbiased_for_short_exposures():
-    rng = np.random.default_rng(20)
-    truth = Variogram("matern32", 0.05, 25.0, 0.5)
-    xy = rng.uniform(0, 120, (80, 2))
-    exposure_s = np.full(80, 20.0)
-    factor = np.linalg.cholesky(truth.covariance(cdist(xy, xy)))
-    edges = [0, 8, 16, 24, 36, 50]
-    simulated = []
-    for _ in range(200):
-        rate = 4.0 + factor @ rng.standard_normal(80)
-        assert rate.min() > 0
-        simulated.append(empirical_semivariogram(xy, rng.poisson(rate * exposure_s), exposure_s, edges)[1])
-    distance = cdist(xy, xy)[np.triu_indices(80, 1)]
-    number = np.digitize(distance, edges) - 1
-    expected = [truth.semivariance(distance[number == k]).mean() for k in range(len(edges) - 1)]
-    z = (np.mean(simulated, axis=0) - expected) / (np.std(simulated, axis=0, ddof=1) / np.sqrt(200))
-    assert np.abs(z).max() < 3
-    noise = 4.0 / 20.0  # leaving m* out would be seen: the noise is far larger than the standard errors
-    assert noise > 5 * (np.std(simulated, axis=0, ddof=1) / np.sqrt(200)).max()
-
-
-def test_default_edges_hold_enough_pairs_each():
-    rng = np.random.default_rng(5)
-    xy = rng.uniform(0, 200, (60, 2))
-    edges = default_edges(xy)
-    pairs = np.histogram(cdist(xy, xy)[np.triu_indices(60, 1)], edges)[0]
-    assert 10 <= len(pairs) <= 15
-    assert pairs.min() >= 30
-    assert edges[-1] == pytest.approx(cdist(xy, xy).max() / 2)
-
-
-def test_default_edges_of_a_lattice_have_no_empty_class():
-    xy = np.stack(np.meshgrid(np.arange(8) * 30.0, np.arange(9) * 30.0), axis=-1).reshape(-1, 2)
-    assert (empirical_semivariogram(xy, np.ones(72), np.ones(72), default_edges(xy))[2] > 0).all()
-
-
-def test_default_edges_of_few_places_are_six_over_all_distances():
-    xy = np.random.default_rng(3).uniform(0, 60, (11, 2))
-    edges = default_edges(xy)
-    distances = cdist(xy, xy)[np.triu_indices(11, 1)]
-    assert len(edges) == 7
-    np.testing.assert_allclose(np.diff(edges), distances.max() / 6)
-    assert np.histogram(distances, edges)[0].sum() == 55
-
-
-def test_default_edges_of_two_places_hold_their_pair():
-    edges = default_edges([[0, 0], [3, 4], [0, 0]])
-    assert edges[-2] < 5 <= edges[-1]
-    with pytest.raises(ValueError, match="two or more distinct places"):
-        default_edges([[1, 1], [1, 1]])

@@ -5,7 +5,7 @@ from scipy.spatial.distance import cdist
 from scipy.stats import multivariate_normal
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.variogram.model import MODELS
+from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood, maximise_reml, spatial_blocks
 
 

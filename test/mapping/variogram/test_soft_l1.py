@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from soilmoist_ros.mapping.variogram.model import MODELS
+from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.soft_l1 import MAX_NUGGET, MAX_SILL, OUTLIER, RANGES, fit_soft_l1
 
 LOWER = np.array([0.0, RANGES[0]])
