@@ -100,7 +100,7 @@ def test_the_uncertainty_is_a_share_of_not_knowing(grid, keep_nugget):
 def test_rows_run_from_south_to_north_and_columns_from_west_to_east():
     grid = rectangle(0.0, 0.0, 6, 5, 1.0)
     soil_map = dataclasses.replace(
-        a_map(grid), rate=np.arange(30.0).reshape(5, 6), rate_sd=np.linspace(0, 0.4, 30).reshape(5, 6)
+        a_map(grid), rate=np.arange(30.0).reshape(5, 6), variance=np.linspace(0, 0.4, 30).reshape(5, 6) ** 2
     )
     cells = soil_map_from_message(soil_map_to_message(grid, soil_map, 0.0))
     corners = {(x, y): r for x, y, r in zip(cells["x"].flat, cells["y"].flat, cells["rate"].flat, strict=True)}

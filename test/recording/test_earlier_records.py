@@ -89,7 +89,7 @@ def test_an_interrupted_mission_gives_its_records(tmp_path):
             journal.note(mission, event)
             mission.step(event)
             journal.keep(mission)
-        journal.note_beside("/salt", 1.78e9 + 1.0, records()[2])
+        journal.note_record("/salt", 1.78e9 + 1.0, records()[2])
     assert read_earlier(tmp_path) == records()
     assert read_earlier(tmp_path, "/salt") == records()[2:3]
     assert read_earlier(tmp_path, "clay") == []
