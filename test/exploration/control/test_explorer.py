@@ -79,3 +79,12 @@ def test_the_simulator_plans_with_the_factors_of_its_records(weather):
     for mapped, record in zip(robot.explorer.properties, robot.records[-1], strict=True):
         assert mapped.factor == record.exposure_s / record.effective_exposure_s
         assert (mapped.factor != 1.0) is weather
+
+
+def test_before_the_first_map_the_dwell_follows_the_nominal_rate():
+    planner = explorer(dwell="ami:0.05")
+    planner.properties = [Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))]
+    look = planner.situation(REQUEST, PLACE)
+    assert look.expected_dwell_s == 400 / planner.nominal_rate_cps
+    assert (look.map_variance == 1).all()
+    assert (look.variance == 1).all()
