@@ -294,8 +294,10 @@ def _print_summary(run: MapRun) -> None:
         )
     if soil_map.accuracy is not None:
         click.echo(f"kriging    {soil_map.accuracy}")
-    for warning in run.warnings:
-        click.echo(f"warning    {warning}")
+    from soilmoist_ros.reporting.page.notes import notes
+
+    for note in notes(run):
+        click.echo(f"warning    {note}")
 
 
 for command in (simulate_command, campaign_command, demo_command, replay_command, bag_group):

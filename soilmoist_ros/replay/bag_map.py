@@ -31,7 +31,7 @@ from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
 from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
 from soilmoist_ros.reporting.map_run import input_file
-from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -120,8 +120,8 @@ def replay_bag(
     progress("reading the bag", 0.0)
     with BagReader(bag) as reader:
         configuration = configuration_of(bag)
-        survey, warnings = _survey(bag, configuration, chosen)
-        content = _read(reader, survey, chosen, configuration, warnings)
+        survey, remarks = _survey(bag, configuration, chosen)
+        content = _read(reader, survey, chosen, configuration, remarks)
     first = content.properties[0]
     if not first.states:
         raise InputError(_why_nothing(first.survey, first.records), "check the field file and the GNSS", bag)
@@ -133,7 +133,7 @@ def replay_bag(
         except InputError as error:
             if one is first:
                 raise
-            warnings.append(f"{one.name} is not mapped: {error}.")
+            remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.name} is not mapped: {error}."))
             continue
         label = one.name if one.truth is None else one.truth.title
         mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
@@ -143,7 +143,7 @@ def replay_bag(
     run = replace(
         run,
         inputs=[*(input_file(path, "bag") for path in _files(bag)), *run.inputs],
-        warnings=[*run.warnings, *warnings],
+        notes=[*run.notes, *remarks],
         losses=[*loss_rows(raw.problems if raw else ()), *run.losses],
         logger_format=raw.format_title if raw else "",
         simulated=run.simulated or content.simulated or any(one.truth is not None for one in properties),
@@ -164,7 +164,7 @@ def _compared(one: ReplayedProperty, from_raw: bool) -> Comparison:
     return one.compared()
 
 
-def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[str]]:
+def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
     """The on-line map without records, and what the user should know of it."""
     had = read_parameters(configuration, "mapper")
     survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
@@ -174,9 +174,8 @@ def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tu
     if recorded == survey.site.corrections:
         return survey, []
     corrected = survey.site.model_copy(update={"corrections": recorded})
-    return replace(survey, site=corrected), [
-        "The counts are corrected as they were on the robot, not as this site file says: that needs the raw lines."
-    ]
+    message = "The counts are corrected as on the robot, not as this site file says: that needs the raw lines."
+    return replace(survey, site=corrected), [Note(NoteCode.OTHER_CORRECTIONS, message)]
 
 
 def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> FieldSurvey:
@@ -203,12 +202,12 @@ def _read(
     survey: FieldSurvey,
     chosen: ReplaySettings,
     configuration: Path | None,
-    warnings: list[str],
+    remarks: list[Note],
 ) -> _Content:
     """All that is needed from the bag.
 
     :param survey: the map of the robot's own records, without records
-    :param warnings: takes what the user should know
+    :param remarks: takes what the user should know
     """
     raw = None
     if chosen.source == "raw":
@@ -232,7 +231,7 @@ def _read(
         except InputError as error:
             if one.weight or one.name in chosen.properties:
                 raise
-            warnings.append(f"{one.counts} is not mapped: {error}.")
+            remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.counts} is not mapped: {error}."))
             continue
         if not counted:
             continue

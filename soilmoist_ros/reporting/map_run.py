@@ -1,4 +1,4 @@
-"""What is told of a mapping run besides its map: corrections, calibration, warnings."""
+"""A run made of a map, its records and its site."""
 
 from __future__ import annotations
 
@@ -53,7 +53,6 @@ def make_run(
         logger_format=logger_format,
         corrections=_correction_rows(records, site),
         losses=losses,
-        warnings=_warnings(soil_map, site),
         calibration=_calibration(site),
         simulated=simulated,
         version=__version__,
@@ -63,7 +62,7 @@ def make_run(
 
 
 def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
-    """A file that went into a run, as the outputs tell of it."""
+    """A file that went into a run, with its size and checksum."""
     content = path.read_bytes()
     return InputFile(str(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
 
@@ -114,29 +113,6 @@ def _range(factors: Sequence[float]) -> tuple[float, float, float]:
     return float(np.mean(factors)), min(factors), max(factors)
 
 
-def _warnings(soil_map: SoilMap, site: Site) -> list[str]:
-    warnings = []
-    if site.calibration is not None and site.calibration.illustrative:
-        warnings.append("The calibration is illustrative: patterns are real, absolute soil moisture is not.")
-    if soil_map.undefined_vwc_cells:
-        warnings.append(
-            f"{soil_map.undefined_vwc_cells} cells have a count rate too low for any soil moisture: check N0."
-        )
-    if soil_map.fit is not None and soil_map.fit.prior_mattered:
-        warnings.append(
-            "The samples say little about how moisture varies in space: the variogram rests mostly on "
-            "assumptions. More samples, some of them close together, would help."
-        )
-    if soil_map.accuracy is not None and soil_map.accuracy.rate_error > 0.05:
-        warnings.append(
-            f"The map is made tile by tile and its rate may be off by {100 * soil_map.accuracy.rate_error:.0f} % "
-            "of its standard deviation: use matern32 or exponential, or merge samples in a larger radius."
-        )
-    if soil_map.fit is not None and not soil_map.fit.converged:
-        warnings.append(f"The variogram fit did not converge: {soil_map.fit.message}.")
-    return warnings
-
-
 def _calibration(site: Site) -> CalibrationInfo | None:
     if site.calibration is None or site.soil is None:
         return None
@@ -148,4 +124,5 @@ def _calibration(site: Site) -> CalibrationInfo | None:
         lattice_water=site.soil.lattice_water,
         organic_water=site.soil.organic_water,
         source=source,
+        illustrative=site.calibration.illustrative,
     )

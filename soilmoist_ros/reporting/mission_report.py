@@ -17,12 +17,13 @@ from soilmoist_ros.reporting.files.mission_tables import write_series, write_vis
 from soilmoist_ros.reporting.files.strict_json import write_json
 from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, settings_summary
 from soilmoist_ros.reporting.outputs import NAMES, property_names, write_outputs
-from soilmoist_ros.reporting.run import LossRow, MapRun
+from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.simulation.mission.result import MissionResult
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
+NO_MAP = Note(NoteCode.NO_MAP, "The mission ended before its first map.")
 UNUSED_COUNTS = 0.01
 """Share of the counts that may lie outside the stops without being mentioned."""
 
@@ -58,7 +59,8 @@ def write_mission(
             "simulated": True,
             "map": None,
             "mission": mission_summary(result),
-            "warnings": ["The mission ended before its first map."],
+            "warnings": [NO_MAP.message],
+            "warning_codes": [NO_MAP.code],
             "outputs": ["summary.json", "series.csv", "visits.csv"],
         }
         return [
@@ -107,7 +109,7 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
 
 
 def _left_out(result: MissionResult) -> Iterator[LossRow]:
-    """Records outside the stops, told by their counts."""
+    """Records outside the stops, estimated from their counts."""
     total = sum(record.raw_counts for record in result.records)
     left = total - sum(visit.raw_counts for visit in result.visits)
     if left > UNUSED_COUNTS * total:

@@ -152,8 +152,7 @@ def open_run(folder: Path | str) -> OpenedRun:
 
     >>> import tempfile
     >>> from soilmoist_ros.reporting import write_mission
-    >>> from soilmoist_ros.simulation.mission.settings import MissionSettings
-    >>> from soilmoist_ros.simulation.mission.simulator import simulate_mission
+    >>> from soilmoist_ros.simulation import MissionSettings, simulate_mission
     >>> result = simulate_mission(MissionSettings(hours=0.3, cell_m=8.0, dwell="fmi:60"))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = write_mission(Path(folder), result)

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -88,6 +89,7 @@ class CalibrationInfo:
     :param lattice_water: gravimetric lattice water [g/g]
     :param organic_water: gravimetric water equivalent of organic matter [g/g]
     :param source: e.g. ``6 soil cores of 2024-05-02``
+    :param illustrative: whether N0 is a guess, so that only patterns of the moisture are real
     """
 
     n0_cps: float
@@ -96,6 +98,38 @@ class CalibrationInfo:
     lattice_water: float = 0.0
     organic_water: float = 0.0
     source: str = ""
+    illustrative: bool = False
+
+
+class NoteCode(StrEnum):
+    """What a note is about."""
+
+    NO_MAP = "no_map"
+    NOT_MAPPED = "not_mapped"
+    OTHER_CORRECTIONS = "other_corrections"
+    ILLUSTRATIVE_CALIBRATION = "illustrative_calibration"
+    RATE_BELOW_CURVE = "rate_below_curve"
+    TILE_ERROR = "tile_error"
+    ABOVE_PORE_VOLUME = "above_pore_volume"
+    NEGATIVE_MOISTURE = "negative_moisture"
+    FEW_SAMPLES = "few_samples"
+    PRIOR_MATTERED = "prior_mattered"
+    NOT_CONVERGED = "not_converged"
+
+
+@dataclass(frozen=True)
+class Note:
+    """A note to the reader: a code for programs, a sentence for people.
+
+    :param code: what it is about
+    :param message: a plain sentence
+    """
+
+    code: NoteCode
+    message: str
+
+    def __str__(self) -> str:
+        return self.message
 
 
 @dataclass(frozen=True)
@@ -113,7 +147,7 @@ class MapRun:
     :param logger_format: name of the logger's format
     :param corrections: corrections as applied
     :param losses: what was dropped or kept with reservations
-    :param warnings: plain sentences for the reader
+    :param notes: what the reader should know besides what follows from the map, see :func:`notes`
     :param calibration: origin of the calibration; ``None`` says no more than ``soil_map.curve``
     :param simulated: the counts come from a simulation; every output says so
     :param version: version of this package
@@ -140,7 +174,7 @@ class MapRun:
     logger_format: str = ""
     corrections: Sequence[CorrectionRow] = ()
     losses: Sequence[LossRow] = ()
-    warnings: Sequence[str] = ()
+    notes: Sequence[Note] = ()
     calibration: CalibrationInfo | None = None
     simulated: bool = False
     version: str = ""

@@ -18,6 +18,7 @@ from soilmoist_ros.replay import ReplaySettings, replay_bag
 from soilmoist_ros.replay.comparison import Comparison
 from soilmoist_ros.replay.statuses import Status, last_mission
 from soilmoist_ros.reporting.outputs import write_outputs
+from soilmoist_ros.reporting.run import NoteCode
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 CASES = {
@@ -245,7 +246,7 @@ def test_another_calibration_changes_the_moisture_only(edited_site):
     other = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=edited_site(calibration="{n0_cps: 7.5}"))).run
     np.testing.assert_array_equal(own.soil_map.rate, other.soil_map.rate)
     assert np.nanmin(other.soil_map.vwc - own.soil_map.vwc) > 0
-    assert other.warnings == [w for w in other.warnings if "corrected as they were" not in w]
+    assert not other.notes
 
 
 def test_other_corrections_need_the_raw_lines(edited_site):
@@ -253,7 +254,7 @@ def test_other_corrections_need_the_raw_lines(edited_site):
     own = replay_bag(GOLDEN / "raw_lines").run
     counts = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=site)).run
     np.testing.assert_array_equal(own.soil_map.rate, counts.soil_map.rate)
-    assert any("corrected as they were on the robot" in warning for warning in counts.warnings)
+    assert [note.code for note in counts.notes] == [NoteCode.OTHER_CORRECTIONS]
     assert next(row for row in counts.corrections if "pressure" in row.name).parameters["P0 [hPa]"] == 1013.25
     raw = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=site, source="raw"))
     factor = np.exp(0.0077 * (1013.25 - 950.0))
@@ -262,7 +263,7 @@ def test_other_corrections_need_the_raw_lines(edited_site):
     )
     assert np.nanmin(raw.run.soil_map.rate) > np.nanmax(own.soil_map.rate)
     assert raw.comparisons[0].same is None
-    assert not any("on the robot" in warning for warning in raw.run.warnings)
+    assert not raw.run.notes
     assert raw.run.logger_format
 
 

@@ -11,7 +11,7 @@ import pytest
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
 from soilmoist_ros.reporting.page import style
-from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
+from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
@@ -68,7 +68,7 @@ def make_run(the_map: SoilMap) -> Callable[..., MapRun]:
                 LossRow("no position", 3, "run.KSU:17: no fix", "lost", "wait for a fix"),
                 LossRow("no humidity", 4, "run.KSU:9: empty", "kept"),
             ],
-            "warnings": ["the clock jumped"],
+            "notes": [Note(NoteCode.NOT_MAPPED, "salt is not mapped")],
             "calibration": CalibrationInfo(CURVE.n0_cps, CURVE.bulk_density_gcm3, 0.1, 0.02, source="6 cores"),
             "version": "0.1.0",
             "settings": {"merge_radius_m": 2.0, "nothing": None, "bad": float("nan")},

@@ -16,8 +16,9 @@ from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.reporting.mission_report import mission_run, write_mission
 from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.mission_section import course_chart, mission_part, trajectory_map
+from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
-from soilmoist_ros.reporting.page.wording import doubts, facts, headline
+from soilmoist_ros.reporting.page.wording import facts, headline
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import SeriesRow
@@ -169,9 +170,9 @@ def test_a_simulation_gives_no_advice_about_its_sensor(mission, n0_cps):
     """Whose moisture is wrong in part, in most, and in all of the field."""
     run = mission_run(with_own(mission, soil_map=with_n0(mission.soil_map, n0_cps)), NOW)
     advice = re.compile("N0, the bulk|check N0|tubes", re.IGNORECASE)
-    assert not advice.search(" ".join([*headline(run), *doubts(run)]))
+    assert not advice.search(" ".join([*headline(run), *map(str, notes(run))]))
     real = dataclasses.replace(run, simulated=False)
-    assert advice.search(" ".join([*headline(real), *doubts(real)]))
+    assert advice.search(" ".join([*headline(real), *map(str, notes(real))]))
 
 
 def with_n0(soil_map, n0_cps):

@@ -11,8 +11,7 @@ import pytest
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting import open_run, write_mission, write_outputs
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.campaign.data import CampaignData, dwell_text, strategy_text
-from soilmoist_ros.reporting.page.wording import percent
+from soilmoist_ros.reporting.page.numbers import percent
 from soilmoist_ros.simulation.campaign.campaign_file import FindingKey
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.campaign import figures as figures
 from soilmoist_ros.reporting.campaign.data import CampaignData, Case, dwell_text, strategy_text
 from soilmoist_ros.reporting.campaign.findings import Comparison, findings
+from soilmoist_ros.reporting.page.numbers import length, number, plain
 from soilmoist_ros.reporting.page.report import render_page
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.style import picture
-from soilmoist_ros.reporting.page.wording import number, plain
 from soilmoist_ros.simulation.campaign.campaign import Failure, stored_missions
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
 from soilmoist_ros.simulation.campaign.mission_store import code_version
@@ -188,8 +188,9 @@ def _strategies_section(data: CampaignData, case: Case) -> Section:
     if len(distance):
         least, most = distance.idxmin(), distance.idxmax()
         sentences.append(
-            f"At the end, {strategy_text(str(least))} has driven least ({_metres(distance[least])} on average) "
-            f"and {strategy_text(str(most))} most ({_metres(distance[most])})."
+            f"At the end, {strategy_text(str(least))} has driven least "
+            f"({' '.join(length(distance[least]))} on average) and {strategy_text(str(most))} most "
+            f"({' '.join(length(distance[most]))})."
         )
     if len(error):
         best, worst = error.idxmin(), error.idxmax()
@@ -234,10 +235,6 @@ def _intervals_section(data: CampaignData, case: Case) -> Section:
 def _runs(rows: pd.DataFrame) -> str:
     count = int(rows["seed"].nunique())
     return f"{count} runs" if count != 1 else "one run"
-
-
-def _metres(value: float) -> str:
-    return f"{value / 1000:.2f} km" if value >= 2000 else f"{value:.0f} m"
 
 
 def _finals(data: CampaignData) -> Iterator[FinalRow]:

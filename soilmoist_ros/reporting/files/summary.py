@@ -13,6 +13,7 @@ from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
+from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
     TruthScore,
     band_statistics,
@@ -23,7 +24,6 @@ from soilmoist_ros.reporting.page.statistics import (
     uncertain_share,
     undefined_share,
 )
-from soilmoist_ros.reporting.page.wording import doubts
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
 from soilmoist_ros.simulation.mission.settings import PropertySettings
@@ -43,7 +43,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
     :param crs: coordinate reference system of the GeoTIFF; default that of the datum's UTM zone
     :param outputs: names of the files written
     """
-    soil_map = run.soil_map
+    soil_map, found = run.soil_map, notes(run)
     content = {
         "schema": SCHEMA,
         "software": "soilmoist_ros",
@@ -67,9 +67,11 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "cross_validation": _cross_validation(run),
         "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
         "mission": None if run.mission is None else mission_summary(run.mission),
+        "properties": [_property_run(one) for one in run.properties],
         "corrections": [_correction(row) for row in run.corrections],
         "calibration": _calibration(run),
-        "warnings": [*run.warnings, *doubts(run)],
+        "warnings": [note.message for note in found],
+        "warning_codes": [note.code for note in found],
         "settings": dict(run.settings),
         "outputs": list(outputs),
     }
@@ -186,6 +188,21 @@ def _property(mapped: MappedProperty) -> dict[str, Any]:
             "rate_cps": asdict(band_statistics(soil_map.rate)),
             "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
         },
+        "truth": None if score is None else _score(score),
+    }
+
+
+def _property_run(run: MapRun) -> dict[str, Any]:
+    """A property of a run."""
+    score = None if run.truth_rate is None else truth_score(run.soil_map, run.truth_rate)
+    return {
+        "name": run.name,
+        "label": run.label,
+        "n_records": len(run.track),
+        "n_samples": len(run.soil_map.samples),
+        "variogram": model_parameters(run.soil_map),
+        "rate_cps": asdict(band_statistics(run.soil_map.rate)),
+        "rate_sd_cps": asdict(band_statistics(run.soil_map.rate_sd)),
         "truth": None if score is None else _score(score),
     }
 

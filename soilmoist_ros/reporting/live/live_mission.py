@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.live.terminal import LiveBand, LiveView
-from soilmoist_ros.reporting.page.wording import duration, length
+from soilmoist_ros.reporting.page.numbers import duration, length
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.reporting.page.numbers import duration
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
 from soilmoist_ros.reporting.page.style import (
     BLUE,
@@ -166,7 +167,7 @@ def rate_chart(track: Sequence[CountRecord]) -> Figure:
     axes = plain(figure.add_axes((0.12, 0.17, 0.84, 0.7)), "y")
     dates = time / DAY_S
     axes.fill_between(dates, rate - sd, rate + sd, color=BLUE, alpha=0.22, linewidth=0, label="± 1 sd of counting")
-    name = "each record" if not width_s else f"records added up over {_duration(width_s)}"
+    name = "each record" if not width_s else f"records added up over {duration(width_s)}"
     axes.plot(dates, rate, color=BLUE, linewidth=1.1, marker="." if len(rate) < 60 else "", label=name)
     axes.yaxis.set_major_locator(MaxNLocator(6))
     label(axes, "", "Corrected rate [counts/s]")
@@ -223,14 +224,6 @@ def binned(
 def _round_up(seconds: float) -> float:
     nice = (10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600, 43200, 86400)
     return float(next((step for step in nice if step >= seconds), 86400 * np.ceil(seconds / 86400)))
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 60:
-        return f"{seconds:g} s"
-    if seconds < 3600:
-        return f"{seconds / 60:g} min"
-    return f"{seconds / 3600:g} h"
 
 
 def _time_axis(axes: Axes) -> None:

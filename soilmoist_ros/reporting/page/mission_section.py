@@ -13,6 +13,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.geometry import map_extent
 from soilmoist_ros.reporting.page import maps
+from soilmoist_ros.reporting.page.numbers import duration, length, number, percent
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.style import (
     BLUE,
@@ -27,7 +28,6 @@ from soilmoist_ros.reporting.page.style import (
     picture,
     plain,
 )
-from soilmoist_ros.reporting.page.wording import duration, length, number, percent
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow, series_columns

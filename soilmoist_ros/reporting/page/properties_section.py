@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page import maps
+from soilmoist_ros.reporting.page.numbers import percent
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.statistics import INTERVAL_SD, truth_score
 from soilmoist_ros.reporting.page.style import (
@@ -24,7 +25,6 @@ from soilmoist_ros.reporting.page.style import (
     picture,
     robust_range,
 )
-from soilmoist_ros.reporting.page.wording import percent
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.reporting.page import charts, maps, wording
+from soilmoist_ros.reporting.page import charts, maps, numbers, wording
 from soilmoist_ros.reporting.page.mission_section import mission_part
+from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.properties_section import property_sections, side_by_side
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.statistics import TruthScore, leave_one_out, truth_score
@@ -38,7 +39,7 @@ def render_report(run: MapRun) -> str:
         curve=run.soil_map.curve,
         facts=wording.facts(run),
         headline=wording.headline(run),
-        notes=[*run.warnings, *wording.doubts(run)],
+        notes=notes(run),
         maps=list(_maps(run)),
         properties=side_by_side(run),
         property_sections=property_sections(run),
@@ -59,7 +60,7 @@ def render_page(template: str, **content: Any) -> str:
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     for name in ("number", "percent", "plain", "tidy", "with_sd"):
-        environment.filters[name] = getattr(wording, name)
+        environment.filters[name] = getattr(numbers, name)
     folder = resources.files("soilmoist_ros.reporting.page").joinpath("templates")
     css = Markup(folder.joinpath("page.css").read_text(encoding="utf-8"))
     return environment.from_string(folder.joinpath(template).read_text(encoding="utf-8")).render(
@@ -156,9 +157,9 @@ def _charts(run: MapRun) -> Iterator[Section]:
             "validation", "Cross-validation",
             picture(charts.cross_validation_chart(loo), "Observed against predicted rate of each sample", True),
             "Each sample predicted from all others; bars: one standard deviation of the difference, counting "
-            f"noise included. {wording.percent(loo.coverage95)} of the {len(loo.observed)} samples lie in their "
+            f"noise included. {numbers.percent(loo.coverage95)} of the {len(loo.observed)} samples lie in their "
             f"95 % interval; errors are {loo.standardised_sd:.2f} times as large as stated (1 is right); root "
-            f"mean square error {wording.number(loo.rmse)} counts/s.",
+            f"mean square error {numbers.number(loo.rmse)} counts/s.",
         )  # fmt: skip
     yield Section(
         "histogram", "Distribution",
@@ -191,15 +192,15 @@ def _variogram_rows(run: MapRun) -> list[tuple[str, str, str]]:
     return [
         ("model", str(variogram.model), ""),
         ("fitted by", "given, not fitted" if fit is None else FITS.get(fit.method, fit.method), ""),
-        ("nugget", wording.number(variogram.nugget) + nugget_factor, "(counts/s)²"),
-        ("sill above the nugget", wording.number(variogram.structured_sill) + sill_factor, "(counts/s)²"),
-        ("total sill", wording.number(variogram.sill), "(counts/s)²"),
-        ("range parameter", wording.number(variogram.range_m) + range_factor, "m"),
-        ("practical range (95 % of the sill)", wording.number(variogram.practical_range_m), "m"),
-        ("mean rate", wording.number(soil_map.mean_rate, 4), "counts/s"),
+        ("nugget", numbers.number(variogram.nugget) + nugget_factor, "(counts/s)²"),
+        ("sill above the nugget", numbers.number(variogram.structured_sill) + sill_factor, "(counts/s)²"),
+        ("total sill", numbers.number(variogram.sill), "(counts/s)²"),
+        ("range parameter", numbers.number(variogram.range_m) + range_factor, "m"),
+        ("practical range (95 % of the sill)", numbers.number(variogram.practical_range_m), "m"),
+        ("mean rate", numbers.number(soil_map.mean_rate, 4), "counts/s"),
         ("samples", str(len(soil_map.samples.xy)), ""),
         ("cells inside the field", str(np.count_nonzero(soil_map.grid.mask)), ""),
-        ("cell size", wording.number(soil_map.grid.cell_m), "m"),
+        ("cell size", numbers.number(soil_map.grid.cell_m), "m"),
     ]
 
 
@@ -210,8 +211,8 @@ def _direction(variogram: Variogram) -> str:
     root = np.sqrt(variogram.anisotropy)
     longest, shortest = (variogram.practical_range_m * factor for factor in (root, 1 / root))
     return (
-        f" The range depends on the direction: the practical range is {wording.number(longest)} m along "
-        f"{variogram.angle_deg:.3g}° (anticlockwise from east) and {wording.number(shortest)} m "
+        f" The range depends on the direction: the practical range is {numbers.number(longest)} m along "
+        f"{variogram.angle_deg:.3g}° (anticlockwise from east) and {numbers.number(shortest)} m "
         "across; the blue curve is that of their geometric mean."
     )
 

@@ -14,7 +14,7 @@ from soilmoist_ros.mapping import Variogram, estimate_variogram, make_soil_map
 from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.report import readout, render_report
 from soilmoist_ros.reporting.page.style import Picture
-from soilmoist_ros.reporting.run import InputFile, LossRow
+from soilmoist_ros.reporting.run import InputFile, LossRow, Note, NoteCode
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 
@@ -94,7 +94,7 @@ def test_key_numbers_are_there(page, the_map):
     assert f"{low} to {high}" in page.text
     for text in ("0.11 ha", "places measured", "matern32", "hydroinnova_rover", "6 cores", "7.00 ± 0.10"):
         assert text.replace("0.11 ha", "0.11") in page.text
-    for text in ("air pressure", "wait for a fix", "the clock jumped", "ab" * 32):
+    for text in ("air pressure", "wait for a fix", "salt is not mapped", "ab" * 32):
         assert text in page.text
     assert "nan" not in page.text.lower()
 
@@ -110,7 +110,7 @@ def test_page_is_accessible(html, page):
 def test_text_of_the_user_is_escaped(make_run):
     evil = "<script>alert('x')</script>"
     run = make_run(
-        title=evil, field_name=evil, site=evil, warnings=[evil], logger_format=evil,
+        title=evil, field_name=evil, site=evil, notes=[Note(NoteCode.NOT_MAPPED, evil)], logger_format=evil,
         inputs=[InputFile(evil)], losses=[LossRow(evil, 1, evil, "lost", evil)], settings={evil: evil},
     )  # fmt: skip
     html = render_report(run)
@@ -145,9 +145,9 @@ def test_undefined_and_impossible_moisture_is_named(make_run, steep):
 
 @pytest.mark.usefixtures("words_only")
 def test_a_little_undefined_moisture_is_named(make_run, the_map):
-    vwc = the_map.vwc.copy()
-    vwc[tuple(np.argwhere(the_map.grid.mask)[0])] = np.nan
-    text = Page(render_report(make_run(soil_map=dataclasses.replace(the_map, vwc=vwc)))).text
+    rate = the_map.rate.copy()
+    rate[tuple(np.argwhere(the_map.grid.mask)[0])] = 0.9 * the_map.curve.lowest_rate_cps
+    text = Page(render_report(make_run(soil_map=dataclasses.replace(the_map, rate=rate)))).text
     assert "On average" in text
     assert "below the calibration curve" in text
 
@@ -162,7 +162,7 @@ def test_moisture_undefined_everywhere(make_run, map_of):
 
 @pytest.mark.slow
 def test_one_sample_and_nothing_else(make_run, map_of):
-    run = make_run(soil_map=map_of(n=1), track=(), inputs=(), corrections=(), losses=(), settings={}, warnings=())
+    run = make_run(soil_map=map_of(n=1), track=(), inputs=(), corrections=(), losses=(), settings={}, notes=())
     page = Page(render_report(run))
     assert "1 place measured" in page.text
     assert "every record read is in the map" in page.text

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from soilmoist_ros.reporting.page.wording import area, duration, length, number, percent, volume, with_sd
+from soilmoist_ros.reporting.page.numbers import area, duration, length, number, percent, volume, with_sd
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,82 @@
+"""What a careful reader should know of a map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.reporting.page.numbers import percent, volume
+from soilmoist_ros.reporting.page.statistics import implausible_shares, pore_volume
+from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping import SoilMap
+
+FEW_SAMPLES = 10
+MAX_RATE_ERROR = 0.05
+"""Error of a map by tiles that needs no note, as a share of the standard deviation."""
+_CHECK = "check N0, the bulk density, and whether all tubes were counted"
+
+
+def notes(run: MapRun) -> list[Note]:
+    """The notes of a run and those that follow from its map, in the order of the report."""
+    return [*run.notes, *_on_calibration(run), *_on_moisture(run), *_on_model(run.soil_map)]
+
+
+def _on_calibration(run: MapRun) -> Iterator[Note]:
+    if run.calibration is not None and run.calibration.illustrative:
+        yield Note(
+            NoteCode.ILLUSTRATIVE_CALIBRATION,
+            "The calibration is illustrative: patterns are real, absolute soil moisture is not.",
+        )
+    cells = run.soil_map.undefined_vwc_cells
+    if cells and not run.simulated:
+        yield Note(
+            NoteCode.RATE_BELOW_CURVE, f"{cells} cells have a count rate too low for any soil moisture: check N0."
+        )
+
+
+def _on_moisture(run: MapRun) -> Iterator[Note]:
+    """Moisture that no soil has."""
+    curve = run.soil_map.curve
+    if curve is None:
+        return
+    too_wet, negative = implausible_shares(run.soil_map)
+    cause = "the map of the rate is not sure enough there" if run.simulated else _CHECK
+    pores = volume(pore_volume(curve.bulk_density_gcm3))
+    if too_wet > 0:
+        yield Note(
+            NoteCode.ABOVE_PORE_VOLUME,
+            f"On {percent(too_wet)} of the area the soil moisture is above {pores} %, more than the pores of this "
+            f"soil can hold: {cause}.",
+        )
+    if negative > 0:
+        yield Note(
+            NoteCode.NEGATIVE_MOISTURE,
+            f"On {percent(negative)} of the area the soil moisture is below zero: {cause}.",
+        )
+
+
+def _on_model(soil_map: SoilMap) -> Iterator[Note]:
+    """A model that the counts hardly support, or that is not computed exactly."""
+    count, fit, accuracy = len(soil_map.samples), soil_map.fit, soil_map.accuracy
+    if accuracy is not None and accuracy.rate_error > MAX_RATE_ERROR:
+        yield Note(
+            NoteCode.TILE_ERROR,
+            f"The map is made tile by tile and its rate may be off by {100 * accuracy.rate_error:.0f} % "
+            "of its standard deviation: use matern32 or exponential, or merge samples in a larger radius.",
+        )
+    if count < FEW_SAMPLES:
+        yield Note(
+            NoteCode.FEW_SAMPLES,
+            f"With {count} {'places' if count != 1 else 'place'} measured, the uncertainty itself is hardly "
+            "known: measure at ten places or more.",
+        )
+    elif fit is not None and fit.prior_mattered:
+        yield Note(
+            NoteCode.PRIOR_MATTERED,
+            "The counts say little about how similar the soil moisture of neighbouring places is: the variogram "
+            "rests mostly on prior assumptions. More places, near and far from each other, would help.",
+        )
+    if fit is not None and not fit.converged:
+        yield Note(NoteCode.NOT_CONVERGED, f"The fit of the variogram did not converge: {fit.message}.")
