@@ -4,12 +4,9 @@ import itertools
 import sys
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout, plain_name
 from soilmoist_ros.sensing.formats.logger_format import LOGGERS, LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import detect_format, read_log
 
@@ -122,41 +119,8 @@ def test_mistakes_in_a_format_file_are_named(tmp_path, old, new, expected) -> No
     assert expected in str(caught.value)
 
 
-def test_names_are_compared_without_case_blanks_and_punctuation() -> None:
-    assert plain_name(" N1ET_sec ") == plain_name("n1etsec") == "n1etsec"
-
-
-def test_live_time_of_a_pair_of_tubes() -> None:
-    rover = load_logger_format("hydroinnova_rover")
-    names = ["RecordNum", "Date Time(UTC)", *(f"N{i}Cts" for i in range(1, 5)), "N1ETsec", "N3ETsec"]
-    layout = build_layout(rover, [*names, "LatDec", "LongDec"])
-    assert [source.name for source in layout.live if source] == ["N1ETsec", "N1ETsec", "N3ETsec", "N3ETsec"]
-    own = build_layout(rover, ["Date Time(UTC)", "N1Cts", "N2Cts", "N1ETsec", "N2ETsec", "LatDec", "LongDec"])
-    assert [source.name for source in own.live if source] == ["N1ETsec", "N2ETsec"]
-
-
-def test_missing_columns_are_all_named() -> None:
-    with pytest.raises(MissingColumnsError) as caught:
-        build_layout(load_logger_format("hydroinnova_rover"), ["RecordNum"])
-    assert len(caught.value.columns) == 3
-
-
 def test_columns_of_the_robot_are_those_of_its_format_file() -> None:
     from soilmoist_ros.sensing.formats.robot_logger import COLUMNS, FORMAT_NAME
 
     assert load_logger_format(FORMAT_NAME).header.columns == COLUMNS
     assert ",".join(COLUMNS[:6]) in (config_folder() / "loggers" / f"{FORMAT_NAME}.yaml").read_text()
-
-
-ROVER = load_logger_format("hydroinnova_rover")
-
-
-@settings(deadline=None)
-@given(st.lists(st.text(max_size=12), max_size=30))
-def test_any_header_is_a_layout_or_says_what_is_missing(names) -> None:
-    missing = None
-    try:
-        build_layout(ROVER, names)
-    except MissingColumnsError as error:
-        missing = error.columns
-    assert missing is None or missing

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
-from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, covariance_of_ellipse, horizontal_sd
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, horizontal_sd
 from soilmoist_ros.sensing.position.nmea import NmeaParser, read_nmea
 from soilmoist_ros.sensing.problems import Kind
 
@@ -128,13 +128,6 @@ def test_error_ellipse_in_east_and_north() -> None:
     (fix,), _ = parse(rmc(), gga(quality="4"), gst(ellipse="0.04,0.01,90.0"))
     np.testing.assert_allclose(fix.covariance_m2, np.diag([0.04**2, 0.01**2, 0.05**2]), atol=1e-12)
     assert fix.covariance_kind is CovarianceKind.KNOWN
-
-
-def test_error_ellipse_at_an_angle_has_its_axes() -> None:
-    matrix = np.array(covariance_of_ellipse(3.0, 1.0, 30.0, 2.0))
-    direction = np.array([math.sin(math.radians(30)), math.cos(math.radians(30)), 0])
-    np.testing.assert_allclose(matrix @ direction, 9 * direction)
-    np.testing.assert_allclose(np.linalg.eigvalsh(matrix), [1, 4, 9])
 
 
 def test_standard_deviations_without_an_ellipse() -> None:

@@ -1,7 +1,5 @@
 import math
-import time
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -84,9 +82,27 @@ def test_never_raises_and_stays_within_its_neighbours(stamp_s, gap_s, stamps) ->
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_fixes() -> None:
-    track = Track([fix(float(second), 52 + second * 1e-7) for second in range(100_000)])
-    start = time.perf_counter()
-    found = [track.at(second, 2.0) for second in np.arange(0.5, 9999.0)]
-    assert time.perf_counter() - start < 2.0
-    assert found[-1].latitude_deg == pytest.approx(52 + 9998.5e-7)
+def test_a_growing_track_ignores_epochs_that_are_not_later() -> None:
+    track = Track()
+    for stamp_s, place in [(0.0, LINE[0]), (10.0, LINE[1]), (10.0, LINE[0]), (5.0, LINE[0])]:
+        track.add(stamp_s, place.position)
+    track.add(12.0, None)
+    track.add(math.nan, LINE[0].position)
+    assert (len(track), track.fixed_s, track.reached_s) == (2, 10.0, 12.0)
+    assert track.at(10.0, 1.0) == LINE[1].position
+
+
+def test_a_growing_track_starts_again_when_the_receiver_corrects_its_clock() -> None:
+    track = Track()
+    track.add(1e9, LINE[0].position)
+    track.add(5.0, LINE[1].position)
+    assert (len(track), track.fixed_s) == (1, 5.0)
+
+
+def test_only_the_latest_positions_are_remembered() -> None:
+    track = Track(max_positions=10)
+    for second in range(1000):
+        track.add(float(second), fix(0.0, 50 + second / 1000).position)
+    assert 10 <= len(track) <= 20
+    assert track.at(999.0, 1.0).latitude_deg == pytest.approx(50.999)
+    assert track.at(0.0, 1.0) is None

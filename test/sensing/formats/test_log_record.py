@@ -1,0 +1,105 @@
+"""Fields of one line become a record, or a reason why not."""
+
+import math
+
+import pytest
+
+from soilmoist_ros.sensing.formats.log_layout import build_layout
+from soilmoist_ros.sensing.formats.log_record import FieldReader, LostRecordError
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.problems import Kind
+
+FORMAT = LoggerFormat.model_validate(
+    {
+        "title": "mine",
+        "source": "a test",
+        "header": {},
+        "time": {"columns": ["time"], "formats": ["unix_s"], "marks": "start"},
+        "record_number": ["number"],
+        "counts": {"columns": ["n{tube}"], "sentinels": [-1], "range": [0, 1000]},
+        "live_time": {"columns": ["live{tube}"], "unit": "ms"},
+        "record_period": {"default_s": 60},
+        "humidity": {"sensors": [{"column": "rh", "unit": "percent"}], "sentinels": [-99]},
+        "position": {
+            "latitude": ["lat"],
+            "longitude": ["lon"],
+            "longitude_signed": False,
+            "time_of_day": ["clock"],
+        },
+    }
+)
+NAMES = ("time", "number", "n1", "n2", "live1", "live2", "rh", "lat", "lon", "clock")
+FIELDS = {
+    "time": "1714557600", "number": "7", "n1": "40", "n2": "44", "live1": "59000", "live2": "60000",
+    "rh": "50", "lat": "38.7", "lon": "97.4", "clock": "100055",
+}  # fmt: skip
+
+
+def read(side="west", **changes):
+    reader = FieldReader(FORMAT, build_layout(FORMAT, NAMES), side)
+    return reader.read(list({**FIELDS, **changes}.values()), 60.0, 3)
+
+
+def notes(reading):
+    return [note.kind for note in reading.notes]
+
+
+def test_units_side_and_end_of_the_interval():
+    reading = read()
+    record = reading.record
+    assert (record.tube_counts, record.tube_live_s) == ((40, 44), (59, 60))
+    assert (record.relative_humidity, record.record_number, record.line) == (0.5, 7, 3)
+    assert (record.position.latitude_deg, record.position.longitude_deg) == (38.7, -97.4)
+    assert record.stamp_s == 1714557660  # the stamp marks the start, the period is 60 s
+    assert reading.gnss_offset_s == 5.0
+    assert notes(reading) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind"),
+    [
+        ({"time": "yesterday"}, Kind.BAD_TIME),
+        ({"time": "0"}, Kind.BAD_TIME),
+        ({"n1": "four"}, Kind.NOT_A_NUMBER),
+        ({"n1": "-3"}, Kind.NEGATIVE_COUNT),
+        ({"n1": "4.5"}, Kind.NOT_WHOLE),
+        ({"n1": "1001"}, Kind.OUT_OF_RANGE),
+        ({"live1": "1e12"}, Kind.OUT_OF_RANGE),
+        ({"n1": "-1", "n2": "-1"}, Kind.NO_COUNTS),
+    ],
+)
+def test_a_damaged_field_loses_the_record_with_a_reason(changes, kind):
+    with pytest.raises(LostRecordError) as caught:
+        read(**changes)
+    assert caught.value.note.kind is kind
+
+
+@pytest.mark.parametrize(
+    ("changes", "kinds"),
+    [
+        ({"n2": "-1"}, [Kind.MISSING_TUBE]),
+        ({"live2": "0"}, [Kind.MISSING_TUBE]),
+        ({"live1": "", "live2": "30000"}, [Kind.ASSUMED_LIVE_TIME]),
+        ({"live1": "30000", "live2": "30000"}, [Kind.SHORT_LIVE_TIME]),
+        ({"rh": "-99"}, [Kind.SENTINEL, Kind.MISSING_VALUE]),
+        ({"rh": "120"}, [Kind.OUT_OF_RANGE, Kind.MISSING_VALUE]),
+        ({"number": "x"}, [Kind.NOT_A_NUMBER]),
+        ({"lat": "0", "lon": "0"}, [Kind.NO_FIX]),
+        ({"lat": "99"}, [Kind.OUT_OF_RANGE, Kind.NO_FIX]),
+    ],
+)
+def test_other_faults_are_noted_and_the_record_is_kept(changes, kinds):
+    assert notes(read(**changes)) == kinds
+
+
+def test_a_missing_tube_is_nan_and_a_value_slightly_above_saturation_is_saturation():
+    record = read(n2="-1", rh="103").record
+    assert math.isnan(record.tube_counts[1])
+    assert math.isnan(record.tube_live_s[1])
+    assert record.relative_humidity == 1.0
+
+
+def test_a_western_longitude_at_an_eastern_site_is_no_position():
+    reading = read(side="east", lon="-97.4")
+    assert reading.record.position is None
+    assert notes(reading) == [Kind.OUT_OF_RANGE]
