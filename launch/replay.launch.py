@@ -1,4 +1,4 @@
-"""A recorded survey again, for the viewers: the bag's records go to a mapper, and its plans to the displays.
+"""Show a recorded survey in the viewers: the bag's records go to a mapper, and its plans to the displays.
 
     ros2 launch soilmoist_ros replay.launch.py bag:=recordings/NAME field:=my_field.yaml site:=my_site.yaml
 
@@ -14,7 +14,7 @@ from launch_ros.actions import Node
 from soilmoist_ros.nodes.system.launching import parameters_from
 
 TOPICS = ("counts", "fix", "pressure", "temperature", "relative_humidity", "plan", "plan_markers", "mission")
-"""What the mapper does not publish itself."""
+"""Topics that the mapper does not publish itself."""
 MAPPER = {
     "field": "field file, or name of a shipped one",
     "site": "site file, or name of a shipped one; without one the map is of the count rate",
@@ -42,7 +42,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def player_and_mapper(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The mapper, and what plays to it."""
+    """The mapper, and the player."""
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)

@@ -2,11 +2,11 @@
 
     ros2 launch soilmoist_ros robot.launch.py field:=my_field.yaml site:=my_site.yaml params_file:=my_robot.yaml
 
-Arguments come before params_file. One that is empty leaves its parameter as it is there, or at its default (see
+Arguments override params_file. An empty argument leaves its parameter as it is there, or at its default (see
 docs/parameters.md).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
@@ -16,7 +16,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.nodes.system.launching import parameters_from
+from soilmoist_ros.nodes.system.launching import parameters_from, property_argument
 from soilmoist_ros.recording.journal import ENTRIES
 
 PARAMETERS = {
@@ -32,14 +32,17 @@ PARAMETERS = {
     "save_dir": "folder that the mapper's service save writes",
     "out": "folder for recordings",
     "name": "name of the recording; the time if empty",
-    "properties": "further properties to be known, such as [compaction]: each has a mapper, of compaction/counts",
-    "resume": "what to do with a mission that was interrupted: ask, auto (go on) or fresh (forget it)",
+    "resume": "interrupted mission: ask (wait for resume or abort), auto (resume) or fresh (start a new one)",
     "simulated": "true if the counts come from a simulation; every output says so",
 }
 """Arguments that are parameters of one or more of the nodes."""
 RECORDINGS = "recordings"
-"""Where the recorder writes if nothing else is said."""
-JOURNAL = "folder in which the mission survives a power cut (empty: journal in out, unless params_file says where)"
+"""Default folder of the recorder."""
+PROPERTY = (
+    "further properties that the planner explores, such as compaction:2,salt (NAME[:WEIGHT], the field itself has "
+    "weight 1); each has a mapper, which reads NAME/counts"
+)
+JOURNAL = "folder of the mission's journal, which survives a power cut (empty: as in params_file, or OUT/journal)"
 AUTOSTART = "true: the mission starts as soon as position, map and navigation are there"
 
 
@@ -58,6 +61,8 @@ def generate_launch_description() -> LaunchDescription:
                 "exit_when_finished", default_value="false", description="true: all nodes end with the mission"
             ),
             DeclareLaunchArgument("journal_dir", default_value="", description=JOURNAL),
+            DeclareLaunchArgument("property", default_value="", description=PROPERTY),
+            DeclareLaunchArgument("properties", default_value="", description="old name of the argument property"),
             *(
                 DeclareLaunchArgument(name, default_value="", description=f"{text} (empty: as in params_file)")
                 for name, text in PARAMETERS.items()
@@ -68,7 +73,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def nodes(context: LaunchContext) -> list[Node]:
-    """The nodes, with the parameters that the arguments say."""
+    """The nodes, with the parameters that the arguments give."""
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -81,6 +86,9 @@ def nodes(context: LaunchContext) -> list[Node]:
     values = {
         name: parameters_from(name, arguments) for name in ("recorder", "mapper", "planner", "sensor_driver")
     }
+    properties = property_argument(given("property"), "properties", given("properties"))
+    if properties:
+        values["planner"] |= parameters_from("planner", {"properties": str(properties)})
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
     values["planner"] |= journal(given("journal_dir"), arguments["out"], given("params_file"), given("namespace"))
     start = earlier(values["planner"])
@@ -91,12 +99,12 @@ def nodes(context: LaunchContext) -> list[Node]:
     files = [*filter(None, [given("params_file")])]
     started = [(node, given("namespace"), files, parameters) for node, parameters in values.items()]
     # What params_file says of /**/mapper, such as whose counts to map, is not meant for these.
-    started += [("mapper", *beside) for beside in mappers_beside(given("namespace"), arguments, start)]
+    started += [("mapper", *one) for one in property_mappers(given("namespace"), arguments, properties, start)]
     return [
         Node(
             package="soilmoist_ros",
             executable=node,
-            name=node,  # so that the arguments come before what params_file says of the node
+            name=node,  # so that the arguments override params_file
             namespace=namespace,
             parameters=[*own, {"use_sim_time": flag("use_sim_time"), **parameters}],
             on_exit=ends_all if node == "planner" else None,
@@ -106,11 +114,10 @@ def nodes(context: LaunchContext) -> list[Node]:
     ]
 
 
-def mappers_beside(
-    namespace: str, arguments: Mapping[str, str], start: Mapping[str, str]
+def property_mappers(
+    namespace: str, arguments: Mapping[str, str], properties: Sequence[str], start: Mapping[str, str]
 ) -> list[tuple[str, list[str], dict[str, object]]]:
-    """Namespace, no files, and values of a mapper for each further property, with a folder of its own."""
-    properties = parameters_from("planner", {"properties": arguments["properties"]}).get("properties", [])
+    """Namespace, no files, and parameters of a mapper for each property; each saves to a separate folder."""
     mapper = parameters_from("mapper", {**arguments, "site": ""})
     folder = arguments["save_dir"] or "soilmoist_map"
     return [
@@ -128,15 +135,15 @@ def mappers_beside(
 
 
 def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str, str]:
-    """Where the planner writes the mission down: always the same place, or a restart would not find it."""
+    """Where the planner writes its journal: always the same folder, so that a restart finds it."""
     if not folder and params_file and "journal_dir" in Path(params_file).read_text(encoding="utf-8"):
         return {}
-    own = Path(out or RECORDINGS, "journal", namespace.strip("/"))  # of each robot, where several share a computer
+    own = Path(out or RECORDINGS, "journal", namespace.strip("/"))  # several robots may share a computer
     return {"journal_dir": folder or str(own.expanduser().absolute())}
 
 
 def earlier(planner: Mapping[str, object]) -> dict[str, str]:
-    """Where the mappers find what an interrupted mission had counted: in the journal of the planner."""
+    """Where the mappers find the records of an interrupted mission: in the planner's journal."""
     folder = str(planner.get("journal_dir", ""))
     if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).expanduser().is_file():
         return {}

@@ -15,23 +15,21 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.exploration.planning.property_names import property_name
-from soilmoist_ros.nodes.system.launching import parameters_from
+from soilmoist_ros.nodes.system.launching import parameters_from, property_argument
 from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 
 SIMULATOR = {
     "field": (
         "synthetic-high",
         f"field to simulate: {', '.join(surrogate_field_names())}, or a field file with a truth",
     ),
-    "also": ("", "field of a second property on the same ground, counted and mapped beside; empty for none"),
     "speed": ("60", "simulated time per wall time"),
     "seed": ("1", "seed of all randomness"),
-    "scenario": ("", "what goes wrong in navigation and links: a name or a file; empty for nothing"),
+    "scenario": ("", "faults of navigation and links: a name or a file; empty for none"),
     "logger_port": ("4001", "TCP port on which the logger is simulated"),
     "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated"),
 }
@@ -41,11 +39,13 @@ MISSION = {
     "hours": ("1", "simulated time of the mission [h]"),
     "navigator": ("goto_node", "how goals are sent: goto_node (needs topological_navigation_msgs) or goal_pose"),
     "autostart": ("true", "false to wait for the service planner/start"),
-    "exit_when_finished": ("true", "false to go on after the mission, to look at its map"),
+    "exit_when_finished": ("true", "false to keep the nodes after the mission, to look at its map"),
     "namespace": ("", "namespace of the robot"),
-    "params_file": ("", "parameters of all nodes (YAML); the arguments of this file come before them"),
+    "params_file": ("", "parameters of all nodes (YAML); arguments override them"),
     "record": ("true", "false to record nothing"),
 }
+
+PROPERTY = "further properties that are counted and mapped, such as rough:0.5,ridge: FIELD[:WEIGHT] to simulate"
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -57,8 +57,10 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(name, default_value=default, description=text)
                 for name, (default, text) in (SIMULATOR | MISSION).items()
             ),
+            DeclareLaunchArgument("property", default_value="", description=PROPERTY),
+            DeclareLaunchArgument("also", default_value="", description="old name of the argument property"),
             DeclareLaunchArgument(
-                "also_weight", default_value="1", description="what the second property is worth to the planner"
+                "also_weight", default_value="1", description="old name of the weight in property"
             ),
             DeclareLaunchArgument("out", default_value=out, description="folder for all results"),
             OpaqueFunction(function=system),
@@ -72,8 +74,9 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    also = given("also")
-    field = mission_fields(MissionSettings(field=given("field"), properties=(also,) if also else ()))[0]
+    old = f"{given('also')}:{given('also_weight')}" if given("also") else ""
+    properties = tuple(map(PropertySettings.parse, property_argument(given("property"), "also", old)))
+    field = mission_fields(MissionSettings(field=given("field"), properties=properties))[0]
     out = Path(given("out")).absolute()
     files = {"field": out / CONFIGURATION / "field.yaml", "site": out / CONFIGURATION / "site.yaml"}
     write_field_file(field, files["field"])
@@ -85,7 +88,13 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         namespace=given("namespace"),
         parameters=[
             *filter(None, [given("params_file")]),
-            parameters_from("field_simulator", {name: given(name) for name in SIMULATOR}),
+            parameters_from(
+                "field_simulator",
+                {
+                    **{name: given(name) for name in SIMULATOR},
+                    "properties": str([one.field for one in properties]) if properties else "",
+                },
+            ),
         ],
         output="screen",
     )
@@ -97,7 +106,7 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         "out": str(out),
         "name": "bag",
         "save_dir": str(out / "map"),
-        "properties": f"[{property_name(also)}:{given('also_weight')}]" if also else "",
+        "property": ",".join(f"{one.name}:{one.weight:g}" for one in properties),
         "simulated": "true",
         "use_sim_time": "true",
     }

@@ -66,8 +66,6 @@ class FieldSimulator(Node):
         }
         for name, publisher in self._properties.items():
             self._tell(f"property {name} on {publisher.topic_name}")
-        if given.text("also"):
-            self.get_logger().warning("the parameter also has become properties; the next release drops it")
         self._told: dict[Publisher, str] = {self._closest: "", self._current: ""}
         group = MutuallyExclusiveCallbackGroup()
         self.create_subscription(PoseStamped, "goal_pose", self._on_goal_pose, DEFAULT, callback_group=group)

@@ -104,7 +104,7 @@ def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen, tmp_pa
         "namespace": "r1",
         "save_dir": "m",
         "params_file": str(path),
-        "properties": "[compaction:2, /salt]",
+        "property": "compaction:2, /salt",
     }
     actions = [one for one in stand_in.start(ROBOT, monkeypatch, given) if isinstance(one, stand_in.Node)]
     mappers = {values["node"]: values for one in actions if one.executable == "mapper" for values in [seen(one)]}
@@ -117,7 +117,20 @@ def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen, tmp_pa
     planner = next(seen(one) for one in actions if one.executable == "planner")
     assert planner["properties"] == ["compaction:2", "/salt"]
     with pytest.raises(InputError, match="is not a namespace"):
-        stand_in.start(ROBOT, monkeypatch, {"properties": "[compaction:much]"})
+        stand_in.start(ROBOT, monkeypatch, {"property": "compaction:much"})
+
+
+def test_old_names_of_the_argument_property_are_read_with_a_warning(monkeypatch, seen, tmp_path, capsys):
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"properties": "[compaction:2, /salt]"}))
+    assert seen(nodes["planner"])["properties"] == ["compaction:2", "/salt"]
+    assert "properties is called property now" in capsys.readouterr().err
+    given = {"also": "rough", "also_weight": "0.5", "out": str(tmp_path)}
+    nodes = by_name(stand_in.start(SIMULATION, monkeypatch, given))
+    assert seen(nodes["field_simulator"])["properties"] == ["rough"]
+    assert seen(nodes["planner"])["properties"] == ["rough:0.5"]
+    assert "also is called property now" in capsys.readouterr().err
+    with pytest.raises(InputError, match="also is the old name of property, and both are given"):
+        stand_in.start(SIMULATION, monkeypatch, {**given, "property": "rough"})
 
 
 def test_the_journal_is_where_a_restart_finds_it(monkeypatch, seen, tmp_path):
@@ -142,7 +155,7 @@ def test_the_map_of_an_interrupted_mission_goes_on(monkeypatch, seen, tmp_path):
     (tmp_path / "journal.jsonl").touch()
     assert start_from() == start_from(resume="ask") == str(tmp_path)
     assert start_from(resume="fresh") == ""
-    given = {"journal_dir": str(tmp_path), "properties": "[compaction:2, /salt]"}
+    given = {"journal_dir": str(tmp_path), "property": "compaction:2,/salt"}
     mappers = [seen(one) for one in stand_in.start(ROBOT, monkeypatch, given) if one.executable == "mapper"]
     assert {values["start_from"] for values in mappers} == {str(tmp_path)}
     assert [values["start_property"] for values in mappers] == ["", "compaction", "/salt"]
@@ -189,18 +202,18 @@ def test_the_simulation_joins_all_nodes_on_one_simulated_field(monkeypatch, seen
     assert isinstance(nodes["planner"].on_exit[0], stand_in.Shutdown)
 
 
-def test_a_second_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, tmp_path):
-    given = {"also": "rough", "also_weight": "0.5", "out": str(tmp_path), "namespace": "r1"}
+def test_every_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, tmp_path):
+    given = {"property": "rough:0.5,ridge", "out": str(tmp_path), "namespace": "r1"}
     actions = [one for one in stand_in.start(SIMULATION, monkeypatch, given) if isinstance(one, stand_in.Node)]
     values = {found["node"]: found for one in actions for found in [seen(one)]}
-    assert {"/r1/mapper", "/r1/rough/mapper"} < values.keys()
-    assert values["/r1/field_simulator"]["also"] == "rough"
-    assert values["/r1/planner"]["properties"] == ["rough:0.5"]
-    beside = values["/r1/rough/mapper"]
-    assert (beside["simulated"], beside["use_sim_time"], beside["site"]) == (True, True, "")
-    assert beside["save_dir"] == str(tmp_path / "map_rough")
+    assert values["/r1/field_simulator"]["properties"] == ["rough", "ridge"]
+    assert values["/r1/planner"]["properties"] == ["rough:0.5", "ridge:1"]
+    for name in ("rough", "ridge"):
+        mapper = values[f"/r1/{name}/mapper"]
+        assert (mapper["simulated"], mapper["use_sim_time"], mapper["site"]) == (True, True, "")
+        assert mapper["save_dir"] == str(tmp_path / f"map_{name}")
     with pytest.raises(InputError, match="does not cover the field 'synthetic-high'"):
-        stand_in.start(SIMULATION, monkeypatch, {**given, "also": "patches"})
+        stand_in.start(SIMULATION, monkeypatch, {**given, "property": "patches"})
 
 
 def test_two_simulations_do_not_share_a_folder(monkeypatch):

@@ -9,10 +9,9 @@ from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertyS
 PARAMETERS = (
     Parameter(name="field", default="synthetic-high",
               description="surrogate field: a name, or a field file with a truth"),
-    Parameter(name="properties", default=[],
+    Parameter(name="properties", default=[], old_names=("also",),
               description="surrogate fields whose rates are the truth of further properties, on the same ground; "
               "the records of each come on NAME/counts, NAME being that of the field"),
-    Parameter(name="also", default="", description="old name of a single entry of properties"),
     Parameter(name="seed", default=1, description="seed of all randomness", low=0),
     Parameter(name="speed", default=60.0, description="simulated time per wall time", low=0.01, high=10000.0),
     Parameter(name="start_time", default="2026-06-01T06:00:00Z",
@@ -53,10 +52,9 @@ PARAMETERS = (
 
 def mission_settings(given: Parameters) -> MissionSettings:
     """What determines the simulated field, robot and devices; the same as in a simulation without ROS."""
-    also = [given.text("also")] if given.text("also") else []
     return MissionSettings(
         field=given.text("field"),
-        properties=tuple(map(PropertySettings, [*given.texts("properties"), *also])),
+        properties=tuple(map(PropertySettings, given.texts("properties"))),
         seed=given.whole("seed"),
         travel="graph",
         graph=given.text("graph") or None,

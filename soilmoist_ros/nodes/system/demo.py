@@ -1,30 +1,23 @@
-"""The whole system in simulation: all nodes as processes on a domain of their own, a live view, and the report."""
+"""The whole system in simulation: all nodes as processes on a private ROS domain, a live view, and the report."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import threading
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
+from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
-from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.replay import Replay, ReplaySettings, replay_bag
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 
-if TYPE_CHECKING:
-    from rclpy.context import Context
+__all__ = ["DemoError", "DemoSettings", "run_demo"]
 
 Show = Callable[[LiveMission], None]
 
@@ -33,53 +26,26 @@ _POLL_S = 0.2
 
 
 class DemoError(SoilmoistError):
-    """A node did not do its part; the message says which, and where its log is."""
-
-
-@dataclass(frozen=True)
-class DemoSettings:
-    """What is demonstrated.
-
-    :param out: folder of the run; must not hold a run yet
-    :param field: surrogate field: a built-in name, or a field file with a truth
-    :param strategy: strategy
-    :param dwell: dwell rule
-    :param hours: simulated time of the mission [h]
-    :param speed: simulated time per wall time
-    :param seed: seed of all randomness
-    :param navigator: ``goto_node`` (Thorvald's navigation) or ``goal_pose``
-    :param scenario: what goes wrong in navigation and links: a name or a file; empty for nothing
-    :param properties: further properties that are counted and mapped
-    """
-
-    out: Path
-    field: str = "synthetic-high"
-    strategy: str = "gcb"
-    dwell: str = "optimal"
-    hours: float = 1.0
-    speed: float = 60.0
-    seed: int = 1
-    navigator: str = "goto_node"
-    scenario: str = ""
-    properties: tuple[PropertySettings, ...] = ()
+    """A node has ended too early; the message names the node and its log."""
 
 
 def run_demo(settings: DemoSettings, show: Show) -> Replay:
     """Explore a surrogate field with all nodes, and map the recording.
 
-    The folder then holds ``bag/``, ``configuration/``, ``log/`` and ``map/`` (what the mapper saved).
+    The folder then holds ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` of each
+    further property.
 
-    :param settings: what is demonstrated
-    :param show: called a few times per second while the mission is under way
+    :param settings: the mission and its folder
+    :param show: called a few times per second while the mission runs
     :raises InputError: if the settings cannot be used
     :raises DemoError: if a node ends before the mission does
-    :raises KeyboardInterrupt: if interrupted; everything has been closed and the recording is complete
+    :raises KeyboardInterrupt: if interrupted; the nodes have ended and the recording is complete
     """
     out = settings.out.absolute()
     if (out / "bag").exists():
         raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
     field, *others = mission_fields(MissionSettings(field=settings.field, properties=settings.properties))
-    parameters = _configure(settings, field, out)
+    parameters = write_configuration(settings, field, out)
     grid = field.field.grid()
     truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
     names = ("", *(one.name for one in settings.properties))
@@ -90,7 +56,9 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     with free_domain() as domain:
         environment = loopback_environment(domain)
         os.environ.update(environment)  # before ROS is loaded here
-        with ProcessGroup(environment, out / "log") as group, _monitored(live, field, domain):
+        from soilmoist_ros.nodes.system.monitor import monitored
+
+        with ProcessGroup(environment, out / "log") as group, monitored(live, field.frame, domain):
             for name, path in parameters.items():
                 if name == "sensor_driver":
                     path = _with_ports(path, out, group)
@@ -100,58 +68,8 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     return replay_bag(out / "bag", ReplaySettings(truths=fields))
 
 
-def _configure(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
-    """Write the configuration; gives the parameter files of the nodes in the order of their start."""
-    configuration = out / CONFIGURATION
-    write_field_file(field, configuration / "field.yaml")
-    write_site_file(field, configuration / "site.yaml")
-    files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
-    simulated = {"use_sim_time": True}
-    mappers: dict[str, dict[str, object]] = {
-        f"{wanted.name}/mapper": {
-            "field": files["field"], "simulated": True, "save_dir": str(out / f"map_{wanted.name}"), **simulated
-        }
-        for wanted in settings.properties
-    }  # fmt: skip
-    nodes: dict[str, dict[str, object]] = {
-        # First, so that nothing is missed; and last to end.
-        "recorder": {"out": str(out), "name": "bag"},
-        "mapper": {**files, "simulated": True, "save_dir": str(out / "map"), **simulated},
-        **mappers,
-        "planner": {
-            "field": files["field"],
-            "strategy": settings.strategy,
-            "dwell": settings.dwell,
-            "hours": settings.hours,
-            "seed": settings.seed,
-            "navigator": settings.navigator,
-            "autostart": True,
-            "exit_when_finished": True,
-            **({"properties": [f"{one.name}:{one.weight}" for one in settings.properties]} if mappers else {}),
-            **simulated,
-        },
-        "field_simulator": {
-            "field": _absolute(settings.field),
-            **({"properties": [_absolute(one.field) for one in settings.properties]} if mappers else {}),
-            "seed": settings.seed,
-            "speed": settings.speed,
-            "scenario": settings.scenario,
-            "logger_port": 0,
-            "gnss_port": 0,
-            "ports_file": str(out / "log" / "ports.json"),
-        },
-        "sensor_driver": {**files, **simulated},
-    }
-    return {name: write_parameters(out, name, values) for name, values in nodes.items()}
-
-
-def _absolute(field: str) -> str:
-    """The name of a field, or the whole path of its file."""
-    return str(Path(field).absolute()) if Path(field).is_file() else field
-
-
 def _with_ports(path: Path, out: Path, group: ProcessGroup) -> Path:
-    """Complete the driver's parameters with where the simulator serves its devices."""
+    """Complete the driver's parameters with the addresses of the simulated devices."""
     ports = out / "log" / "ports.json"
     deadline = time.monotonic() + _START_LIMIT_S
     while not ports.is_file():
@@ -170,7 +88,7 @@ def _with_ports(path: Path, out: Path, group: ProcessGroup) -> Path:
 
 
 def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
-    """Wait for the planner to have finished the mission."""
+    """Wait until the planner has finished the mission."""
     while "planner" not in group.ended():
         _require_all(group)
         show(live)
@@ -180,41 +98,9 @@ def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
 
 
 def _require_all(group: ProcessGroup) -> None:
-    """See that every node runs, or has finished well."""
+    """Check that every node runs, or has ended as it should."""
     for name, code in group.ended().items():
         if name != "planner" or code != 0:
-            said = group.log(name).read_text(errors="replace").strip().splitlines()
-            last = said[-1] if said else "it said nothing"
+            lines = group.log(name).read_text(errors="replace").strip().splitlines()
+            last = lines[-1] if lines else "without a message"
             raise DemoError(f"{name} ended with code {code}: {last}\nits log: {group.log(name)}")
-
-
-@contextlib.contextmanager
-def _monitored(live: LiveMission, field: SurrogateField, domain: int) -> Iterator[None]:
-    """Listen to the mission in a thread."""
-    import rclpy
-    from rclpy.context import Context as RclContext
-    from rclpy.executors import SingleThreadedExecutor
-
-    from soilmoist_ros.nodes.system.monitor import Monitor
-
-    context: Context = RclContext()
-    rclpy.init(context=context, domain_id=domain)
-    executor = SingleThreadedExecutor(context=context)
-    monitor = Monitor(live, field.frame, context)
-    executor.add_node(monitor)
-    ending = threading.Event()
-
-    def spin() -> None:
-        while not ending.is_set():
-            executor.spin_once(timeout_sec=0.2)
-
-    thread = threading.Thread(target=spin, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        ending.set()
-        thread.join(2.0)
-        executor.shutdown()
-        monitor.destroy_node()
-        context.try_shutdown()

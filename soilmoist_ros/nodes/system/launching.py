@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Mapping
 
 from ruamel.yaml import YAML
@@ -29,6 +30,27 @@ def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]
     if mistakes:
         raise InputError([Mistake(f"{node}: {mistake.message}", mistake.remedy) for mistake in mistakes])
     return {name: values[name] for name in given}
+
+
+def property_argument(given: str, old_name: str, old: str) -> list[str]:
+    """Items of the argument ``property``: ``NAME[:WEIGHT]``, separated by commas.
+
+    >>> property_argument("compaction:2, salt", "properties", "")
+    ['compaction:2', 'salt']
+
+    :param given: the argument
+    :param old_name: name that it had in earlier releases
+    :param old: the argument of that name, maybe in brackets; it is read with a warning
+    :raises InputError: if both are given
+    """
+    if old and given:
+        raise InputError(f"{old_name} is the old name of property, and both are given", f"leave out {old_name}")
+    if old:
+        print(
+            f"warning: {old_name} is called property now; the old name is read in this release only",
+            file=sys.stderr,
+        )
+    return [item.strip() for item in (given or old).strip("[] ").split(",") if item.strip()]
 
 
 def _value(text: str) -> object:

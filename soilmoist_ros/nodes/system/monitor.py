@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import threading
+from collections.abc import Iterator
 from functools import partial
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import NavSatFix, PointCloud2
 
@@ -55,3 +59,34 @@ class Monitor(Node):
         if message.status.status >= 0:
             x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
             self._live.robot_xy = (float(x_m), float(y_m))
+
+
+@contextlib.contextmanager
+def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
+    """Run a :class:`Monitor` in a thread.
+
+    :param live: the mission that it keeps up to date
+    :param frame: plane of the field
+    :param domain: number of the ROS domain
+    """
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    executor = SingleThreadedExecutor(context=context)
+    monitor = Monitor(live, frame, context)
+    executor.add_node(monitor)
+    ending = threading.Event()
+
+    def spin() -> None:
+        while not ending.is_set():
+            executor.spin_once(timeout_sec=0.2)
+
+    thread = threading.Thread(target=spin, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join(2.0)
+        executor.shutdown()
+        monitor.destroy_node()
+        context.try_shutdown()
