@@ -36,7 +36,7 @@ def soilmoist(tmp_path_factory):
     return run
 
 
-def test_a_log_is_mapped_with_its_logger(soilmoist, tmp_path):
+def test_a_log_is_mapped_with_its_logger_and_variogram_model(soilmoist, tmp_path):
     frame = LocalFrame(53.268, -0.5245)
     rng = np.random.default_rng(1)
     lines = ["time,neutrons,live_s,pressure_kpa,air_degc,humidity_percent,lat,lon"]
@@ -46,8 +46,10 @@ def test_a_log_is_mapped_with_its_logger(soilmoist, tmp_path):
         time = f"2026-05-01T10:{minute:02d}:00Z"
         lines.append(f"{time},{rng.poisson(180)},60,101.3,15.0,60,{latitude:.7f},{longitude:.7f}")
     (tmp_path / "acme.csv").write_text("\n".join(lines) + "\n")
-    soilmoist("map", tmp_path / "acme.csv", "--logger", "acme", "--field", "example", "--out", tmp_path / "out")
+    chosen = ("--logger", "acme", "--model", "cauchy", "--field", "example")
+    soilmoist("map", tmp_path / "acme.csv", *chosen, "--out", tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["n_records"] == 40
     assert summary["logger_format"] == "Acme neutron logger"
     assert 2.5 < summary["map"]["rate_cps"]["mean"] < 3.5
+    assert summary["variogram"]["model"] == "cauchy"

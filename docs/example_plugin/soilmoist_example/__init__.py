@@ -1,4 +1,4 @@
-"""A logger for soilmoist_ros."""
+"""Additions to soilmoist_ros."""
 
 from pathlib import Path
 
