@@ -8,12 +8,17 @@ from functools import cache
 from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout, is_header, plain_name
+from soilmoist_ros.sensing.formats.log_layout import (
+    MissingColumnsError,
+    build_layout,
+    is_header,
+    plain_name,
+    split_fields,
+)
 from soilmoist_ros.sensing.formats.log_values import decode_line, split_lines
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 
 HEADER_LINES = 200
-_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
 _GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
 _MAGIC = {
     b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
@@ -63,12 +68,12 @@ def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list
     comment = logger.header.comment
     continued = {plain_name(name) for name in logger.header.continued_by}
     for line in lines[:HEADER_LINES]:
-        text = (
-            decode_line(line).strip().partition("*")[0] if logger.checksum == "nmea" else decode_line(line).strip()
-        )
+        text = decode_line(line).strip()
+        if logger.checksum == "nmea":
+            text = text.partition("*")[0]
         if comment:
             text = text.removeprefix(comment)
-        names = [name for name in (part.strip() for part in text.split(_DELIMITERS[logger.delimiter])) if name]
+        names = [name for name in split_fields(logger, text) if name]
         if is_header(logger, names):
             found.append(names)
         elif found and names and plain_name(names[0]) in continued:

@@ -10,11 +10,17 @@ from soilmoist_ros.sensing.formats import units
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
 
 TUBE = "{tube}"
+_SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
 
 
 def plain_name(name: str) -> str:
     """A column name without case, blanks and punctuation, for comparison."""
     return re.sub(r"[^a-z0-9%]", "", name.casefold())
+
+
+def split_fields(logger: LoggerFormat, text: str) -> list[str]:
+    """Fields of a line without blanks around them."""
+    return [field.strip() for field in text.split(_SEPARATORS[logger.delimiter])]
 
 
 class MissingColumnsError(ValueError):

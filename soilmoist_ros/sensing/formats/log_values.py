@@ -9,6 +9,8 @@ from datetime import UTC, datetime, timedelta, timezone
 from functools import reduce
 from operator import xor
 
+MAX_LINE = 65_536
+"""Longer lines are noise, and are dropped [bytes]."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?\s?(Z|[+-]\d\d:?\d\d)?", re.ASCII

@@ -28,9 +28,10 @@ from soilmoist_ros.sensing.formats.log_layout import (
     build_layout,
     is_header,
     plain_name,
+    split_fields,
 )
 from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
-from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, strip_checksum
+from soilmoist_ros.sensing.formats.log_values import MAX_LINE, decode_line, read_number, strip_checksum
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
@@ -49,12 +50,10 @@ __all__ = [
     "read_log",
 ]
 
-MAX_LINE = 65_536
 MAX_METADATA = 500
 MAX_PERIOD_S = 90_000.0
 REMEMBERED_RECORDS = 100_000
 CLOCK_TOLERANCE_S = 5.0
-_SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
 _KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
 _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
 
@@ -206,11 +205,8 @@ class RecordParser:
     def _value_of(self, key: str) -> str:
         return self._values.get(plain_name(key), "") if key else ""
 
-    def _split(self, text: str) -> list[str]:
-        return [field.strip() for field in text.split(_SEPARATORS[self.format.delimiter])]
-
     def _take_header(self, text: str) -> None:
-        names = self._split(text)
+        names = split_fields(self.format, text)
         while names and not names[-1]:
             names.pop()
         if not names:
@@ -253,7 +249,7 @@ class RecordParser:
         if not text.replace("\t", " ").strip("\ufeff").isprintable():
             self._lose(Note(Kind.UNREADABLE, "the line has bytes that are not text"))
             return None
-        fields = self._split(text)
+        fields = split_fields(self.format, text)
         if not fields[0][:1].isdigit() and is_header(self.format, fields):
             self._take_header(text)
             return None
@@ -338,7 +334,7 @@ def read_log(
     """
     path = Path(path)
     lines, last_is_complete = read_lines(path)
-    return parse_log(lines, detect_format(path) if logger is None else logger, longitude, path, last_is_complete)
+    return parse_log(lines, logger or _format_of(lines, path), longitude, path, last_is_complete)
 
 
 def parse_log(
@@ -387,7 +383,10 @@ def detect_format(path: Path | str) -> LoggerFormat:
     :raises InputError: if the file cannot be read, or no known format fits it
     """
     path = Path(path)
-    lines, _ = read_lines(path)
+    return _format_of(read_lines(path)[0], path)
+
+
+def _format_of(lines: Sequence[bytes], path: Path) -> LoggerFormat:
     for name in matching_formats(lines):
         return load_logger_format(name)
     for name in logger_names():

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-MAX_LINE = 65_536
-"""Longer lines are noise, and are dropped [bytes]."""
+from soilmoist_ros.sensing.formats.log_values import MAX_LINE
 
 
 class LineBuffer:

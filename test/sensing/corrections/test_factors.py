@@ -35,7 +35,7 @@ def test_humidity_coefficient_is_that_for_grams_per_cubic_metre():
 
 
 @given(st.floats(1, 1e4), st.floats(0.5, 2), st.integers(0, 10**6))
-def test_effective_exposure_gives_the_corrected_rate(exposure, factor, counts):
+def test_counts_over_effective_exposure_are_the_corrected_rate(exposure, factor, counts):
     assert counts / effective_exposure(exposure, factor) == pytest.approx(counts * factor / exposure, rel=1e-12)
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.corrections.tubes import combine_tubes, equal_shares, tube_shares
+from soilmoist_ros.sensing.corrections.tubes import RunningShares, combine_tubes, equal_shares, tube_shares
 from soilmoist_ros.sensing.records import LoggerRecord
 
 NAN = math.nan
@@ -112,3 +112,25 @@ def test_shares_add_up_to_one(counts) -> None:
         return
     assert np.isfinite(shares).all()
     assert shares.sum() == pytest.approx(1)
+
+
+def test_running_shares_are_those_of_the_records_so_far() -> None:
+    rng = np.random.default_rng(4)
+    shares = rng.dirichlet(np.full(12, 400.0))
+    running = RunningShares()
+    for one in simulate(rng, shares, np.full(600, 6.0), live_s=10.0):
+        running.update(one)
+    estimate = running.update(record([NAN, *[5.0] * 11], (NAN, *[10.0] * 11)))
+    assert estimate.sum() == pytest.approx(1)
+    assert estimate[0] == pytest.approx(shares[0], rel=0.15)
+    assert np.corrcoef(estimate, shares)[0, 1] > 0.5
+
+
+def test_a_new_number_of_tubes_starts_the_shares_again() -> None:
+    running = RunningShares()
+    assert running.update(record([5] * 12)).tolist() == pytest.approx([1 / 12] * 12)
+    assert running.update(record([5, NAN], (10.0, NAN))).tolist() == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def test_a_tube_that_is_left_out_on_purpose_has_no_share() -> None:
+    assert RunningShares().update(record([5, 5, NAN], (10.0, 10.0, NAN)), {2}).tolist() == [0.5, 0.5, 0.0]

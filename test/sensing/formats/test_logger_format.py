@@ -47,7 +47,7 @@ def test_every_key_is_described() -> None:
     walk(LoggerFormat)
 
 
-def test_a_file_of_ones_own_is_a_format(tmp_path) -> None:
+def test_a_user_file_is_a_format(tmp_path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(MINIMAL)
     assert load_logger_format(path) == load_logger_format(str(path))

@@ -207,7 +207,7 @@ def test_good_lines_have_no_problems() -> None:
         (line() + b" " * 2_000_000, Kind.TOO_LONG),
     ],
 )
-def test_damage_that_costs_a_record_and_only_that(damaged, kind) -> None:
+def test_damage_loses_one_record_only(damaged, kind) -> None:
     records, problems = rover(damaged, line())
     assert len(records) == 1
     lost = [problem for problem in problems if problem.lost]
@@ -242,7 +242,7 @@ def test_oddities_that_are_reported_and_kept(odd, expected) -> None:
     assert not any(problem.lost for problem in problems)
 
 
-def test_next_sensor_stands_in() -> None:
+def test_the_next_sensor_replaces_a_faulty_one() -> None:
     records, _ = rover(line(p4="1098.5"), line(p4="-99", number="8"), line(p4="", p1="", number="9"))
     assert [record.pressure_hpa for record in records[:2]] == [979.9, 979.9]
     assert math.isnan(records[2].pressure_hpa)

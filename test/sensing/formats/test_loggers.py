@@ -1,4 +1,4 @@
-"""Each shipped logger format, and formats of one's own."""
+"""Each shipped logger format, and user formats."""
 
 import math
 from pathlib import Path
@@ -104,7 +104,7 @@ def mine(**changes) -> LoggerFormat:
     return LoggerFormat.model_validate({**settings, **changes})
 
 
-def test_a_format_of_ones_own() -> None:
+def test_a_user_format() -> None:
     parser = RecordParser(mine())
     parser.feed(b"Day;Clock;c1;c2;p;t;h")
     record = parser.feed(b"01.05.2018;16:04;7;8;98.1;68;0.5")

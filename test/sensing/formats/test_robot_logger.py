@@ -50,7 +50,7 @@ def test_what_is_written_is_read(record) -> None:
         assert getattr(read, name) == pytest.approx(getattr(record, name), nan_ok=True, rel=1e-12), name
 
 
-def test_header_tells_serial_and_period() -> None:
+def test_the_header_has_serial_number_and_period() -> None:
     parser = RecordParser(FORMAT)
     for line in format_header("CRS-0007", 5).split("\n"):
         assert parser.feed(line.encode()) is None

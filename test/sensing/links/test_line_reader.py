@@ -9,7 +9,7 @@ from soilmoist_ros.sensing.links import LinkState, open_source
 from soilmoist_ros.sensing.links.line_reader import LineReader
 
 
-def test_a_reader_hands_over_lines_from_its_thread_and_stops():
+def test_a_reader_returns_the_lines_of_its_thread_and_stops():
     called = []
     with ScriptedServer(sends(b"a\nb\n"), sends(b"c\n")) as server:
         reader = LineReader(open_source(server.uri, QUICK), lambda: called.append(1))

@@ -24,7 +24,7 @@ from soilmoist_ros.sensing.links import open_source
         ("file:///tmp/x?speed=-1", "at least 0"),
     ],
 )
-def test_a_bad_address_is_told_with_an_example(uri, said):
+def test_a_bad_address_is_refused_with_an_example(uri, said):
     with pytest.raises(InputError) as caught:
         open_source(uri)
     assert said in str(caught.value)

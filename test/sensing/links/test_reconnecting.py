@@ -22,7 +22,7 @@ def test_split_packets_slow_drip_and_several_lines_at_once():
         assert read(source, 5) == [b"one", b"two", b"three", b"four", b"five"]
 
 
-def test_it_comes_back_after_the_server_has_closed_and_drops_what_was_cut():
+def test_it_reconnects_after_the_server_has_closed_and_drops_the_incomplete_line():
     with ScriptedServer(sends(b"a\ncut"), sends(b"b\n"), sends(b"c\n")) as server, opened(server.uri) as source:
         assert read(source, 3) == [b"a", b"b", b"c"]
         assert source.status.connections == 3
@@ -30,7 +30,7 @@ def test_it_comes_back_after_the_server_has_closed_and_drops_what_was_cut():
 
 
 @pytest.mark.slow
-def test_a_half_open_connection_is_made_anew_after_the_silence_limit():
+def test_a_half_open_connection_is_replaced_after_the_silence_limit():
     hung = threading.Event()
 
     def hang(client):
@@ -55,14 +55,14 @@ def test_a_line_of_a_megabyte_without_an_end_is_noise_within_bounded_memory():
         assert status.n_bytes == 1_000_000 + len(b"a\ntail\nb\n")
 
 
-def test_any_byte_may_come():
+def test_any_byte_is_accepted():
     garbage = bytes(byte for byte in range(256) if byte not in b"\r\n")
     with ScriptedServer(sends(garbage, b"\n\n\r\n", b"\x00\n")) as server, opened(server.uri) as source:
         assert read(source, 2) == [garbage, b"\x00"]
 
 
 @pytest.mark.slow
-def test_a_server_that_hangs_up_at_once_is_asked_ever_more_rarely():
+def test_pauses_grow_if_a_server_hangs_up_at_once():
     with ScriptedServer(lambda client: None) as server, opened(server.uri, Retry(0.1, 60.0)) as source:
         read_until(source, lambda: source.status.attempts == 4)
         assert source.read_line(0.1) is None
@@ -70,7 +70,7 @@ def test_a_server_that_hangs_up_at_once_is_asked_ever_more_rarely():
         assert server.clients <= 4
 
 
-def test_refused_connections_and_unknown_names_are_told_and_tried_again():
+def test_refused_connections_and_unknown_names_are_reported_and_retried():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     with opened(f"tcp://127.0.0.1:{port}") as source:
@@ -83,7 +83,7 @@ def test_refused_connections_and_unknown_names_are_told_and_tried_again():
 
 
 @pytest.mark.slow
-def test_it_connects_when_the_server_comes_late():
+def test_it_connects_to_a_server_that_starts_late():
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = server.getsockname()
     with opened(f"tcp://127.0.0.1:{address[1]}") as source:

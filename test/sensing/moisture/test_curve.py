@@ -68,7 +68,7 @@ def test_third_order_variance_is_that_of_the_cubic_expansion_of_the_curve(rate, 
     assert CURVE.vwc_sd(rate, sd, order=3) ** 2 == pytest.approx(variance, rel=1e-9)
 
 
-def test_undefined_rates_are_told_not_only_nan():
+def test_rates_without_a_soil_moisture_are_not_valid_and_give_nan():
     rates = [CURVE.lowest_rate_cps - 1e-9, CURVE.lowest_rate_cps - 1e-15, 0.0, -1.0, 4.0]
     np.testing.assert_array_equal(CURVE.valid(rates)[[0, 2, 3, 4]], [False, False, False, True])
     np.testing.assert_array_equal(np.isnan(CURVE.vwc(rates)), ~CURVE.valid(rates))

@@ -53,7 +53,7 @@ def test_published_sentences() -> None:
     assert (fix.status, fix.quality, fix.satellites, fix.hdop) == (FixStatus.FIX, 1, 8, 0.9)
     assert fix.speed_mps == pytest.approx(22.4 * 1852 / 3600)
     assert fix.course_deg == 84.4
-    # The date is of the last century, before any receiver of this kind: the reference stands.
+    # The date is of the last century, before any receiver of this kind: the reference is used.
     assert fix.stamp_s == stamp("2024-03-23 12:35:19")
     assert problems == []
 
@@ -136,7 +136,7 @@ def test_standard_deviations_without_an_ellipse() -> None:
     assert fix.covariance_kind is CovarianceKind.DIAGONAL_KNOWN
 
 
-def test_nothing_said_about_the_error() -> None:
+def test_a_fix_without_figures_has_an_unknown_error() -> None:
     (fix,), _ = parse(rmc())
     assert fix.covariance_kind is CovarianceKind.UNKNOWN
     assert math.isnan(fix.position.horizontal_sd_m)
@@ -201,7 +201,7 @@ def test_a_broken_sentence_before_a_whole_one() -> None:
     assert problems == []
 
 
-def test_checksum_may_be_waived() -> None:
+def test_the_checksum_is_optional_if_wanted() -> None:
     assert parse(rmc()[:-3], require_checksum=False)[0]
 
 

@@ -29,7 +29,7 @@ def started(driver, wake=lambda: None):
 
 
 def until(driver, done):
-    """Step until a condition on all batches holds; gives the batches."""
+    """Step until a condition on all batches holds; returns the batches."""
     batches = []
     deadline = time.monotonic() + LIMIT_S
     while not done(batches):
@@ -60,7 +60,7 @@ def test_recordings_of_logger_and_receiver_are_played_in_step(speed, tmp_path):
     assert not [one for one in records(batches) if math.isnan(one.x_m)]
 
 
-def test_it_is_woken_for_what_comes_and_not_for_every_line(tmp_path):
+def test_it_is_woken_when_lines_arrive_and_not_for_every_line(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as server:
         host, port = server.getsockname()
         woken = threading.Semaphore(0)
@@ -87,7 +87,7 @@ def test_it_is_woken_for_what_comes_and_not_for_every_line(tmp_path):
         ({"logger_format": "thorvald"}, "thorvald_crs"),
     ],
 )
-def test_what_cannot_be_used_is_told_at_once(changes, said):
+def test_bad_settings_are_refused_at_once(changes, said):
     values = {"logger_uri": "tcp://127.0.0.1:1", "logger_format": FORMAT, **changes}
     with pytest.raises(InputError, match=said):
         Driver(DriverSettings(**values), Site(), LocalFrame(50, 10))

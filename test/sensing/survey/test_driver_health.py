@@ -1,4 +1,4 @@
-"""What the operator is told of links, records and fixes."""
+"""State of links, records and fixes for the operator."""
 
 import math
 
@@ -44,7 +44,7 @@ def test_every_state_of_a_link_has_its_level(state, level):
     assert part.values["failed attempts"] == "3"
 
 
-def test_records_that_come_are_fine_and_those_that_do_not_are_told(survey):
+def test_missing_records_are_an_error(survey):
     assert records_health(survey, T0).level is Level.STALE
     count(survey, 1)
     count(survey, 2)
@@ -54,7 +54,7 @@ def test_records_that_come_are_fine_and_those_that_do_not_are_told(survey):
     assert (part.level, part.message) == (Level.ERROR, "no record for 40 s: check the logger")
 
 
-def test_spoilt_lines_are_told_by_kind_and_forgotten_after_a_while(survey):
+def test_damaged_lines_are_counted_by_kind_and_the_warning_ends(survey):
     for _ in range(2):
         count(survey, 1)
         survey.take_logger_line(b"2024-05-01T10:00:10.000Z,1,10.000*00", 0.0)
@@ -68,14 +68,14 @@ def test_spoilt_lines_are_told_by_kind_and_forgotten_after_a_while(survey):
     assert records_health(survey, T0 + 290).level is Level.OK
 
 
-def test_clocks_that_differ_are_told_and_do_not_look_like_silence(survey):
+def test_a_difference_of_the_clocks_is_a_warning_and_not_silence(survey):
     count(survey, 1, late_s=100.0)
     part = records_health(survey, T0 + 110)
     assert part.level is Level.WARN
     assert "differs by -100 s from ours" in part.message
 
 
-def test_fixes_are_told_by_quality_and_age(survey):
+def test_fixes_have_a_quality_and_an_age(survey):
     assert fix_health(survey, T0).level is Level.STALE
     survey.take_fix(Fix(T0, Position(50.0, 10.0, 30.0, 0.02), FixStatus.RTK, satellites=18, hdop=0.7))
     part = fix_health(survey, T0 + 1)

@@ -86,7 +86,7 @@ def replace_records(log, records):
     return replace(log, records=tuple(records))
 
 
-def test_a_stationary_probe_stands_where_the_site_file_says(tmp_path):
+def test_a_stationary_probe_has_the_position_of_the_site_file(tmp_path):
     log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
     site = Site(location={"latitude_deg": 50.0, "longitude_deg": 10.0}, corrections=NO_CORRECTIONS.corrections)
     survey = process_logs([log], site)

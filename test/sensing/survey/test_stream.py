@@ -1,8 +1,7 @@
-"""Records on line: the same as from files where nothing is missing, and never worse than they must be."""
+"""Records of a live stream are those of the files, and none is lost."""
 
 import itertools
 import math
-from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.tubes import RunningShares
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
@@ -237,7 +235,7 @@ def test_the_loggers_own_positions_serve_as_from_a_file(roving_record):
     ]
 
 
-def test_a_stationary_probe_stands_where_the_site_file_says():
+def test_a_stationary_probe_has_the_position_of_the_site_file():
     live = survey(
         UNCORRECTED.model_copy(
             update={"location": Site(location={"latitude_deg": 50.0, "longitude_deg": 10.0}).location}
@@ -269,21 +267,7 @@ def test_intensity_comes_from_a_monitor_file(tmp_path):
     assert live.logger_problems.lost == {Kind.NO_CORRECTION: 1}
 
 
-def test_a_tube_that_fails_changes_the_exposure_and_not_the_rate():
-    rng = np.random.default_rng(4)
-    shares = rng.dirichlet(np.full(12, 400.0))
-    running = RunningShares()
-    for number in range(600):
-        counts = rng.poisson(6.0 * 10 * shares).astype(float)
-        running.update(record(number, tube_counts=tuple(counts.tolist())))
-    broken = record(600, tube_counts=(NAN, *[5.0] * 11), tube_live_s=(NAN, *[10.0] * 11))
-    estimate = running.update(broken)
-    assert estimate.sum() == pytest.approx(1)
-    assert estimate[0] == pytest.approx(shares[0], rel=0.15)
-    assert np.corrcoef(estimate, shares)[0, 1] > 0.5
-
-
-def test_a_tube_that_is_missing_from_the_start_is_taken_for_like_the_others():
+def test_a_tube_that_is_missing_from_the_start_has_the_share_of_the_others():
     live = survey()
     broken = {"tube_counts": (NAN, *[5.0] * 11), "tube_live_s": (NAN, *[10.0] * 11)}
     live.take_logger_line(line(record(1, **broken)), 0.0)
@@ -346,17 +330,10 @@ def test_sentences_without_a_fix_and_without_a_date():
     assert live.last_fix.status is FixStatus.NO_FIX
 
 
-def test_the_header_tells_the_serial_number_also_later_on():
+def test_the_serial_number_is_read_from_a_later_header_too():
     live = survey()
     live.take_logger_line(line(record(1)), 0.0)
     for text in format_header("CRS-0007").splitlines():
         live.take_logger_line(text.encode(), 0.0)
     assert live.parser.serial == "CRS-0007"
     assert len(live.take_ready(9.0)) == 1
-
-
-def test_a_new_number_of_tubes_starts_the_shares_again():
-    running = RunningShares()
-    assert running.update(record(1)).tolist() == pytest.approx([1 / 12] * 12)
-    two = replace(record(2), tube_counts=(5.0, NAN), tube_live_s=(10.0, NAN))
-    assert running.update(two).tolist() == pytest.approx([0.5, 0.5], abs=0.05)

@@ -1,4 +1,4 @@
-"""One survey: a file gives the records that the same data give as they come."""
+"""One survey: a file and a live stream of the same data have the same records."""
 
 import math
 
@@ -74,7 +74,7 @@ SITES = {
 
 
 @pytest.mark.parametrize("case", SITES)
-def test_a_file_gives_what_the_same_data_give_one_by_one(case, tmp_path):
+def test_a_file_and_the_same_data_one_by_one_have_the_same_records(case, tmp_path):
     records, fixes, site = SITES[case]
     wanted = from_file(tmp_path, records, fixes, site)
     found, problems = one_by_one(records, fixes, site)
@@ -103,7 +103,7 @@ def test_values_after_a_record_serve_it_when_all_records_are_known():
     assert [(problem.kind, problem.mistake.line) for problem in problems] == [(Kind.NO_CORRECTION, 1)]
 
 
-def test_a_record_without_a_place_is_kept_or_lost_as_wanted():
+def test_a_record_without_a_place_is_kept_or_lost_by_choice():
     for keep in (True, False):
         problems = []
         survey = Survey(UNCORRECTED, FRAME, keep_unplaced=keep, on_problem=problems.append)
