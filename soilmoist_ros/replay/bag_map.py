@@ -59,7 +59,7 @@ class ReplaySettings:
     :param counts_topic: topic with the records
     :param source: what is mapped: ``counts``, the records as the driver corrected and placed them, or ``raw``,
         the lines of logger and receiver (``raw/logger``, ``raw/gnss``), corrected and placed anew
-    :param logger: format of the raw lines of the logger; told from their header if ``None``
+    :param logger: format of the raw lines of the logger; detected from their header if ``None``
     """
 
     field: str | None = None

@@ -131,7 +131,7 @@ def read_logs(
     """Read the logs of one probe.
 
     :param paths: log files, at least one
-    :param logger: format, a shipped name or a file; told from the header of the first log if ``None``
+    :param logger: format, a shipped name or a file; detected from the header of the first log if ``None``
     :raises InputError: if a file cannot be used
     """
     form = load_logger_format(logger) if logger else detect_format(paths[0])

@@ -42,7 +42,7 @@ def read_raw(topics: RunTopics, site: Site, frame: LocalFrame, logger: str | Non
     :param topics: its topics
     :param site: corrections and tubes
     :param frame: plane of the field
-    :param logger: logger format, a shipped name or a file; told from the header if ``None``
+    :param logger: logger format, a shipped name or a file; detected from the header if ``None``
     :raises InputError: if not one record can be made of them
     """
     name = topics.find("raw/logger", TEXT)

@@ -147,7 +147,7 @@ class MapRun:
     :param logger_format: name of the logger's format
     :param corrections: corrections as applied
     :param losses: what was dropped or kept with reservations
-    :param notes: what the reader should know besides what follows from the map, see :func:`notes`
+    :param notes: what the reader should know in addition to what follows from the map, see :func:`notes`
     :param calibration: origin of the calibration; ``None`` says no more than ``soil_map.curve``
     :param simulated: the counts come from a simulation; every output says so
     :param version: version of this package

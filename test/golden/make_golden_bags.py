@@ -1,7 +1,7 @@
 """Makes the golden bags: tiny recordings, one per case, with what a replay of each must come to.
 
-``python test/golden/make_golden_bags.py`` writes them again beside this file. The messages are made by the code of
-the nodes; so the bags are made anew only when a message changes, and then the change is looked at.
+``python test/golden/make_golden_bags.py`` writes them again to the folder of this file. The messages are made by the
+code of the nodes, so the bags are made anew only when a message changes, and then the change is looked at.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def configure(run: Path, seed: int = 1) -> None:
     write_parameters(run, "planner", {"strategy": "greedy", "dwell": "fmi:60", "hours": 0.3, "seed": seed})
     write_field_file(field, folder / "field.yaml")
     write_site_file(field, folder / "site.yaml")
-    # As names from nowhere: the files are found beside this one, wherever the folder is.
+    # As names from nowhere: the files are found in the same folder, wherever the folder is.
     files = {"field": "/run/configuration/field.yaml", "site": "/run/configuration/site.yaml"}
     write_parameters(run, "mapper", {**files, "cell_m": CELL_M, "simulated": True})
 
@@ -248,7 +248,7 @@ def summary(run: Path, **settings: Any) -> dict[str, Any]:
     from soilmoist_ros.replay import ReplaySettings, replay_bag
 
     replay = replay_bag(run, ReplaySettings(**settings))
-    soil_map, told = replay.run.soil_map, replay.run.mission
+    soil_map, mission = replay.run.soil_map, replay.run.mission
     found: dict[str, Any] = {
         "records": len(replay.run.track),
         "samples": len(soil_map.samples),
@@ -260,11 +260,11 @@ def summary(run: Path, **settings: Any) -> dict[str, Any]:
             for name in ("rate", "rate_sd", "vwc", "vwc_sd")
         },
     }
-    if told is not None:
+    if mission is not None:
         found["mission"] = {
-            "ended": told.ended,
-            "distance_m": told.series[-1].distance_m,
-            "visits": [[v.name, v.arrived_s, v.dwell_s, v.raw_counts] for v in told.visits],
+            "ended": mission.ended,
+            "distance_m": mission.series[-1].distance_m,
+            "visits": [[v.name, v.arrived_s, v.dwell_s, v.raw_counts] for v in mission.visits],
         }
     return found
 

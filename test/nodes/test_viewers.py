@@ -23,6 +23,11 @@ RVIZ_SHOWS = {"PointCloud2": "PointCloud2", "Map": "OccupancyGrid", "Path": "Pat
 """Message type by display of RViz."""
 
 
+def base(topic):
+    """Name of a topic without the namespace of the property that the layouts have as an example."""
+    return topic.removeprefix("/").removeprefix("compaction/")
+
+
 def rviz_displays():
     layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
     assert layout["Global Options"]["Fixed Frame"] == "map"
@@ -58,14 +63,22 @@ def fields():
 def test_rviz_shows_topics_in_their_type_and_quality_of_service():
     displays = rviz_displays()
     for display in displays:
-        topic = display["Topic"]["Value"].removeprefix("/")
+        topic = base(display["Topic"]["Value"])
         assert TOPICS[topic] == RVIZ_SHOWS[display["Class"].removeprefix("rviz_default_plugins/")]
         durability = "Transient Local" if topic in LATCHED else "Volatile"
         assert display["Topic"]["Durability Policy"] == durability
         assert display["Topic"]["Reliability Policy"] == "Reliable"
         assert display["Enabled"] == display["Value"]
     shown = {display["Topic"]["Value"] for display in displays}
-    assert shown == {"/soil_map", "/uncertainty", "/samples", "/counts", "/plan", "/plan_markers"}
+    assert shown == {
+        "/soil_map",
+        "/compaction/soil_map",
+        "/uncertainty",
+        "/samples",
+        "/counts",
+        "/plan",
+        "/plan_markers",
+    }
 
 
 def test_rviz_opens_with_one_map_that_covers_nothing_else():
@@ -88,16 +101,16 @@ def test_rviz_has_no_tool_that_could_drive_the_robot_by_accident():
 def test_coloured_fields_exist(fields):
     for display in rviz_displays():
         if "Channel Name" in display:
-            assert display["Channel Name"] in fields[display["Topic"]["Value"].removeprefix("/")]
+            assert display["Channel Name"] in fields[base(display["Topic"]["Value"])]
     for name, settings in foxglove_layout()["configById"]["3D!map"]["topics"].items():
         if "colorField" in settings:
-            assert settings["colorField"] in fields[name.removeprefix("/")]
+            assert settings["colorField"] in fields[base(name)]
 
 
 def test_foxglove_panels_show_topics_that_they_can_show():
     panels = foxglove_layout()["configById"]
     for name, settings in panels["3D!map"]["topics"].items():
-        assert TOPICS[name.removeprefix("/")] in {"PointCloud2", "OccupancyGrid", "Path", "MarkerArray"}, settings
+        assert TOPICS[base(name)] in {"PointCloud2", "OccupancyGrid", "Path", "MarkerArray"}, settings
     assert TOPICS[panels["map!fix"]["followTopic"].removeprefix("/")] == "NavSatFix"
     assert TOPICS[panels["DiagnosticSummary!health"]["topicToRender"].removeprefix("/")] == "DiagnosticArray"
     raw = [panel["topicPath"] for name, panel in panels.items() if name.startswith("RawMessages!")]
@@ -127,7 +140,7 @@ def test_foxglove_layout_places_every_panel_once():
 
 def test_both_layouts_say_nothing_of_other_topics():
     text = (ROOT / "config" / "rviz" / "soilmoist.rviz").read_text()
-    named = set(re.findall(r"Value: /(\S+)", text))
+    named = {base(topic) for topic in re.findall(r"Value: (/\S+)", text)}
     assert named - {"uncertainty_updates"} <= TOPICS.keys()
 
 

@@ -122,13 +122,13 @@ def test_golden_bags(case, name):
     else:
         assert replay.comparisons[0].same is None
     assert run.simulated
-    told = expected.get("mission")
-    assert (run.mission is None) == (told is None)
-    if told:
-        assert run.mission.ended == told["ended"]
-        assert run.mission.series[-1].distance_m == pytest.approx(told["distance_m"])
+    mission = expected.get("mission")
+    assert (run.mission is None) == (mission is None)
+    if mission:
+        assert run.mission.ended == mission["ended"]
+        assert run.mission.series[-1].distance_m == pytest.approx(mission["distance_m"])
         found = [(visit.name, visit.arrived_s, visit.dwell_s, visit.raw_counts) for visit in run.mission.visits]
-        assert found == [(name, pytest.approx(a), pytest.approx(d), n) for name, a, d, n in told["visits"]]
+        assert found == [(name, pytest.approx(a), pytest.approx(d), n) for name, a, d, n in mission["visits"]]
 
 
 @pytest.mark.slow
@@ -140,7 +140,7 @@ def test_the_map_is_the_one_made_on_line_bit_for_bit(makers, tmp_path, case):
 
 
 @pytest.mark.slow
-def test_the_mission_is_told_as_it_was(makers, tmp_path):
+def test_the_mission_is_replayed_as_it_was(makers, tmp_path):
     events, mission = makers.mission()
     makers.write_bag(tmp_path / "run", events)
     run = replay_bag(tmp_path / "run", ReplaySettings(truths={0: "half-wet"})).run
@@ -209,7 +209,7 @@ def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):
         assert why in replay.comparisons[0].message
 
 
-def test_a_reset_is_told_even_without_the_samples(makers, tmp_path):
+def test_a_reset_is_detected_even_without_the_samples(makers, tmp_path):
     """Its empty map is in the recording."""
     many = makers.records(makers.drive((5, 5), (55, 5), 12))
     makers.configure(tmp_path)
@@ -304,7 +304,7 @@ def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_
         assert list(own) == list(replay_bag(GOLDEN / "two_robots", ReplaySettings(counts_topic=meant)).run.track)
 
 
-def test_topics_beside_are_found_where_there_is_one_robot(tmp_path):
+def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path):
     """Records that were remapped into a namespace of their own."""
     bag = copy_bag(
         GOLDEN / "one_stop" / "bag", tmp_path / "bag",
@@ -314,7 +314,7 @@ def test_topics_beside_are_found_where_there_is_one_robot(tmp_path):
 
 
 @pytest.mark.slow
-def test_bad_input_is_told_with_a_remedy(tmp_path):
+def test_bad_input_is_refused_with_a_remedy(tmp_path):
     def refused(match, bag=GOLDEN / "one_stop", **changes):
         with pytest.raises(InputError, match=match):
             replay_bag(bag, ReplaySettings(**changes))
@@ -353,7 +353,7 @@ def test_missions_one_after_the_other():
     assert last_mission([*first, second[0]]) == first, "the second was not started"
 
 
-def test_messages_of_others_named_mission_are_passed_over(tmp_path):
+def test_messages_of_others_named_mission_are_ignored(tmp_path):
     bag = tmp_path / "bag"
     copy_bag(GOLDEN / "one_stop" / "bag", bag)
     types = STORE.types

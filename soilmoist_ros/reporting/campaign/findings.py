@@ -140,7 +140,7 @@ def _finding(
     elif comparisons:
         summary = f"Fewer than {MIN_RUNS} pairs of runs: nothing can be said."
     else:
-        summary = "The campaign has no missions that could tell."
+        summary = "The campaign has no missions that test this."
     reason = reasons.get(key, "") if verdict in ("partly", "not seen") else ""
     return Finding(key, statement, rule, verdict, summary, tuple(comparisons), reason)
 

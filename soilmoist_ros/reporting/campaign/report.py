@@ -77,7 +77,7 @@ def write_campaign_report(campaign: Campaign, out: Path, failures: Sequence[Fail
     """Write ``report.html`` about the missions stored in the output folder of a campaign; returns its path.
 
     Without a finished mission there is nothing to report: ``None``, and an older report is removed, since the
-    tables beside it are of this campaign.
+    tables in the folder are of this campaign.
 
     :param campaign: the campaign
     :param out: its output folder

@@ -72,7 +72,7 @@ def band_map(
 
 
 def error_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
-    """Estimated less true rate, in colours that are white where the map is right.
+    """Estimate minus truth of the rate, in colours that are white where the map is right.
 
     :raises ValueError: without a truth
     """
@@ -90,7 +90,7 @@ def error_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
     )  # fmt: skip
     draw_boundary(run, axes, unit_m)
     _sample_places(run, axes, unit_m)
-    _colour_bar(figure, axes, image, "Map less truth [counts/s]", extension(shown, -most, most))
+    _colour_bar(figure, axes, image, "Map minus truth [counts/s]", extension(shown, -most, most))
     return figure
 
 

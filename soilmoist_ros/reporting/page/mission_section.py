@@ -78,7 +78,7 @@ def mission_part(run: MapRun) -> MissionPart | None:
     ]  # fmt: skip
     if mission.series:
         has_truth = bool(np.isfinite(mission.truth_rate).any())
-        told = "Error, coverage and distance" if has_truth else "Distance"
+        shown_values = "Error, coverage and distance" if has_truth else "Distance"
         about = (
             "From above: the mean squared error of the rate map (logarithmic; multiply by 100 for "
             "(counts/10 s)²), the share of the field whose true rate lies in the 95 % interval of the map, "
@@ -87,7 +87,7 @@ def mission_part(run: MapRun) -> MissionPart | None:
         sections.append(
             Section(
                 "course", "The course of the mission",
-                picture(course_chart(mission.series, has_truth), f"{told} against mission time", True),
+                picture(course_chart(mission.series, has_truth), f"{shown_values} against mission time", True),
                 f"{about if has_truth else 'The distance driven.'} Ticks at the foot: times at which a "
                 "measurement was finished.",
             )

@@ -126,7 +126,7 @@ def _maps(run: MapRun) -> Iterator[Section]:
     )  # fmt: skip
     yield Section(
         "samples", "Samples and track", picture(maps.samples_map(run), "Map of the samples and the track"),
-        "Each sample in the colour of its own rate, counting noise included; large dots were counted longer.",
+        "Each sample in the colour of its own rate, counting noise included; larger dots were counted longer.",
     )  # fmt: skip
     if run.truth_rate is not None:
         figure = maps.band_map(run, maps.RATE, np.asarray(run.truth_rate, float))
@@ -137,8 +137,8 @@ def _maps(run: MapRun) -> Iterator[Section]:
         )  # fmt: skip
         yield Section(
             "error", "Error of the rate map",
-            picture(maps.error_map(run), f"Map of estimated less true count rate of {where}"),
-            "Estimated less true rate: purple where the map shows more neutrons (drier soil) than there are, "
+            picture(maps.error_map(run), f"Map of the error of the count rate of {where}"),
+            "Estimate minus truth: purple where the map shows more neutrons (drier soil) than there are, "
             "orange where fewer, white where it is right.",
         )  # fmt: skip
 

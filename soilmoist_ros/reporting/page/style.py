@@ -1,4 +1,4 @@
-"""The look of the figures: figures without global state, colours that colour-blind readers can tell apart."""
+"""The look of the figures: figures without global state, colours that colour-blind readers can distinguish."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def test_adaptive_intervals_on_the_high_gradient(mse, verdict):
         (
             lambda s: 1.0 + 0.4 * (s.seed - 2.5) * s.dwell.startswith("fmi"),
             "partly",
-        ),  # alike, but too noisy to tell
+        ),  # alike, but too noisy for a difference
     ],
 )
 def test_little_difference_on_the_low_gradient(mse, verdict):
