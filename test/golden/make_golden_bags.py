@@ -1,6 +1,6 @@
 """Makes the golden bags: tiny recordings, one per case, with what a replay of each must come to.
 
-``python test/golden/make_golden_bags.py`` writes them again to the folder of this file. The messages are made by the
+``python test/golden/make_golden_bags.py`` writes them again to its own folder. The messages are made by the
 code of the nodes, so the bags are made anew only when a message changes, and then the change is looked at.
 """
 
