@@ -1,10 +1,10 @@
-"""``mapper``: counted records -> samples, variogram, and the map with its uncertainty."""
+"""The mapper: merges records to samples, fits the variogram, and maps rate and moisture with their uncertainty."""
 
 from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
@@ -24,65 +24,18 @@ from soilmoist_ros.mapping.field_map import MapState, Skip
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
 from soilmoist_ros.mapping.soil_map import SoilMap
-from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
-from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
-from soilmoist_ros.nodes.parameters.parameter import Parameter
+from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.reporting.field_survey import open_survey
 
-PARAMETERS = (
-    Parameter(name="field", default="", description="field file, or the name of a shipped one"),
-    Parameter(
-        name="site", default="", description="site file, or the name of a shipped one; empty for a rate map only"
-    ),
-    Parameter(
-        name="cell_m", default=0.0, description="cell size of the map; 0 for the field's own", unit="m", low=0
-    ),
-    Parameter(
-        name="model", default="matern32", description="variogram model", choices=(*VARIOGRAM_MODELS.names(),)
-    ),
-    Parameter(name="fit", default="reml", description="how the variogram is fitted", choices=get_args(FitMethod)),
-    Parameter(
-        name="keep_nugget", default=True, description="map the rate with its micro-scale variation (the nugget)"
-    ),
-    Parameter(
-        name="merge_radius_m",
-        default=0.0,
-        description="records closer together than this become one sample; 0 for a radius chosen from "
-        "footprint and extent of the field",
-        unit="m",
-        low=0,
-        high=1000,
-    ),
-    Parameter(name="frame", default="map", description="frame of all that is published"),
-    Parameter(
-        name="start_from",
-        default="",
-        description="folder of a save, bag, or journal of an interrupted mission, whose records come first",
-    ),
-    Parameter(
-        name="start_property",
-        default="",
-        description="further property, as in the planner's properties, whose records in a bag or journal come "
-        "first; empty for the first property",
-    ),
-    Parameter(
-        name="others",
-        default=[],
-        description="namespaces of other robots on the field whose counts are mapped, too; its own is passed over",
-    ),
-    Parameter(name="save_dir", default="soilmoist_map", description="folder that the service save writes"),
-    Parameter(
-        name="simulated", default=False, description="the counts come from a simulation; every output says so"
-    ),
-)
+__all__ = ["PARAMETERS", "Mapper", "main"]
 
 
 class Mapper(Node):
-    """Takes records at once, and publishes maps as fast as they can be computed."""
+    """Adds records as they arrive, and publishes maps as fast as they can be computed."""
 
     def __init__(self) -> None:
         super().__init__("mapper")
@@ -94,7 +47,7 @@ class Mapper(Node):
             del options[name]
         self._survey = open_survey(**options)
         self._online = self._survey.map
-        self._guard = threading.Lock()  # records come in one thread, and are saved in another
+        self._guard = threading.Lock()  # records are added in one thread and saved in another
         self._samples = self.create_publisher(PointCloud2, "samples", qos.LATCHED)
         self._model = self.create_publisher(String, "model", qos.LATCHED)
         self._soil_map = self.create_publisher(PointCloud2, "soil_map", qos.LATCHED)
@@ -110,9 +63,9 @@ class Mapper(Node):
         for robot in ("", *(f"{name}/" for name in other_namespaces(self, parameters.texts("others")))):
             self.create_subscription(PointCloud2, f"{robot}counts", self._on_counts, qos.RECORDS)
         self.create_service(Trigger, "~/reset", self._on_reset)
-        alone = MutuallyExclusiveCallbackGroup()  # saving takes seconds; records come in meanwhile
+        alone = MutuallyExclusiveCallbackGroup()  # records are added while a save takes seconds
         self.create_service(Trigger, "~/save", self._on_save, callback_group=alone)
-        # Of steady time: once a second also where simulated time runs fast or stands still.
+        # Steady time: once a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_counts(self, message: PointCloud2) -> None:
@@ -138,7 +91,7 @@ class Mapper(Node):
             records = self._online.state.records
             self._online.reset()
             self._worker.submit(self._online.state)
-        response.success, response.message = True, f"{records} records forgotten"
+        response.success, response.message = True, f"{records} records removed"
         return response
 
     def _on_save(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -146,7 +99,7 @@ class Mapper(Node):
             snapshot = self._online.snapshot()
         try:
             self._survey.save(self._save_dir, snapshot)
-        except Exception as error:  # whoever asks gets an answer, also when the disk is full
+        except Exception as error:  # the caller gets an answer even if the disk is full
             self.get_logger().error(f"saving failed: {error}")
             response.success, response.message = False, f"nothing is saved: {error}"
         else:
@@ -160,7 +113,7 @@ class Mapper(Node):
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
 
     def close(self) -> None:
-        """Let the map under way be finished."""
+        """Wait until the current map is finished."""
         self._worker.close()
 
 

@@ -226,7 +226,7 @@ def test_reset_forgets_everything_also_for_who_comes_late(ros, start):
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
     answer = ros.call(Trigger, "mapper/reset")
-    assert (answer.success, answer.message) == (True, "8 records forgotten")
+    assert (answer.success, answer.message) == (True, "8 records removed")
     ros.wait_for(lambda: outputs.complete(0.0), message="the empty map")
     late = Outputs(ros)
     ros.wait_for(lambda: late.complete(0.0), message="the empty map")

@@ -1,4 +1,4 @@
-"""Navigation by ``geometry_msgs/PoseStamped`` on ``goal_pose``, as RViz sends it and Nav2 takes it."""
+"""Navigation by ``geometry_msgs/PoseStamped`` on ``goal_pose``, which RViz publishes and Nav2 accepts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class GoalPoseNavigator:
 
     :param node: the node it belongs to
     :param client: judges arrival
-    :param report: is told the end of each goal
+    :param report: called at the end of each goal
     """
 
     def __init__(self, node: Node, client: PoseClient, report: Callable[[Ended], None]) -> None:
@@ -35,11 +35,15 @@ class GoalPoseNavigator:
     @property
     def waiting_for(self) -> str:
         """See :class:`Navigator`."""
-        return "" if self._poses.get_subscription_count() else f"a navigation that takes {self._poses.topic_name}"
+        return (
+            ""
+            if self._poses.get_subscription_count()
+            else f"a navigation that subscribes to {self._poses.topic_name}"
+        )
 
     @property
     def on_the_way(self) -> str:
-        """Nothing is known."""
+        """Always empty: there is no feedback."""
         return ""
 
     def go(self, goal_id: int, stop: Stop) -> None:
@@ -61,7 +65,7 @@ class GoalPoseNavigator:
         self._do(requests)
 
     def tick(self) -> None:
-        """Nothing to look after."""
+        """Does nothing."""
 
     def _do(self, requests: Iterable[SendPose | Ended]) -> None:
         for request in requests:

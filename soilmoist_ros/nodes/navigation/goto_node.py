@@ -1,4 +1,4 @@
-"""Navigation over a topological map by the action ``GotoNode``; its rules are those of the goal client."""
+"""Navigation over a topological map by the action ``GotoNode``, with the rules of the goal client."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class GotoNodeNavigator:
 
     :param node: the node it belongs to
     :param name: name of the action
-    :param kind: class of the action, of :func:`action_class`
-    :param feedback_topic: plain topic on which some versions say where the robot is on its way
-    :param client: holds the rules
-    :param report: is told the end of each goal
+    :param kind: class of the action, see :func:`action_class`
+    :param feedback_topic: plain topic on which some versions publish the node that the robot passes
+    :param client: decides on goals
+    :param report: called at the end of each goal
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class GotoNodeNavigator:
         self._lock = Lock()
         self._ids: dict[int, UUID] = {}
         self._actions = ActionClient(node, kind, name)
-        # a service client of its own, since goals are cancelled also without the action client's handle
+        # a separate service client, since goals are cancelled without the action client's handle as well
         self._cancels = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
         self._feedback = RouteFeedback(node, feedback_topic, kind)
 
@@ -84,8 +84,8 @@ class GotoNodeNavigator:
         self._step(self._client.tick, self._actions.server_is_ready())
 
     def _step(self, happened: Callable[..., tuple[Request, ...]], *values: Any) -> None:
-        # Limits are those of messages, so the clock is the computer's; and what is reported may come back here
-        # from another thread, so nothing is done under the lock.
+        # The limits are for messages, so the clock is the computer's. A report may call this method from another
+        # thread, so requests are executed without the lock.
         with self._lock:
             requests = happened(*values, time.monotonic())
         for request in requests:
@@ -119,7 +119,7 @@ class GotoNodeNavigator:
             self._step(self._client.ended, goal_id, int(answer.status), success)
 
     def _ask_to_cancel(self, request: CancelSent) -> None:
-        question = CancelGoal.Request()  # as it is, it means all goals
+        question = CancelGoal.Request()  # without an id it means all goals
         if request.ours:
             question.goal_info.goal_id = self._ids[request.goal_id]
         self._cancels.call_async(question).add_done_callback(partial(self._cancel_answered, request))
@@ -127,7 +127,7 @@ class GotoNodeNavigator:
     def _cancel_answered(self, request: CancelSent, future: Future) -> None:
         answer = future.result()
         if answer is not None:
-            # when all goals were meant, the answer tells nothing of one, and no more can be done
+            # an answer for all goals does not say what happened to one of them
             code = int(answer.return_code) if request.ours else CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
             self._step(self._client.cancel_answered, request.goal_id, code)
 
@@ -138,7 +138,7 @@ def action_class(name: str) -> Any:
     :param name: its type, such as ``topological_navigation_msgs/action/GotoNode``
     :raises InputError: if it is not installed or not of this kind
     """
-    remedy = "source the workspace of the navigation, or take navigator: goal_pose"
+    remedy = "source the workspace of the navigation, or set navigator: goal_pose"
     package, _, rest = name.partition("/")
     folder, _, kind = rest.partition("/")
     if folder != "action" or not package or not kind:
@@ -154,5 +154,5 @@ def action_class(name: str) -> Any:
             f"{package} has no action {kind!r}", f"it has {', '.join(known)}{did_you_mean(kind, known)}"
         )
     if not hasattr(found.Goal(), "target"):
-        raise InputError(f"goals of {name!r} have no field 'target'", "take the navigation's action GotoNode")
+        raise InputError(f"goals of {name!r} have no field 'target'", "use the navigation's action GotoNode")
     return found

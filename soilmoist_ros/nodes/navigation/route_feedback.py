@@ -1,4 +1,4 @@
-"""Where the robot is on its way, as the navigation says it: with the goal, or on a plain topic only."""
+"""The node that the robot passes, from the feedback of a goal or from a plain topic."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import time
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
-from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from msg_adapters.offered_qos import offered_qos, requested_qos
+from soilmoist_ros.recording.bag.metadata import request_for
 
 LOOK_EVERY_S = 1.0
 
 
 class RouteFeedback:
-    """Listens to the feedback of goals.
+    """Subscribes to the feedback of goals.
 
     :param node: the node it belongs to
     :param topic: plain topic of the feedback
@@ -40,7 +41,7 @@ class RouteFeedback:
                 self.route = text
 
     def look_for_topic(self) -> None:
-        """Subscribe to the plain topic once it is there, as it is offered: versions differ in that."""
+        """Subscribe to the plain topic when it exists; its type and quality of service depend on the version."""
         if time.monotonic() < self._next_look_s:
             return
         self._next_look_s = time.monotonic() + LOOK_EVERY_S
@@ -56,9 +57,10 @@ class RouteFeedback:
             self._subscription = None
         message_class = self._message_class(found[0].topic_type)
         if message_class is None:
-            self._node.get_logger().warning(f"{self._topic} is of unknown type {found[0].topic_type}: not shown")
+            self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
             return
-        self._subscription = self._node.create_subscription(message_class, self._topic, self.heard, weakest(found))
+        profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
+        self._subscription = self._node.create_subscription(message_class, self._topic, self.heard, profile)
 
     def _message_class(self, name: str) -> Any:
         package, folder, kind = name.split("/")
@@ -68,14 +70,3 @@ class RouteFeedback:
             return getattr(importlib.import_module(f"{package}.{folder}"), kind, None)
         except ImportError:
             return None
-
-
-def weakest(offered: list[TopicEndpointInfo]) -> QoSProfile:
-    """A profile that all publishers can meet."""
-    reliable = all(info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in offered)
-    latched = all(info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for info in offered)
-    return QoSProfile(
-        depth=5,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )

@@ -19,11 +19,11 @@ ACTION = "topological_navigation"
 class NavigationServer:
     """Serves GotoNode for a virtual system. Its callbacks and those that advance the system share a group.
 
-    A goal is only executed (in the sense of rclpy) when it ends: no thread waits while the robot drives.
+    rclpy executes a goal only when it ends, so that no thread waits while the robot drives.
 
-    :param node: node to serve from
-    :param system: what knows about goals
-    :param group: callback group in which nothing happens at the same time
+    :param node: node of the server
+    :param system: the virtual system that handles goals
+    :param group: mutually exclusive callback group
     :raises ImportError: if topological_navigation_msgs is not installed
     """
 
@@ -44,7 +44,7 @@ class NavigationServer:
         self._accepted: int | None = None
 
     def set_present(self, present: bool) -> None:
-        """Let the server appear, or vanish with all its goals."""
+        """Start the server, or destroy it with all its goals."""
         if self._server is not None:
             self._server.destroy()
             self._server = None
@@ -63,7 +63,7 @@ class NavigationServer:
             )
 
     def feed_back(self, event: OnRoute) -> None:
-        """Tell the client of a goal which node the robot passes."""
+        """Publish the node that the robot passes as feedback of its goal."""
         feedback = self._type.Feedback(route=event.node)
         if self._plain_feedback is not None:
             self._plain_feedback.publish(feedback)
@@ -71,7 +71,7 @@ class NavigationServer:
             self._handles[event.goal_id].publish_feedback(feedback)
 
     def end(self, event: GoalEnded) -> None:
-        """Tell the client of a goal how it has ended."""
+        """Send the result of a goal to its client."""
         handle = self._handles.pop(event.goal_id, None)
         if handle is not None:
             self._endings[bytes(handle.goal_id.uuid)] = event
@@ -88,7 +88,7 @@ class NavigationServer:
         return self._type.Result(success=bool(event.success))
 
     def _on_goal(self, goal: Any) -> GoalResponse:
-        # Its number is needed before there is a handle; both callbacks run one right after the other.
+        # The number is needed before there is a handle; the two callbacks run directly one after the other.
         self._accepted = self._system.go_to(goal.target)
         self._node.get_logger().info(f"goal {goal.target}: {'rejected' if self._accepted is None else 'accepted'}")
         return GoalResponse.REJECT if self._accepted is None else GoalResponse.ACCEPT

@@ -1,4 +1,4 @@
-"""Asks other nodes for their parameters, now and again, and never waits for an answer."""
+"""Requests the parameters of other nodes regularly, without waiting for the answers."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from rclpy.task import Future
 
 _LOOK_S: Final = 1.0
 _AGAIN_S: Final = 10.0
-"""A node that was started anew, or was given other values, is noticed after this time [s]."""
+"""Time between two requests to a node [s]; a node may be restarted with other values."""
 _OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 
 class ParameterCollector:
-    """Gives the parameters of nodes of the same namespace, or of namespaces below it.
+    """Collects the parameters of nodes in the same namespace, or in namespaces below it.
 
-    :param node: the node that asks
-    :param names: names of the nodes asked
-    :param take: is given the name of a node and its parameters, again and again
-    :param group: callback group of everything here
+    :param node: the node that sends the requests
+    :param names: names of the nodes
+    :param take: called with the name of a node and its parameters, each time they arrive
+    :param group: callback group of the requests
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class ParameterCollector:
         node.create_timer(_LOOK_S, self._look, callback_group=group, clock=steady)
 
     def ask(self, name: str) -> None:
-        """Ask this node as well."""
+        """Collect the parameters of this node as well."""
         if name not in self._clients:
             self._due_s[name] = 0.0
             self._clients[name] = (
@@ -61,7 +61,7 @@ class ParameterCollector:
             if time.monotonic() < self._due_s[name]:
                 continue
             self._due_s[name] = time.monotonic() + _AGAIN_S
-            if name in self._asked:  # whoever has died does not answer
+            if name in self._asked:  # the node may have ended before its answer
                 client, future = self._asked.pop(name)
                 client.remove_pending_request(future)
             if lister.service_is_ready():

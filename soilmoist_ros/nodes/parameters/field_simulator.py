@@ -1,4 +1,4 @@
-"""Parameters of ``field_simulator``, and the settings they make."""
+"""Parameters of ``field_simulator``, and the settings made from them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ PARAMETERS = (
               description="surrogate field: a name, or a field file with a truth"),
     Parameter(name="properties", default=[], old_names=("also",),
               description="surrogate fields whose rates are the truth of further properties, on the same ground; "
-              "the records of each come on NAME/counts, NAME being that of the field"),
+              "the records of each are published on NAME/counts with the NAME of the field"),
     Parameter(name="seed", default=1, description="seed of all randomness", low=0),
     Parameter(name="speed", default=60.0, description="simulated time per wall time", low=0.01, high=10000.0),
     Parameter(name="start_time", default="2026-06-01T06:00:00Z",
               description="simulated time at the start, ISO 8601"),
     Parameter(name="start_when_connected", default=True,
-              description="whether time stands still until somebody listens to the logger, to the receiver and "
-              "to the records of a second property"),
+              description="whether time stands still until logger, receiver and the records of each property have "
+              "a receiver"),
     Parameter(name="graph", default="",
               description="topological map, a file; empty for a lattice of about 300 nodes"),
     Parameter(name="host", default="127.0.0.1", description="address on which logger and receiver are served"),
@@ -29,18 +29,20 @@ PARAMETERS = (
     Parameter(name="ports_file", default="",
               description="file to which the actual ports are written, as JSON; empty for none"),
     Parameter(name="speed_mps", default=0.6, description="speed of the robot", unit="m/s", low=0.01, high=100.0),
-    Parameter(name="stop_overhead_s", default=12.0, description="time lost at each stop", unit="s", low=0.0),
+    Parameter(name="stop_overhead_s", default=12.0, description="time for stopping and starting at each "
+        "stop", unit="s", low=0.0),
     Parameter(name="turn_s_per_rad", default=0.0,
               description="time for each radian turned", unit="s/rad", low=0.0),
     Parameter(name="cadence_s", default=10.0, description="duration of a record", unit="s", low=1.0, high=3600.0),
     Parameter(name="gnss_period_s", default=1.0,
               description="time between epochs of the receiver", unit="s", low=0.05, high=60.0),
     Parameter(name="position_sd_m", default=0.02,
-              description="noise of each coordinate of the receiver", unit="m", low=0.0),
+              description="standard deviation of each coordinate of the receiver", unit="m", low=0.0),
     Parameter(name="footprint_m", default=0.0,
               description="radius of the sensor's footprint; 0 for a point", unit="m", low=0.0),
-    Parameter(name="weather", default=True, description="whether the weather changes, and the counts with it"),
-    Parameter(name="scenario", default="", description="what goes wrong: a name or a file; empty for nothing"),
+    Parameter(name="weather", default=True, description="whether weather changes, and the counts with it"),
+    Parameter(name="scenario", default="", description="faults of navigation and links: a name or a file; "
+        "empty for none"),
     Parameter(name="field_file", default="",
               description="file to which the field is written without its truth; empty for none"),
     Parameter(name="site_file", default="",
@@ -51,7 +53,7 @@ PARAMETERS = (
 
 
 def mission_settings(given: Parameters) -> MissionSettings:
-    """What determines the simulated field, robot and devices; the same as in a simulation without ROS."""
+    """Settings of the simulated field, robot and devices, the same as of a simulation without ROS."""
     return MissionSettings(
         field=given.text("field"),
         properties=tuple(map(PropertySettings, given.texts("properties"))),

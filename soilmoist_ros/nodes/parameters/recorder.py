@@ -7,15 +7,25 @@ from typing import Final
 from soilmoist_ros.nodes.parameters.parameter import Parameter
 
 PARAMETERS: Final = (
-    Parameter(name="out", default="recordings", description="folder for bags; made if it does not exist"),
-    Parameter(name="name", default="", description="name of the bag; the time of its beginning if empty"),
-    Parameter(name="include", default=".*", description="pattern of the full names of topics to record"),
-    Parameter(name="exclude", default="", description="pattern of the full names of topics to leave out"),
-    Parameter(name="autostart", default=True, description="whether to record from the start"),
+    Parameter(name="out", default="recordings", description="folder for bags; created if missing"),
+    Parameter(name="name", default="", description="name of the bag; its start time if empty"),
+    Parameter(
+        name="include", default=".*", description="regular expression for the full names of topics to record"
+    ),
+    Parameter(
+        name="exclude",
+        default="",
+        description="regular expression for the full names of topics to exclude; empty for none",
+    ),
+    Parameter(
+        name="autostart",
+        default=True,
+        description="whether to record from the start; otherwise the service recorder/start starts it",
+    ),
     Parameter(
         name="flush_period_s",
         default=0.5,
-        description="time between flushes to the disk, which is what a crash can cost",
+        description="time between flushes to the disk; a crash loses at most the messages of this time",
         unit="s",
         low=0.05,
         high=60.0,
@@ -23,12 +33,16 @@ PARAMETERS: Final = (
     Parameter(
         name="queue_mb",
         default=64.0,
-        description="size of messages that may wait while the disk is slow or full",
+        description="size of messages that may wait while the disk is slow or full; further messages are lost",
         unit="MB",
         low=1.0,
         high=4096.0,
     ),
     Parameter(
-        name="low_disk_mb", default=500.0, description="space on the disk below which to warn", unit="MB", low=0.0
+        name="low_disk_mb",
+        default=500.0,
+        description="free disk space below which the recorder warns",
+        unit="MB",
+        low=0.0,
     ),
 )

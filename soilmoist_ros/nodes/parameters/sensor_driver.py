@@ -11,14 +11,14 @@ PARAMETERS: Final = (
     Parameter(
         name="logger_uri",
         default="tcp://127.0.0.1:4001",
-        description="where the neutron logger is: tcp://HOST:PORT, udp://0.0.0.0:PORT, "
+        description="address of the neutron logger: tcp://HOST:PORT, udp://0.0.0.0:PORT, "
         "serial:///dev/ttyUSB0?baud=115200 or file:///PATH?speed=10",
     ),
     Parameter(name="logger_format", default=FORMAT_NAME, description="name of a shipped logger format, or a file"),
     Parameter(
         name="gnss_uri",
         default="",
-        description="where the GNSS receiver is (NMEA), like logger_uri; empty to take fixes from the topic fix",
+        description="address of the GNSS receiver (NMEA), like logger_uri; empty to read fixes from the topic fix",
     ),
     Parameter(name="field", default="", description="field file, or the name of a shipped one"),
     Parameter(
@@ -27,7 +27,7 @@ PARAMETERS: Final = (
     Parameter(
         name="silence_limit_s",
         default=35.0,
-        description="a link is made anew after so long without a byte",
+        description="time without data after which the driver reconnects",
         unit="s",
         low=0.1,
         high=86_400.0,
@@ -35,7 +35,7 @@ PARAMETERS: Final = (
     Parameter(
         name="fix_wait_s",
         default=2.0,
-        description="how long a record may wait for a fix from after the middle of its interval",
+        description="longest wait of a record for a fix from after the middle of its interval",
         unit="s",
         low=0.0,
         high=60.0,
@@ -44,12 +44,16 @@ PARAMETERS: Final = (
         name="intensity_topic",
         default="",
         description="topic of the incoming cosmic-ray intensity (std_msgs/Float64), in the unit of the site's "
-        "reference; empty to use the site file only",
+        "reference; empty to use only the site file",
     ),
     Parameter(name="frame_id", default="map", description="frame of the records: east, north, up about the datum"),
     Parameter(name="sensor_frame", default="crs", description="frame of the weather sensors"),
     Parameter(name="gnss_frame", default="gnss", description="frame of the GNSS antenna"),
-    Parameter(name="autostart", default=True, description="whether to configure and activate from the start"),
+    Parameter(
+        name="autostart",
+        default=True,
+        description="whether the driver configures and activates itself at the start",
+    ),
 )
 SETTINGS: Final = ("logger_uri", "logger_format", "gnss_uri", "silence_limit_s", "fix_wait_s")
-"""Those that :class:`DriverSettings` has, too."""
+"""Parameters that are settings of :class:`DriverSettings`."""

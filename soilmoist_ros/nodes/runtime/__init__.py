@@ -1,1 +1,1 @@
-"""What every node process shares: start and end, quality of service, loopback discovery."""
+"""Shared by all node processes: start and end, quality of service, discovery on loopback."""

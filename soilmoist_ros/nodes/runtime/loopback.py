@@ -1,4 +1,4 @@
-"""A ROS domain of one's own on the loopback interface: nothing outside this machine takes part."""
+"""A private ROS domain on the loopback interface, which no other machine can join."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 
 DOMAINS = range(1, 101)
-"""Domains whose ports lie below those that Linux hands out to programs."""
+"""Domains whose ports are below the ephemeral ports of Linux."""
 
 
 @contextlib.contextmanager
 def free_domain() -> Iterator[int]:
-    """A domain that no other system started like this uses on this machine, for as long as it is held.
+    """A domain that no other caller of this function on this machine uses until it is released.
 
     :raises InputError: if all are in use, or no lock can be made
     """
@@ -39,13 +39,13 @@ def free_domain() -> Iterator[int]:
 
 
 def loopback_environment(domain: int) -> dict[str, str]:
-    """Environment variables of processes that shall meet on the loopback interface only.
+    """Environment variables of processes that communicate on the loopback interface only.
 
     :param domain: number of the ROS domain
     """
     return {
         "ROS_DOMAIN_ID": str(domain),
-        # What a robot's shell may have set would lead elsewhere, or nowhere.
+        # Settings of a robot's shell must not apply here.
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "ROS_STATIC_PEERS": "",
         "ROS_DISCOVERY_SERVER": "",

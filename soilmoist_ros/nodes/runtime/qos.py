@@ -7,10 +7,10 @@ from typing import Final
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 RECORDS: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""Counted records: none may be lost, also not while a receiver is busy for a quarter of an hour."""
+"""Counted records: none may be lost, even if a receiver is busy for a quarter of an hour."""
 
 SENSOR: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Fixes and weather: only the newest matters, and drivers of other makers publish them like this."""
+"""Fixes and weather: only the latest matters, and drivers of other makers publish like this."""
 
 LATCHED: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -18,7 +18,7 @@ LATCHED: Final = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Maps, plans and states: who comes late gets the last one."""
+"""Maps, plans and states: a late receiver gets the last one."""
 
 VISITS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -29,7 +29,7 @@ VISITS: Final = QoSProfile(
 """Finished stops: a late receiver gets those of the last hours."""
 
 DEFAULT: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""What other tools expect of ``/diagnostics`` and goal poses."""
+"""``/diagnostics`` and goal poses, as other tools expect them."""
 
 CLOCK: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Simulated time: an old time is worth nothing."""
+"""Simulated time: only the latest matters."""

@@ -1,4 +1,4 @@
-"""Start a node as a process, and end it in good order."""
+"""Run a node as a process, and end it cleanly."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from rclpy.signals import SignalHandlerOptions
 from soilmoist_ros.foundation.errors import SoilmoistError
 
 THREADS = 2
-"""One for work that takes a moment, one so that services and diagnostics answer meanwhile."""
+"""One for longer work, one for services and diagnostics in the meantime."""
 
 
 def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
-    """Run a node until it is interrupted; what every ``main`` calls.
+    """Run a node until it is interrupted; every ``main`` calls this.
 
-    A node may have a ``close()``, which is called at the end, and a flag ``finished``, which ends the process.
+    A node may have a method ``close()``, which is called at the end, and a flag ``finished``, which ends the
+    process.
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node
-    :param threads: threads for callbacks; 1 for a node with many short ones, which is ten times cheaper for each
+    :param threads: threads for callbacks; for many short callbacks one thread is ten times cheaper
     """
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(threads)
@@ -49,8 +50,8 @@ def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
                 executor.spin_once(timeout_sec=0.5)
             except ExternalShutdownException:
                 break
-            except Exception:  # a mistake of ours in one callback must not end a mission
-                node.get_logger().error(f"a callback failed; going on\n{traceback.format_exc()}")
+            except Exception:  # a bug in one callback must not end a mission
+                node.get_logger().error(f"a callback failed; the node continues\n{traceback.format_exc()}")
     except SoilmoistError as error:
         print(f"{error}", file=sys.stderr, flush=True)
         code = 2
@@ -59,7 +60,7 @@ def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
         if close is not None:
             close()
         pool = getattr(executor, "_executor", None)
-        if pool is not None:  # rclpy's shutdown does not wait for callbacks under way, which then fail
+        if pool is not None:  # rclpy's shutdown does not wait for running callbacks, which then fail
             pool.shutdown()
         executor.shutdown(timeout_sec=2.0)
         if node is not None:

@@ -15,17 +15,17 @@ from types import TracebackType
 
 _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
-# Looked up here: between fork and exec a process may do little, least of all load a library.
+# Loaded here: between fork and exec a process must not load a library.
 _prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
 
 
 class ProcessGroup:
-    """Processes of nodes; none outlives the group, however that ends. Use as a context manager.
+    """Processes of nodes; none outlives the group. Use as a context manager.
 
-    On Linux they are asked to end (SIGTERM) even when this process is killed. For the kernel that is when the
-    *thread* ends which started them: start them in one that lasts.
+    On Linux they receive SIGTERM even if this process is killed. The kernel sends it when the *thread* that
+    started them ends, so start them in a thread that lasts.
 
-    :param environment: environment variables beside those of this process
+    :param environment: environment variables in addition to those of this process
     :param log_folder: each node's output goes to ``NAME.log`` in it, with _ for /; made if missing
     """
 
@@ -63,7 +63,7 @@ class ProcessGroup:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                start_new_session=True,  # Ctrl-C on the terminal is ours to pass on, in the right order
+                start_new_session=True,  # Ctrl-C on the terminal must end the nodes in the right order
                 preexec_fn=lambda: _end_with_parent(parent),
             )
 
@@ -76,14 +76,14 @@ class ProcessGroup:
         return {name: process.returncode for name, process in self._processes.items() if _has_ended(process)}
 
     def stop(self, limit_s: float = 15.0) -> None:
-        """End all nodes, the last started first; one that does not end in time is killed.
+        """End all nodes, the last started first. A node that does not end in time is killed.
 
-        :param limit_s: time that each node gets [s]
+        :param limit_s: time limit of each node [s]
         """
         try:
             for process in reversed(self._processes.values()):
                 _interrupt(process, limit_s)
-        finally:  # also when the user does not want to wait
+        finally:  # even if the user interrupts the wait
             for process in self._processes.values():
                 if process.returncode is None:
                     _kill_group(process)
@@ -92,7 +92,7 @@ class ProcessGroup:
 
 
 def _interrupt(process: subprocess.Popen[bytes], limit_s: float) -> None:
-    """Ask a process to end, and see that it does."""
+    """Send SIGINT to a process, and wait for its end."""
     if _has_ended(process):
         return
     process.send_signal(signal.SIGINT)
@@ -102,9 +102,9 @@ def _interrupt(process: subprocess.Popen[bytes], limit_s: float) -> None:
 
 
 def _has_ended(process: subprocess.Popen[bytes]) -> bool:
-    """Whether a process has ended; what it has started then ends with it."""
+    """Whether a process has ended; the processes that it started are killed then."""
     if process.returncode is None and process.poll() is not None:
-        _kill_group(process)  # at once: later on the number may be another's
+        _kill_group(process)  # at once: later the number may belong to another process
     return process.returncode is not None
 
 
@@ -114,9 +114,9 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
 
 
 def _end_with_parent(parent: int) -> None:
-    """Let the kernel end this process when the one that started it is killed; called between fork and exec."""
+    """Let the kernel end this process when its parent is killed; called between fork and exec."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _prctl is not None:
         _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:  # it was killed meanwhile
+        if os.getppid() != parent:  # it was killed in the meantime
             os._exit(1)

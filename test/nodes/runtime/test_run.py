@@ -69,7 +69,7 @@ def test_a_failing_callback_does_not_end_it(ros, example):
     client = ros.node.create_client(Trigger, "break")
     ros.wait_for(client.service_is_ready)
     client.call_async(Trigger.Request())
-    ros.wait_for(lambda: "a callback failed; going on" in process.output())
+    ros.wait_for(lambda: "a callback failed; the node continues" in process.output())
     ros.call(Trigger, "end")
     assert process.wait() == 0
     assert "RuntimeError: a mistake" in process.output()

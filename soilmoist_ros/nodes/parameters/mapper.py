@@ -1,0 +1,68 @@
+"""Parameters of ``mapper``."""
+
+from __future__ import annotations
+
+from typing import Final, get_args
+
+from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.nodes.parameters.parameter import Parameter
+
+PARAMETERS: Final = (
+    Parameter(name="field", default="", description="field file, or the name of a shipped one"),
+    Parameter(
+        name="site", default="", description="site file, or the name of a shipped one; empty for a rate map only"
+    ),
+    Parameter(
+        name="cell_m",
+        default=0.0,
+        description="cell size of the map; 0 for the cell size of the field file",
+        unit="m",
+        low=0,
+    ),
+    Parameter(
+        name="model", default="matern32", description="variogram model", choices=(*VARIOGRAM_MODELS.names(),)
+    ),
+    Parameter(
+        name="fit", default="reml", description="method that fits the variogram", choices=get_args(FitMethod)
+    ),
+    Parameter(
+        name="keep_nugget",
+        default=True,
+        description="whether the map includes the micro-scale variation (the nugget)",
+    ),
+    Parameter(
+        name="merge_radius_m",
+        default=0.0,
+        description="records within this distance become one sample; 0 for a radius chosen from footprint "
+        "and extent of the field",
+        unit="m",
+        low=0,
+        high=1000,
+    ),
+    Parameter(name="frame", default="map", description="frame of all published messages"),
+    Parameter(
+        name="start_from",
+        default="",
+        description="save folder, bag, or journal of an interrupted mission whose records the map starts "
+        "with; empty for none",
+    ),
+    Parameter(
+        name="start_property",
+        default="",
+        description="property in start_from whose records the map starts with, as in the planner's "
+        "properties; empty for the planner's own field",
+    ),
+    Parameter(
+        name="others",
+        default=[],
+        description="namespaces of other robots on the field whose counts are mapped as well; the own "
+        "namespace is ignored",
+    ),
+    Parameter(name="save_dir", default="soilmoist_map", description="folder that the service save writes to"),
+    Parameter(
+        name="simulated",
+        default=False,
+        description="whether the counts are simulated; every output is marked then",
+    ),
+)
