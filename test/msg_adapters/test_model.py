@@ -106,7 +106,7 @@ def good(**changes):
         ("[1]", "the model is not a JSON object"),
         ("{}", "the model has no key 'stamp_s'"),
         ('{"stamp_s": 1}', "the model has no key 'model'"),
-        (good(model="cubic"), "unknown variogram model 'cubic'"),
+        (good(model="cubic"), "there is no variogram model 'cubic'"),
         (good(model=["matern32"]), "a value of another kind"),
         (good(range_m=0), "range_m must be > 0"),
         (good(sill=0.05), "total sill"),

@@ -344,7 +344,7 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
         ),
         (
             "  points: a.csv\n  variogram: {model: linear}\n",
-            "field.yaml:6 [truth.variogram.model]: input should be",
+            "field.yaml:6 [truth.variogram.model]: there is no variogram model 'linear'",
         ),
         ("  points: a.csv\n  variogram: {nugget: 2, sill: 1}\n", "'sill' is the total sill and must be greater"),
         ("  formula: half\n", "field.yaml:5 [truth.formula]: a formula is a block of keys with a 'family'"),
