@@ -29,7 +29,8 @@ def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> di
     import resource
 
     from soilmoist_ros.cli.map_workers import tile_workers
-    from soilmoist_ros.mapping import FieldGrid, Variogram, make_soil_map, merge_records
+    from soilmoist_ros.mapping import FieldGrid, Variogram, make_soil_map
+    from soilmoist_ros.mapping.samples.samples import merge_records
 
     rng = np.random.default_rng(1)
     side = SPACING_M * np.sqrt(samples)

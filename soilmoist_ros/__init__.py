@@ -5,4 +5,11 @@ The folders follow the data: ``sensing`` turns logger bytes into corrected, geo-
 writes that map for people and for other programs, ``simulation`` makes data of known truth.
 """
 
+import os
+
+# Read when numpy is imported. Matrices are small: with more BLAS threads a map takes longer, and its last digits
+# differ from one run to the next, so that it could not be computed again bit for bit.
+for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
 __version__ = "0.1.0"

@@ -5,7 +5,6 @@ Each subcommand imports what it needs when it runs, so that ``--help`` answers a
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,10 +16,6 @@ from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report
 from soilmoist_ros.cli.recordings import bag_group, demo_command, replay_command
 from soilmoist_ros.cli.simulate import campaign_command, simulate_command
 from soilmoist_ros.foundation.errors import InputError, Mistake
-
-# Before numpy is imported, as in the nodes: with more threads the last digits of a map are others, and its many
-# small matrices take longer.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun

@@ -23,7 +23,7 @@ USUAL_CELLS_ACROSS = 50
 """Cells that :func:`default_cell_m` puts across the longer side."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FieldGrid:
     """Square cells over a field. Rows run south to north, columns west to east.
 
@@ -35,6 +35,10 @@ class FieldGrid:
     :param mask: cells whose centre is inside the field, shape (ny, nx)
     :param polygons: outlines of the field, each of shape (k, 2), not closed [m]
     :param holes: outlines of the no-go areas cut out of them, likewise
+
+    >>> grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40)], cell_m=5.0)
+    >>> grid
+    FieldGrid(8 x 12 cells of 5 m, 48 inside)
     """
 
     x_m: Array
@@ -96,6 +100,10 @@ class FieldGrid:
         width, height = np.ptp(points, axis=0) + 2 * margin_m
         chosen = cell_m or default_cell_m((width, height), margin_m)
         return cls.from_polygon(shapely.get_coordinates(outline.exterior), chosen)
+
+    def __repr__(self) -> str:
+        rows, columns = self.shape
+        return f"FieldGrid({rows} x {columns} cells of {self.cell_m:g} m, {np.count_nonzero(self.mask)} inside)"
 
     @property
     def shape(self) -> tuple[int, int]:

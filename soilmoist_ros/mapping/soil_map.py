@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation.extras import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
@@ -20,8 +21,13 @@ from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
 Array = NDArray[np.float64]
 
+_UNITS = {"rate": "counts/s", "rate_sd": "counts/s", "vwc": "m3/m3", "vwc_sd": "m3/m3"}
 MAX_EXACT_SAMPLES = 2000
 """Up to so many samples a map is exact; beyond, each tile of it is made of the samples around."""
 
@@ -120,6 +126,28 @@ class SoilMap:
     def accuracy(self) -> Accuracy | None:
         """How far a map made tile by tile is from the exact one; ``None`` if it is exact."""
         return self.made_by.accuracy if isinstance(self.made_by, TiledKriging) else None
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The cells inside the field, one row each: x_m, y_m and the four bands; needs pandas.
+
+        :raises InputError: if pandas is not installed
+        """
+        x_m, y_m = self.grid.cells.T
+        bands = {name: band[self.grid.mask] for name, band in self.bands._asdict().items()}
+        frame: pandas.DataFrame = optional_module("pandas", "frames").DataFrame({"x_m": x_m, "y_m": y_m, **bands})
+        return frame
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The four bands over (y, x), in metres from the datum of the field; needs xarray.
+
+        :raises InputError: if xarray is not installed
+        """
+        module = optional_module("xarray", "frames")
+        bands = {name: (("y", "x"), band, {"units": _UNITS[name]}) for name, band in self.bands._asdict().items()}
+        axes = {"y": ("y", self.grid.y_m, {"units": "m"}), "x": ("x", self.grid.x_m, {"units": "m"})}
+        about = {"variogram_model": self.variogram.model, "samples": len(self.samples)}
+        dataset: xarray.Dataset = module.Dataset(bands, axes, about)
+        return dataset
 
     def evaluate(self, xy: ArrayLike) -> Bands:
         """The four bands at any points, inside the field or not.

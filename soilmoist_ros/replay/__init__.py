@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING, Any
-
-# As in the nodes, and before numpy is imported: with more threads the last digits of the map are others.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
     from soilmoist_ros.replay.bag_map import Replay, ReplaySettings, replay_bag

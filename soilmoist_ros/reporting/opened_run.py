@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.extras import optional_module
 
 if TYPE_CHECKING:
     import geopandas
@@ -87,7 +88,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such map, or xarray is not installed
         """
-        module = _extra("xarray")
+        module = optional_module("xarray", "frames")
         bands, transform, crs = self._raster(name)
         height, width = next(iter(bands.values())).shape
         places = {
@@ -103,7 +104,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such property, or pandas is not installed
         """
-        frame: pandas.DataFrame = _extra("pandas").DataFrame(self.samples(name))
+        frame: pandas.DataFrame = optional_module("pandas", "frames").DataFrame(self.samples(name))
         return frame
 
     def to_geodataframe(self, name: str = "") -> geopandas.GeoDataFrame:
@@ -111,7 +112,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such property, or geopandas is not installed
         """
-        module, columns = _extra("geopandas"), self.samples(name)
+        module, columns = optional_module("geopandas", "frames"), self.samples(name)
         points = module.points_from_xy(columns.pop("longitude_deg"), columns.pop("latitude_deg"))
         frame: geopandas.GeoDataFrame = module.GeoDataFrame(columns, geometry=points, crs="EPSG:4326")
         return frame
@@ -189,11 +190,3 @@ def _visit(row: dict[str, str]) -> Visit:
         if text or field.default is MISSING:
             values[field.name] = kinds[str(field.type)](text or "nan" if field.type == "float" else text)
     return Visit(**values)
-
-
-def _extra(module: str) -> Any:
-    """A module of an optional extra."""
-    try:
-        return __import__(module)
-    except ImportError:
-        raise InputError(f"{module} is not installed", 'pip install "soilmoist_ros[frames]"') from None

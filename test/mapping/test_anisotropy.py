@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.exploration.planning.efficiency import least_variance
-from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, estimate_variogram
+from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
 from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import isotropic_plane
 from soilmoist_ros.mapping.variogram.reml import ANISOTROPY_PENALTY, RestrictedLikelihood, maximise_reml
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping import FieldGrid, Samples, estimate_variogram, make_soil_map
+from soilmoist_ros.mapping import FieldGrid, Samples, make_soil_map
 from soilmoist_ros.mapping.field_map import (
     LATER_REFIT_GROWTH,
     MANY_SAMPLES,
@@ -20,6 +20,7 @@ from soilmoist_ros.mapping.field_map import (
 from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, merge_records
 from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, way_spread
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import FieldGrid, default_cell_m
+from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.mapping.grid import default_cell_m
 
 SQUARE = [[0, 0], [10, 0], [10, 10], [0, 10]]
 

@@ -1,7 +1,11 @@
+import sys
+
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, estimate_variogram, make_soil_map
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 FIELD = FieldGrid.from_polygon([[0, 0], [60, 0], [60, 50], [20, 50]], 2.0)
@@ -79,3 +83,32 @@ def test_samples_may_lie_outside_the_field():
 def test_no_samples_make_no_map():
     with pytest.raises(ValueError, match="at least one sample"):
         make_soil_map(Samples([], [], []), FIELD, MODEL)
+
+
+def test_cells_as_a_table_and_bands_over_their_axes():
+    pytest.importorskip("pandas")
+    soil_map = make_soil_map(survey(), FIELD, MODEL, CURVE)
+    table = soil_map.to_dataframe()
+    assert list(table) == ["x_m", "y_m", "rate", "rate_sd", "vwc", "vwc_sd"]
+    np.testing.assert_array_equal(table[["x_m", "y_m"]], FIELD.cells)
+    np.testing.assert_array_equal(table["vwc"], soil_map.vwc[FIELD.mask])
+    pytest.importorskip("xarray")
+    dataset = soil_map.to_xarray()
+    assert dataset.rate.dims == ("y", "x")
+    assert dataset.vwc_sd.attrs["units"] == "m3/m3"
+    x_m, y_m = FIELD.cells[7]
+    assert dataset.rate.sel(x=x_m, y=y_m) == pytest.approx(soil_map.evaluate([(x_m, y_m)]).rate[0])
+    np.testing.assert_array_equal(dataset.vwc, soil_map.vwc)
+
+
+@pytest.mark.parametrize(("module", "method"), [("pandas", "to_dataframe"), ("xarray", "to_xarray")])
+def test_without_the_extra_it_says_how_to_install_it(monkeypatch, module, method):
+    monkeypatch.setitem(sys.modules, module, None)
+    soil_map = make_soil_map(survey(), FIELD, MODEL)
+    with pytest.raises(InputError, match=rf'{module} is not installed -> pip install "soilmoist_ros\[frames\]"'):
+        getattr(soil_map, method)()
+
+
+def test_a_map_shows_itself_in_a_line():
+    assert repr(make_soil_map(survey(), FIELD, MODEL)).startswith("SoilMap(")
+    assert "\n" not in repr(FIELD)

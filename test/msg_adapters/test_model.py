@@ -14,8 +14,9 @@ if platform.machine() != "x86_64":
 from std_msgs.msg import String
 
 from msg_adapters.model import Model, model_from_message, model_to_message
-from soilmoist_ros.mapping import Variogram, VariogramFit, estimate_variogram
+from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.fit import VariogramFit, estimate_variogram
 
 numbers = st.floats(allow_infinity=False, allow_nan=False)
 positive = st.floats(1e-300, 1e300)

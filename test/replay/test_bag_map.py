@@ -374,7 +374,7 @@ def test_messages_of_others_named_mission_are_ignored(tmp_path):
 @pytest.mark.process
 def test_one_thread_computes_unless_somebody_has_said_otherwise():
     program = (
-        "import sys; assert 'numpy' not in sys.modules; import soilmoist_ros.replay, os;"
+        "import sys; assert 'numpy' not in sys.modules; import soilmoist_ros.mapping, os;"
         "print(os.environ['OPENBLAS_NUM_THREADS'])"
     )
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
+import sys
 from dataclasses import fields
 
 import numpy as np
@@ -87,13 +87,6 @@ def test_what_is_missing_is_named_with_a_remedy(run, tmp_path, monkeypatch):
         open_run(tmp_path)
     with pytest.raises(InputError, match=r"there is no map_salt.tif -> the properties with a map are: ''"):
         run.bands("salt")
-    installed = builtins.__import__
-
-    def without(name, *arguments):
-        if name == "xarray":
-            raise ImportError(name)
-        return installed(name, *arguments)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(InputError, match=r"xarray is not installed -> pip install"):
         run.to_xarray()

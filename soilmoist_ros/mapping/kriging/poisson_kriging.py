@@ -67,6 +67,13 @@ class PoissonKriging:
         what was added to the diagonal of the matrix to make it positive definite [(counts/s)^2]
     noise_mean_rate : float
         the m* in use [counts/s]; :meth:`add` keeps it until the data's has drifted by 1 %
+
+    >>> kriging = PoissonKriging(Variogram("matern32", nugget=0.0, range_m=15.0, sill=0.5))
+    >>> kriging.fit([(0, 0), (20, 0)], counts=[300, 500], exposure_s=[100.0, 100.0])
+    PoissonKriging(matern32, 2 places)
+    >>> rate, variance = kriging.predict([(5, 0), (1000, 0)])
+    >>> rate.round(2), variance.round(2)
+    (array([3.46, 4.  ]), array([0.11, 0.85]))
     """
 
     def __init__(self, variogram: Variogram, keep_nugget: bool = True, mean_rate: float | None = None) -> None:
@@ -82,6 +89,9 @@ class PoissonKriging:
         self._record_place: NDArray[np.intp] = np.empty(0, int)
         self._places = NO_SAMPLES
         self._system = no_system(variogram)
+
+    def __repr__(self) -> str:
+        return f"PoissonKriging({self.variogram.model}, {len(self._places)} places)"
 
     # -- samples ---------------------------------------------------------------------------------------
 

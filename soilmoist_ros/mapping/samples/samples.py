@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.samples.spread import without_noise
+
+if TYPE_CHECKING:
+    import geopandas
+    import pandas
 
 Array = NDArray[np.float64]
 
@@ -29,6 +36,9 @@ class Samples:
     :param spread: second moments (sxx, sxy, syy) of the area over which each was counted, shape (n, 3) or (3,)
         for all, zero for a point [m^2]; see :mod:`support`
     :raises ValueError: if the shapes do not agree or a value is out of range; names the first offender
+
+    >>> Samples([(0, 0), (10, 0)], counts=[310, 295], exposure_s=[100.0, 100.0])
+    Samples(2 of 200 s and 605 counts in all)
     """
 
     xy: Array
@@ -61,6 +71,33 @@ class Samples:
         """These samples and, behind them, more."""
         columns = ("xy", "counts", "exposure_s", "spread")
         return Samples(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in columns))
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row a sample: x_m, y_m, raw_counts, effective_exposure_s, rate_cps, rate_sd_cps; needs pandas.
+
+        :raises InputError: if pandas is not installed
+        """
+        columns = {
+            "x_m": self.xy[:, 0],
+            "y_m": self.xy[:, 1],
+            "raw_counts": self.counts,
+            "effective_exposure_s": self.exposure_s,
+            "rate_cps": self.rate_cps,
+            "rate_sd_cps": self.rate_sd_cps,
+        }
+        frame: pandas.DataFrame = optional_module("pandas", "frames").DataFrame(columns)
+        return frame
+
+    def to_geodataframe(self, frame: LocalFrame) -> geopandas.GeoDataFrame:
+        """The columns of :meth:`to_dataframe` at points in WGS-84; needs geopandas.
+
+        :param frame: plane about the datum of the field
+        :raises InputError: if geopandas is not installed
+        """
+        module, places = optional_module("geopandas", "frames"), frame.to_geographic(self.xy)
+        points = module.points_from_xy(places[:, 1], places[:, 0])
+        table: geopandas.GeoDataFrame = module.GeoDataFrame(self.to_dataframe(), geometry=points, crs="EPSG:4326")
+        return table
 
     @property
     def rate_cps(self) -> Array:

@@ -77,7 +77,12 @@ def fit_variogram(
     spread: ArrayLike | None = None,
     anisotropy: bool = True,
 ) -> Variogram:
-    """Fit a variogram; :func:`estimate_variogram` without the story. Same parameters, same errors."""
+    """Fit a variogram; :func:`estimate_variogram`, without what the fit was like. Same parameters, same errors.
+
+    >>> xy = [(0, 0), (10, 0), (20, 5), (40, 10), (45, 30)]
+    >>> fit_variogram(xy, counts=[300, 320, 380, 500, 470], exposure_s=[100.0] * 5, extent_m=60.0).model
+    'matern32'
+    """
     return estimate_variogram(
         xy,
         counts,

@@ -74,7 +74,8 @@ def variogram_chart(run: MapRun) -> Figure:
 
 def empirical_classes(run: MapRun) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Lag [m], semivariance [(counts/s)^2] and weight of the distance classes with samples."""
-    from soilmoist_ros.mapping import default_edges, empirical_semivariogram
+    from soilmoist_ros.mapping import empirical_semivariogram
+    from soilmoist_ros.mapping.variogram.semivariogram import default_edges
 
     samples, fit = run.soil_map.samples, run.soil_map.fit
     empty = np.empty(0)

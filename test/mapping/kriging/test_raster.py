@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping import (
-    FieldGrid,
-    PoissonKriging,
-    Samples,
-    Variogram,
-    make_soil_map,
-)
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.kriging import covariances, tile_covariances
 from soilmoist_ros.mapping.kriging import raster as raster_module
 from soilmoist_ros.mapping.kriging import rows as kriging_rows

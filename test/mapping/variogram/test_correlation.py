@@ -9,9 +9,10 @@ import pydantic
 import pytest
 
 from soilmoist_ros.foundation import registry
-from soilmoist_ros.mapping import Samples, Variogram, estimate_variogram
+from soilmoist_ros.mapping import Samples, Variogram
 from soilmoist_ros.mapping.variogram import correlation
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN, VARIOGRAM_MODELS, CorrelationModel, ModelName
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 
 def cauchy(q):

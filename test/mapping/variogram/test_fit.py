@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from soilmoist_ros.mapping import Variogram, estimate_variogram, fit_variogram
+from soilmoist_ros.mapping import Variogram, fit_variogram
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 METHODS = ["reml", "soft_l1"]
 

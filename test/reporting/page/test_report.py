@@ -10,7 +10,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import Variogram, estimate_variogram, make_soil_map
+from soilmoist_ros.mapping import Variogram, make_soil_map
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.report import readout, render_report
 from soilmoist_ros.reporting.page.style import Picture
