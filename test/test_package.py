@@ -214,7 +214,9 @@ def test_the_team_of_the_robot_page_is_what_the_nodes_read():
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
-def test_the_python_of_a_page_runs(page, capsys):
+def test_the_python_of_a_page_runs(page, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     rng = np.random.default_rng(1)
     xy = rng.uniform(0, 50, (30, 2))
     names = {"xy": xy, "xy_new": xy[:3] + 1, "counts": rng.poisson(1000, 30), "exposure_s": np.full(30, 300.0)}
