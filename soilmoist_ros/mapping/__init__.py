@@ -5,8 +5,9 @@ A :class:`FieldMap` takes records or samples and makes a :class:`SoilMap` of the
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.foundation.lazy import load_on_use
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping.field import Field, load_field
@@ -34,23 +35,4 @@ __all__ = [
     "make_soil_map",
 ]
 
-_MODULES = {
-    "Field": "field",
-    "FieldGrid": "grid",
-    "FieldMap": "field_map",
-    "FieldMapSettings": "field_map",
-    "PoissonKriging": "kriging.poisson_kriging",
-    "Samples": "samples.samples",
-    "SoilMap": "soil_map",
-    "Variogram": "variogram.model",
-    "empirical_semivariogram": "variogram.semivariogram",
-    "fit_variogram": "variogram.fit",
-    "load_field": "field",
-    "make_soil_map": "soil_map",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = load_on_use(__name__, __file__)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.foundation.lazy import load_on_use
 
 if TYPE_CHECKING:
     from soilmoist_ros.replay.bag_map import Replay, ReplaySettings, replay_bag
 
 __all__ = ["Replay", "ReplaySettings", "replay_bag"]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(name)
-    from soilmoist_ros.replay import bag_map
-
-    return getattr(bag_map, name)
+__getattr__ = load_on_use(__name__, __file__)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.foundation.lazy import load_on_use
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.campaign.report import write_campaign_report
@@ -32,23 +33,4 @@ __all__ = [
     "write_samples",
 ]
 
-_MODULES = {
-    "FieldSurvey": "field_survey",
-    "MapRun": "run",
-    "OpenedRun": "opened_run",
-    "open_run": "opened_run",
-    "open_survey": "field_survey",
-    "summary": "files.summary",
-    "write_campaign_report": "campaign.report",
-    "write_geotiff": "files.geotiff",
-    "write_mission": "mission_report",
-    "write_outputs": "outputs",
-    "write_report": "page.report",
-    "write_samples": "files.geojson",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = load_on_use(__name__, __file__)

@@ -14,8 +14,9 @@ CountRecord(2018-05-01 14:15:00Z, x=4059.1 m, y=-4486.0 m, 305 counts, 5.68 coun
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.foundation.lazy import load_on_use
 
 if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.logger_format import load_logger_format, logger_names
@@ -43,23 +44,4 @@ __all__ = [
     "read_nmea",
 ]
 
-_MODULES = {
-    "CalibrationCurve": "moisture.curve",
-    "CountRecord": "records",
-    "LoggerRecord": "records",
-    "Site": "moisture.site",
-    "Survey": "survey.survey",
-    "Track": "position.track",
-    "load_logger_format": "formats.logger_format",
-    "load_site": "moisture.site",
-    "logger_names": "formats.logger_format",
-    "process_logs": "survey.logs",
-    "read_log": "formats.logger_reader",
-    "read_nmea": "position.nmea",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = load_on_use(__name__, __file__)
