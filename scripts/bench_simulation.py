@@ -68,7 +68,7 @@ def mission_rows(repeats: int) -> list[dict[str, object]]:
     rows = []
     for strategy in STRATEGIES:
         for label, (model, fit) in FITS.items():
-            settings = replace(AIRFIELD, strategy=strategy, variogram=model, fit=fit)
+            settings = replace(AIRFIELD, strategy=strategy, model=model, fit=fit)
             simulate_mission(settings)  # imports, and the field
             seconds = median_s(lambda settings=settings: simulate_mission(settings), repeats, time.process_time)
             row = {"what": "2 h mission, 3000 cells", "strategy": strategy, "map": label, "seconds": seconds}

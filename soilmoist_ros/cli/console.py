@@ -59,31 +59,6 @@ def report_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def property_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Options for further properties: ``--property``, and the names that earlier releases had for it."""
-
-    @wraps(command)
-    def run(*args: Any, also: str | None, also_weight: float | None, **kwargs: Any) -> None:
-        if also or also_weight is not None:
-            click.echo("warning: --also and --also-weight have become --property FIELD[:WEIGHT]", err=True)
-        if also:
-            kwargs["properties"] += (f"{also}:{1.0 if also_weight is None else also_weight}",)
-        command(*args, **kwargs)
-
-    options = (
-        click.option("--property", "properties", multiple=True, metavar="FIELD[:WEIGHT]",
-                     help="Further property that the robots count and map: a built-in field, or a field file with "
-                     "a truth, on the same ground. The planner gives it this weight, --field has 1; with 0 it is "
-                     "mapped only. Repeatable."),
-        click.option("--also", hidden=True),
-        click.option("--also-weight", type=click.FloatRange(min=0), hidden=True),
-    )  # fmt: skip
-    wrapped: Callable[..., None] = run
-    for option in options:
-        wrapped = option(wrapped)
-    return wrapped
-
-
 def rate_error(mse: float, coverage95: float) -> str:
     """How good a map of a rate is: mean squared error [(counts/s)^2], and share of the cells in their interval."""
     return f"MSE {mse:.4f} (counts/s)2, {100 * coverage95:.0f} % of the cells within their 95 % interval"

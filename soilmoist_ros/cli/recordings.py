@@ -13,14 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.console import (
-    FILE,
-    VariogramModel,
-    progress_bar,
-    property_options,
-    rate_error,
-    report_errors,
-)
+from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,25 +22,30 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.live.live_mission import LiveMission
 
 _SHOW_S = 0.5
+DEMO = ("field", "strategy", "dwell", "hours", "seed", "model", "fit", "preset", "properties")
+"""Settings of a mission that the demo has as options."""
+DEMO_HOURS = 1.0
+"""Mission time of a demo if none is given [h]: a minute with the default time factor."""
 
 
 @click.command("demo")
-@click.option("--field", default="synthetic-high", show_default=True,
-              help="Built-in field, or a field file with a truth.")  # fmt: skip
-@click.option("--strategy", default="gcb", show_default=True, help="As of soilmoist simulate.")
-@click.option("--dwell", default="optimal", show_default=True, help="As of soilmoist simulate.")
-@click.option("--hours", type=click.FloatRange(min=0.05), default=1.0, show_default=True,
-              help="Simulated time of the mission [h].")  # fmt: skip
-@click.option("--speed", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
+@mission_options(DEMO)
+@click.option("--time-factor", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
               help="Simulated time per real time.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all randomness.")
+@click.option("--speed", "old_speed", type=float, hidden=True)
 @click.option("--navigator", type=click.Choice(["goto_node", "goal_pose"]),
               help="How goals are sent. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
 @click.option("--scenario", default="", help="What goes wrong: thorvald, bad_link, or a file. Default: nothing.")
-@property_options
 @click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
 @report_errors
-def demo_command(out: Path, navigator: str | None, properties: tuple[str, ...], **choices: Any) -> None:
+def demo_command(
+    out: Path,
+    navigator: str | None,
+    choices: dict[str, Any],
+    old_speed: float | None,
+    time_factor: float,
+    scenario: str,
+) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out, and
@@ -55,16 +54,18 @@ def demo_command(out: Path, navigator: str | None, properties: tuple[str, ...], 
     for module, remedy in (("rclpy", "scripts/demo sets it up; on a robot, source /opt/ros/jazzy/setup.bash"),):
         if importlib.util.find_spec(module) is None:
             raise InputError(f"{module} is not installed", remedy)
+    if old_speed is not None:
+        click.echo("warning: --speed of the demo has become --time-factor", err=True)
+        time_factor = old_speed
     if navigator is None:
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
     from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
     from soilmoist_ros.reporting import write_outputs
-    from soilmoist_ros.simulation.mission.settings import PropertySettings
 
     try:
         with _live_view() as show:
-            wanted = tuple(map(PropertySettings.parse, properties))
-            replay = run_demo(DemoSettings(out=out, navigator=navigator, properties=wanted, **choices), show)
+            mission = chosen_settings({"hours": DEMO_HOURS, **choices})
+            replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario), show)
     except KeyboardInterrupt:
         click.echo(f"interrupted: the nodes have ended; soilmoist replay {out} maps what was recorded", err=True)
         sys.exit(130)

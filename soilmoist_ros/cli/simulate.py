@@ -8,58 +8,15 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import (
-    FILE,
-    VariogramModel,
-    progress_bar,
-    property_options,
-    rate_error,
-    report_errors,
-)
+from soilmoist_ros.cli.console import FILE, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
 
 
 @click.command("simulate")
-@click.option(
-    "--field", default="synthetic-high", show_default=True, help="Built-in field, or a field file with a truth."
-)
-@click.option("--strategy", default="greedy", show_default=True,
-              help="greedy, monte_carlo, adaptive_sampling, random, lattice, ivr or gcb.")  # fmt: skip
-@click.option("--dwell", default="ami:0.03", show_default=True,
-              help="fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) is that) or optimal.")  # fmt: skip
-@click.option(
-    "--hours", type=click.FloatRange(min=0, min_open=True), help="Mission time [h]. Default: the field's."
-)
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all randomness.")
-@click.option("--variogram", type=VariogramModel(), default="gaussian", show_default=True, help="Variogram model.")
-@click.option("--fit", type=click.Choice(["soft_l1", "reml"]), default="soft_l1", show_default=True,
-              help="Variogram fit: the published one, or restricted maximum likelihood.")  # fmt: skip
-@click.option("--preset", type=click.Choice(["paper", "authors"]), default="paper", show_default=True,
-              help="Constants of the strategies: the paper's text, or the authors' experiments.")  # fmt: skip
-@click.option("--map-from", type=click.Choice(["stops", "records"]), default="stops", show_default=True,
-              help="Map what is counted at the stops, as published, or on the way too.")  # fmt: skip
-@click.option("--target", type=click.Choice(["rate", "vwc"]), default="rate", show_default=True,
-              help="What is to be known well: the rate, or the moisture (ivr, gcb, optimal).")  # fmt: skip
-@click.option(
-    "--graph", type=FILE, help='Topological map to travel on; "lattice" lays one. Default: straight lines.'
-)
-@click.option(
-    "--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m]. Default: the field's."
-)
-@click.option("--footprint", "footprint_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
-              help="Radius of the sensor's Gaussian footprint [m]; 0: a point.")  # fmt: skip
-@click.option("--speed", "speed_mps", type=click.FloatRange(min=0, min_open=True), default=0.6, show_default=True,
-              help="Speed of the robot [m/s].")  # fmt: skip
-@click.option("--robots", type=click.IntRange(min=1), default=1, show_default=True,
-              help="Robots that share one map. All begin at the same corner of the field; none goes where "
-              "another is going or counting, and they do not get in each other's way.")  # fmt: skip
-@click.option("--random-field", is_flag=True,
-              help="Draw what is random in the field (patches, random fields) from the seed as well.")  # fmt: skip
-@property_options
+@mission_options()
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
 @report_errors
-def simulate_command(
-    field: str, hours: float | None, graph: Path | None, out: Path, properties: tuple[str, ...], **choices: Any
-) -> None:
+def simulate_command(out: Path, choices: dict[str, Any]) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out, and
@@ -67,19 +24,10 @@ def simulate_command(
     """
     from soilmoist_ros.exploration.travel.travel import polyline_length_m
     from soilmoist_ros.reporting.mission_report import write_mission
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-    from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
-    settings = MissionSettings(
-        field=field,
-        hours=hours or surrogate_field(field).hours,
-        travel="free" if graph is None else "graph",
-        graph=None if graph is None or str(graph) == "lattice" else str(graph),
-        properties=tuple(map(PropertySettings.parse, properties)),
-        **choices,
-    )
+    settings = chosen_settings(choices)
     with progress_bar() as progress:
         result = simulate_mission(settings, lambda share: progress("exploring", share))
         progress("writing the results", 1.0)

@@ -94,7 +94,7 @@ def _settings(configuration: Path | None, last: Status, others: Sequence[Replaye
         hours=float(had.get("hours", (last.time_used_s + last.time_left_s) / 3600)),
         seed=int(had.get("seed", 0)),
         preset=had.get("preset", usual.preset),
-        variogram=mapper.get("model", "matern32"),
+        model=mapper.get("model", "matern32"),
         fit=mapper.get("fit", "reml"),
         travel="free" if had.get("graph") == "free" else "graph",
         properties=tuple(PropertySettings(one.name, one.weight) for one in others),

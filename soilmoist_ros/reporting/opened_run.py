@@ -154,7 +154,7 @@ def open_run(folder: Path | str) -> OpenedRun:
     >>> import tempfile
     >>> from soilmoist_ros.reporting import write_mission
     >>> from soilmoist_ros.simulation import MissionSettings, simulate_mission
-    >>> result = simulate_mission(MissionSettings(hours=0.3, cell_m=8.0, dwell="fmi:60"))
+    >>> result = simulate_mission(MissionSettings(hours=0.3, cell_m=8.0, dwell="fmi:60", preset="paper"))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = write_mission(Path(folder), result)
     ...     run = open_run(folder)

@@ -272,8 +272,9 @@ def test_the_old_options_of_one_further_property_are_read_with_a_warning(tmp_pat
     [
         (["--property", "patches"], "does not cover the field 'synthetic-high'"),
         (["--property", "rough:-1"], "'rough:-1' is not a property with a weight"),
-        (["--also-weight", "-1"], "-1.0 is not in the range x>=0"),
-        (["--robots", "0"], "0 is not in the range x>=1"),
+        (["--also", "rough", "--also-weight", "-1"], "'rough:-1.0' is not a property"),
+        (["--robots", "0"], "must be >= 1, but it is 0"),
+        (["--hours", "two"], "must be a number, but it is 'two'"),
         (["--field", "sinthetic-high"], "did you mean 'synthetic-high'"),
         (["--strategy", "gredy"], "did you mean 'greedy'"),
         (["--dwell", "ami:3"], "did you mean 'ami:3%'"),

@@ -162,8 +162,8 @@ class _Recorded(mission_simulator._Simulation):
 def mission(seed: int = 1) -> tuple[list[Event], MissionResult]:
     """What the nodes publish in a mission, and what came of it."""
     settings = MissionSettings(
-        field=FIELD, hours=0.3, seed=seed, dwell="fmi:60", cell_m=CELL_M, map_from="records", variogram="matern32",
-        fit="reml",
+        field=FIELD, hours=0.3, seed=seed, dwell="fmi:60", cell_m=CELL_M, map_from="records", model="matern32",
+        fit="reml", preset="paper",
     )  # fmt: skip
     simulation = _Recorded(settings)
     result = simulation.run(lambda share: None)

@@ -121,7 +121,7 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     assert mission is not None
     assert mission.settings.strategy == "ivr"
     simulated = simulate_mission(
-        MissionSettings(map_from="records", travel="graph", variogram="matern32", fit="reml", **choices)
+        MissionSettings(map_from="records", travel="graph", model="matern32", fit="reml", **choices)
     )
     # While the nodes think, the robot waits: on a busy machine it visits fewer places. A map of the mean rate,
     # the least that one would know of the field, is twenty times as bad as the simulated one.

@@ -34,7 +34,7 @@ def mission(monkeypatch):
     monkeypatch.syspath_prepend(str(FAKE))
     import fake_mission
 
-    return fake_mission.simulate(MissionSettings(hours=1.0, strategy="greedy"))
+    return fake_mission.simulate(MissionSettings(hours=1.0, preset="paper"))
 
 
 def with_own(mission, **changes):

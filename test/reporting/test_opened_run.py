@@ -16,7 +16,7 @@ from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 @pytest.fixture(scope="module")
 def result():
-    return simulate_mission(MissionSettings(hours=0.3, cell_m=4.0, dwell="fmi:60"))
+    return simulate_mission(MissionSettings(hours=0.3, cell_m=4.0, dwell="fmi:60", preset="paper"))
 
 
 @pytest.fixture(scope="module")

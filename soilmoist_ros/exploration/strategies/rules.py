@@ -41,11 +41,15 @@ class Preset:
 
 PRESETS = MappingProxyType(
     {
+        "recommended": Preset("recommended"),
         "paper": Preset("paper"),
         "authors": Preset("authors", 3, 4.0, 0.9, 0.5, 5.0),
     }
 )
-"""``paper``: the published text; ``authors``: the constants of the authors' experiments, which it leaves out."""
+"""``paper``: the published text; ``authors``: the constants of the authors' experiments, which it leaves out.
+
+``recommended`` has the constants of ``paper``: the recommended strategies use none of them.
+"""
 
 
 def reachable(situation: Situation) -> NDArray[np.bool_]:

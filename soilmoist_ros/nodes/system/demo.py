@@ -15,7 +15,6 @@ from soilmoist_ros.nodes.system.process_group import ProcessGroup
 from soilmoist_ros.replay import Replay, ReplaySettings, replay_bag
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 __all__ = ["DemoError", "DemoSettings", "run_demo"]
 
@@ -41,16 +40,17 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     :raises DemoError: if a node ends before the mission does
     :raises KeyboardInterrupt: if interrupted; the nodes have ended and the recording is complete
     """
-    out = settings.out.absolute()
+    out, mission = settings.out.absolute(), settings.mission
     if (out / "bag").exists():
         raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
-    field, *others = mission_fields(MissionSettings(field=settings.field, properties=settings.properties))
+    field, *others = mission_fields(mission)
     parameters = write_configuration(settings, field, out)
     grid = field.field.grid()
     truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
-    names = ("", *(one.name for one in settings.properties))
+    names = ("", *(one.name for one in mission.properties))
     live = LiveMission(
-        f" soilmoist demo: {field.title}, {settings.strategy}, {settings.dwell}, {settings.speed:g} x real time ",
+        f" soilmoist demo: {field.title}, {mission.strategy}, {mission.dwell}, "
+        f"{settings.time_factor:g} x real time ",
         [LiveMap(name, truth) for name, truth in zip(names, truths, strict=True)],
     )
     with free_domain() as domain:
@@ -64,7 +64,7 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
                     path = _with_ports(path, out, group)
                 group.start(name, path)
             _watch(group, live, show)
-    fields: dict[str | int, str] = {0: settings.field, **{one.name: one.field for one in settings.properties}}
+    fields: dict[str | int, str] = {0: mission.field, **{one.name: one.field for one in mission.properties}}
     return replay_bag(out / "bag", ReplaySettings(truths=fields))
 
 

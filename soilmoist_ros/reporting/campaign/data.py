@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.campaign.table import SETTINGS, missions_table, results_table
+from soilmoist_ros.simulation.campaign.table import missions_table, results_table
+from soilmoist_ros.simulation.mission.settings import SETTINGS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +30,7 @@ COMPARED = ("strategy", "dwell", "seed")
 """Settings within which the missions of a case differ."""
 NAMES = {
     "hours": "{} h",
-    "variogram": "{} variogram",
+    "model": "{} variogram",
     "fit": "fit {}",
     "preset": "constants: {}",
     "map_from": "map from {}",
@@ -109,8 +110,10 @@ class CampaignData:
         found = []
         for row in first.to_dict("records"):
             siblings = first[first["field"] == row["field"]]
-            differing = [name for name in NAMES if siblings[name].nunique(dropna=False) > 1]
-            extra = [NAMES[name].format(_plain(row[name])) for name in differing]
+            differing = [
+                name for name in SETTINGS if name not in COMPARED and siblings[name].nunique(dropna=False) > 1
+            ]
+            extra = [NAMES.get(name, name + ": {}").format(_plain(row[name])) for name in differing]
             namesakes = first[first["field_title"] == row["field_title"]]["field"].nunique() > 1
             name = f"{row['field_title']} ({row['field']})" if namesakes else str(row["field_title"])
             found.append(Case(int(row["case"]), str(row["field"]), ", ".join([name, *extra]), float(row["hours"])))

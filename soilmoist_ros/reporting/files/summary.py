@@ -162,9 +162,10 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
 
 
 def settings_summary(settings: MissionSettings) -> dict[str, Any]:
-    """Settings of a mission; of one further property also under the keys of earlier releases."""
+    """Settings of a mission, some also under the keys of earlier releases."""
     also = settings.properties[0] if len(settings.properties) == 1 else PropertySettings("")
-    return {**asdict(settings), "also": also.field, "also_weight": also.weight}
+    old = {"variogram": settings.model, "also": also.field, "also_weight": also.weight}
+    return {**settings.as_dict(), **old}
 
 
 def _property(mapped: MappedProperty) -> dict[str, Any]:

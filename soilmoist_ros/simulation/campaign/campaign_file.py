@@ -9,16 +9,13 @@ import logging
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
-from dataclasses import fields as dataclass_fields
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, model_validator
+from pydantic import AfterValidator, BeforeValidator, create_model, model_validator
 from pydantic import Field as Setting
 
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.foundation.configuration import (
     Section,
     config_folder,
@@ -29,14 +26,13 @@ from soilmoist_ros.foundation.configuration import (
     resource_names,
 )
 from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import did_you_mean
-from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.simulation.mission.settings import MissionSettings, Preset, PropertySettings
+from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings, PropertySettings
+from soilmoist_ros.simulation.mission.settings import Setting as MissionSetting
 
 FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
 """Short names of the published findings."""
 KEY_DIGITS = 16
+_OLD_KEYS = {"variogram": "model", "also": "properties", "also_weight": "properties"}
 _log = logging.getLogger(__name__)
 
 
@@ -62,28 +58,6 @@ def _distinct(values: tuple[int, ...]) -> tuple[int, ...]:
     return values
 
 
-def plain_dwell(text: str) -> str:
-    """A dwell rule in its plainest form, so that ``ami:3%`` and ``ami:0.03`` are the same missions.
-
-    :raises ValueError: if it is no dwell rule
-    """
-    try:
-        return str(parse_dwell(text))
-    except InputError as error:
-        raise ValueError(str(error)) from None
-
-
-def known_strategy(name: str) -> str:
-    """A strategy as it is, if there is one of the name.
-
-    :raises ValueError: if not
-    """
-    if name not in STRATEGIES:
-        known = ", ".join(STRATEGIES)
-        raise ValueError(f"there is no strategy {name!r} -> use one of: {known}{did_you_mean(name, STRATEGIES)}")
-    return name
-
-
 def _lists(value: Any) -> Any:
     """One list of properties, or one property, stands for a list of one list."""
     many = value if isinstance(value, (list, tuple)) else [value]
@@ -91,85 +65,47 @@ def _lists(value: Any) -> Any:
     return tuple(map(tuple, many)) if listed else (tuple(many),)
 
 
-def _property(text: Any) -> PropertySettings:
-    try:
-        return text if isinstance(text, PropertySettings) else PropertySettings.parse(str(text))
-    except InputError as error:
-        raise ValueError(str(error)) from None
-
-
-def _with_properties(part: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a part with ``properties`` instead of ``also`` and ``also_weight``."""
-    old = ("also", "also_weight")
-    given = {name: value for name, value in {**defaults, **part}.items() if name in old}
-    renamed = {name: value for name, value in part.items() if name not in old}
-    if len(renamed) < len(part):
-        _log.warning("the keys 'also' and 'also_weight' have become 'properties'; the next release drops them")
+def _with_new_keys(part: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a part of the file by the names of today; ``also`` and ``also_weight`` have become one."""
+    renamed = {name: value for name, value in part.items() if name not in _OLD_KEYS}
+    for name in part.keys() - renamed.keys():
+        new = _OLD_KEYS[name]
+        _log.warning("the key %r has become %r; the old one is read in this release only", name, new)
+        if new == "model":
+            renamed[new] = part[name]
+    if {"also", "also_weight"} & part.keys():
+        given = {**defaults, **part}
         weights = _many(given.get("also_weight", 1.0))
-        grid = [[f"{name}:{weight}"] for name in _many(given.get("also", "")) if name for weight in weights]
-        renamed["properties"] = grid or []
+        renamed["properties"] = [
+            [f"{name}:{weight}"] for name in _many(given.get("also", "")) if name for weight in weights
+        ]
     return renamed
 
 
 T = TypeVar("T")
 Many = Annotated[tuple[T, ...], BeforeValidator(_many), Setting(min_length=1)]
 Name = Annotated[str, Setting(min_length=1)]
-Strategy = Annotated[str, AfterValidator(known_strategy)]
-Dwell = Annotated[str, AfterValidator(plain_dwell)]
-Properties = tuple[Annotated[PropertySettings, BeforeValidator(_property)], ...]
 Positive = Annotated[float, Setting(gt=0)]
-NotNegative = Annotated[float, Setting(ge=0)]
 
 
-class Choices(Section):
-    """Values of a mission's settings; each key takes one value or a list."""
+def _key(setting: MissionSetting) -> Any:
+    """Type and default of the campaign key of a setting, for ``create_model``: one value, a list, or nothing."""
+    value = Annotated[Any, AfterValidator(setting.checked)]
+    many = BeforeValidator(_lists if setting.kind is tuple else _many)
+    listed = Annotated[tuple[value, ...], many, Setting(min_length=1)]
+    return (listed | None, Setting(default=None, description=setting.help))
 
-    field: Many[Name] | None = None
-    """Built-in surrogate fields, or field files (paths start at the campaign file)."""
-    strategy: Many[Strategy] | None = None
-    """Exploration strategies."""
-    dwell: Many[Dwell] | None = None
-    """Dwell rules: fmi:SECONDS, ami:THRESHOLD or ami:PERCENT%, or optimal."""
-    hours: Many[Positive] | None = None
-    """Mission times [h]."""
-    variogram: Many[ModelName] | None = None
-    """Variogram models."""
-    fit: Many[FitMethod] | None = None
-    """Ways of fitting the variogram."""
-    preset: Many[Preset] | None = None
-    """Constants of the exploration."""
-    map_from: Many[Literal["stops", "records"]] | None = None
-    """What is mapped: the stops only, as published, or all records, those on the way too."""
-    target: Many[Literal["rate", "vwc"]] | None = None
-    """What is to be known well: the rate, or the moisture."""
-    travel: Many[Literal["free", "graph"]] | None = None
-    """Straight lines, or the field's travel graph."""
-    graph: Many[Name] | None = None
-    """Topological maps with the travel graph, files (paths start at the campaign file)."""
-    speed_mps: Many[Positive] | None = None
-    """Speeds of the robot [m/s]."""
-    stop_overhead_s: Many[NotNegative] | None = None
-    """Times lost at each stop [s]."""
-    turn_s_per_rad: Many[NotNegative] | None = None
-    """Times for each radian turned on the way [s/rad]."""
-    cadence_s: Many[Positive] | None = None
-    """Durations of a record [s]."""
-    cell_m: Many[Positive] | None = None
-    """Cell sizes of the map [m]; the field's own if left out."""
-    footprint_m: Many[NotNegative] | None = None
-    """Radii of the sensor's footprint [m]."""
-    position_sd_m: Many[NotNegative] | None = None
-    """GNSS noise of each coordinate [m]."""
-    weather: Many[bool] | None = None
-    """Whether the weather changes."""
-    series_every_s: Many[Positive] | None = None
-    """Time between the entries of a mission's series [s]."""
-    robots: Many[Annotated[int, Setting(ge=1)]] | None = None
-    """Numbers of robots that share one map."""
-    random_field: Many[bool] | None = None
-    """Whether what is random in the field is drawn anew for each seed."""
-    properties: Annotated[tuple[Properties, ...], BeforeValidator(_lists)] | None = None
-    """Further properties of a mission, each FIELD or FIELD:WEIGHT; a list of lists makes a grid."""
+
+if TYPE_CHECKING:
+
+    class Choices(Section):
+        """Values of a mission's settings; each key takes one value or a list. The seeds are those of the runs."""
+else:
+    Choices = create_model(
+        "Choices",
+        __base__=Section,
+        **{name: _key(setting) for name, setting in SETTINGS.items() if name != "seed"},
+    )
 
 
 class Experiment(Choices):
@@ -227,10 +163,10 @@ class Campaign(Section):
         experiments = content.get("experiments")
         renamed = dict(content)
         if defaults:
-            renamed["defaults"] = _with_properties(defaults, {})
+            renamed["defaults"] = _with_new_keys(defaults, {})
         if isinstance(experiments, list):
             renamed["experiments"] = [
-                _with_properties(part, defaults) if isinstance(part, Mapping) else part for part in experiments
+                _with_new_keys(part, defaults) if isinstance(part, Mapping) else part for part in experiments
             ]
         return renamed
 
@@ -302,7 +238,7 @@ def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None
 
     :param digests: digests of field files and graphs found so far, to be extended
     """
-    values = asdict(settings)
+    values = settings.as_dict()
     digests = {} if digests is None else digests
     paths = {
         "field": _field_file(settings.field),
@@ -320,18 +256,6 @@ def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None
             about["field"] = digest(path)
     text = json.dumps(values, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:KEY_DIGITS]
-
-
-def settings_as_text(settings: MissionSettings) -> str:
-    """The settings that differ from the defaults of a mission, for messages; the main ones always."""
-    usual = MissionSettings()
-    always = ("field", "strategy", "dwell", "seed")
-    shown = [
-        f"{item.name}={value}"
-        for item in dataclass_fields(settings)
-        if (value := getattr(settings, item.name)) != getattr(usual, item.name) or item.name in always
-    ]
-    return " ".join(shown)
 
 
 def _is_path(field: str) -> bool:

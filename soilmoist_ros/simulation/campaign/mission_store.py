@@ -94,7 +94,7 @@ def pack(result: MissionResult, key: str) -> bytes:
         "schema": SCHEMA,
         "key": key,
         "version": code_version(),
-        "settings": asdict(result.settings),
+        "settings": result.settings.as_dict(),
         "field_title": result.field_title,
         "ended": result.ended,
         "visits": [asdict(visit) for visit in result.visits],

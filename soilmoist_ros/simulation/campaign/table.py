@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import SeriesRow, series_columns
+from soilmoist_ros.simulation.mission.settings import SETTINGS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Finished = Sequence[tuple[Mission, StoredMission]]
 
-SETTINGS = ("field", "strategy", "dwell", "hours", "seed", "variogram", "fit", "preset", "map_from", "target",
-            "travel", "graph", "speed_mps", "stop_overhead_s", "turn_s_per_rad", "cadence_s", "cell_m",
-            "footprint_m", "position_sd_m", "weather", "robots", "random_field", "properties")  # fmt: skip
-"""Columns that say which mission a row belongs to."""
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 """Columns of the mission and of the map of its own field; those of a further property end in its name."""
 
@@ -59,7 +55,7 @@ def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
     pandas = require_pandas()
     grids = [time_grid(stored.settings.hours, every_s) for _, stored in finished]
     values = [metrics_at(stored, grid) for (_, stored), grid in zip(finished, grids, strict=True)]
-    heads = [{"key": mission.key, **_settings(mission)} for mission, _ in finished]
+    heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in finished]
     head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype({"cell_m": "float64"})
     table = head.loc[head.index.repeat([len(grid) for grid in grids])].reset_index(drop=True)
     table["time_s"] = np.concatenate([np.empty(0), *grids])
@@ -86,7 +82,7 @@ def missions_table(finished: Finished) -> pd.DataFrame:
             {
                 "key": mission.key,
                 "experiments": " ".join(mission.experiments),
-                **_settings(mission),
+                **mission.settings.as_texts(),
                 "field_title": stored.field_title or stored.settings.field,
                 "end_s": end_s,
                 **{name: values[0] for name, values in final.items()},
@@ -161,10 +157,3 @@ def border_share(stored: StoredMission) -> float:
     stops = np.array([(visit.x_m, visit.y_m) for visit in stored.visits])
     width = np.median(shapely.distance(shapely.points(cells), boundary))
     return float(np.mean(shapely.distance(shapely.points(stops), boundary) < width))
-
-
-def _settings(mission: Mission) -> dict[str, Any]:
-    values = asdict(mission.settings)
-    values["graph"] = values["graph"] or "default"
-    values["properties"] = " ".join(map(str, mission.settings.properties)) or "none"
-    return {name: values[name] for name in SETTINGS}

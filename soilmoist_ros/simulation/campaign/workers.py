@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.campaign.campaign_file import Mission, settings_as_text
+from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.mission_store import pack
 from soilmoist_ros.simulation.mission.result import MissionResult
 from soilmoist_ros.simulation.mission.settings import MissionSettings
@@ -60,7 +60,7 @@ class Failure:
     details: str = ""
 
     def __str__(self) -> str:
-        return f"{settings_as_text(self.mission.settings)}: {self.error}"
+        return f"{self.mission.settings}: {self.error}"
 
 
 Finished = tuple[Mission, bytes | Failure]

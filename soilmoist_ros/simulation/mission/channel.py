@@ -56,7 +56,7 @@ class Channel:
         # The truth is the rate at each place, and REML can tell it from what the sensor sees.
         radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
         choices = FieldMapSettings(
-            settings.variogram, settings.fit, curve=curve, footprint_radius_m=radius_m, for_planning=True
+            settings.model, settings.fit, curve=curve, footprint_radius_m=radius_m, for_planning=True
         )
         self.field_map = FieldMap(grid, choices)
         self.truth = field.rate_at(grid.cells)

@@ -1,17 +1,179 @@
-"""What determines a simulated mission."""
+"""What determines a simulated mission: each setting is declared once, here.
+
+Options of the command line, keys of campaign files, columns of their tables and all checks are made from
+:data:`SETTINGS`. To add a setting, add a field to :class:`MissionSettings`, and use it where it matters.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
 
 from soilmoist_ros.exploration.planning.property_names import property_name
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.suggestions import did_you_mean
 
-Preset = Literal["paper", "authors"]
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping.variogram.correlation import ModelName
+    from soilmoist_ros.mapping.variogram.fit import FitMethod
+
+Preset = Literal["recommended", "paper", "authors"]
+
+_RECOMMENDED = MappingProxyType(
+    {"strategy": "gcb", "dwell": "optimal", "model": "matern32", "fit": "reml", "map_from": "records"}
+)
+_PUBLISHED = MappingProxyType(
+    {"strategy": "greedy", "dwell": "ami:0.03", "model": "gaussian", "fit": "soft_l1", "map_from": "stops"}
+)
+PRESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {"recommended": _RECOMMENDED, "paper": _PUBLISHED, "authors": _PUBLISHED}
+)
+"""Settings that a preset chooses where none is given."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The declaration of a setting.
+
+    :param name: its name, with the unit where it is not obvious
+    :param kind: type of a value; ``tuple`` for a list of properties
+    :param default: its default; ``None`` if it is chosen by the preset, or left to the field
+    :param help: what it sets, and what happens at its limits
+    :param unit: unit for tables and help
+    :param low: smallest value
+    :param above: whether a value must be greater than ``low``
+    :param names: function that returns the values allowed; any if ``None``
+    :param check: function that returns a text in its plain form, and raises :class:`InputError`
+    """
+
+    name: str
+    kind: type
+    default: Any
+    help: str
+    unit: str = ""
+    low: float | None = None
+    above: bool = False
+    names: Callable[[], Sequence[str]] | None = None
+    check: Callable[[str], str] | None = None
+
+    @property
+    def option(self) -> str:
+        """Its option on the command line: the name without its unit."""
+        if self.kind is tuple:
+            return "--property"
+        stem = next((self.name.removesuffix(end) for end in _UNITS if self.name.endswith(end)), self.name)
+        return "--" + stem.replace("_", "-")
+
+    @property
+    def limits(self) -> str:
+        """Values allowed, for help; empty if all of the type are."""
+        if self.names is not None:
+            return "|".join(self.names())
+        if self.low is None:
+            return ""
+        return f"{'>' if self.above else '>='} {self.low:g}"
+
+    def checked(self, given: Any) -> Any:
+        """A value in its plain form.
+
+        >>> SETTINGS["hours"].checked(2)
+        2.0
+        >>> SETTINGS["dwell"].checked("ami:3%")
+        'ami:0.03'
+        >>> SETTINGS["robots"].checked(0)
+        Traceback (most recent call last):
+        ...
+        ValueError: must be >= 1, but it is 0
+
+        :raises ValueError: if it is of another type or not allowed
+        """
+        value: Any = given
+        if value is None and self.default is None:
+            return None
+        if self.kind is tuple:
+            return _properties(value)
+        if self.kind is float and type(value) is int:
+            value = float(value)
+        if not _is_of(value, self.kind):
+            raise ValueError(f"must be {_KINDS[self.kind]}, but it is {given!r}")
+        if self.names is not None and value not in (names := self.names()):
+            raise ValueError(
+                f"there is no {self.name} {value!r} -> use one of: {', '.join(names)}{did_you_mean(value, names)}"
+            )
+        if self.kind is float and not math.isfinite(value):
+            raise ValueError(f"must be finite, but it is {value!r}")
+        if self.low is not None and not (value > self.low or (value == self.low and not self.above)):
+            raise ValueError(f"must be {self.limits}, but it is {value!r}")
+        if self.kind is str and not value:
+            raise ValueError("must not be empty")
+        if self.check is None:
+            return value
+        try:
+            return self.check(value)
+        except InputError as error:
+            raise ValueError(str(error)) from None
+
+    def parsed(self, text: str) -> Any:
+        """The value of a text from the command line.
+
+        :raises ValueError: if it is not allowed
+        """
+        if self.kind in (int, float):
+            try:
+                return self.checked(self.kind(text))
+            except ValueError as error:
+                if str(error).startswith("must"):
+                    raise
+                raise ValueError(f"must be {_KINDS[self.kind]}, but it is {text!r}") from None
+        return self.checked(text)
+
+
+_UNITS = ("_s_per_rad", "_mps", "_m", "_s")
+_KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+
+
+def _is_of(value: object, kind: type) -> bool:
+    """Whether a value has a type; truth values are no numbers, and texts of an enumeration are texts."""
+    return isinstance(value, kind) and isinstance(value, bool) == (kind is bool)
+
+
+def _strategies() -> Sequence[str]:
+    from soilmoist_ros.exploration.strategies.registry import STRATEGIES
+
+    return STRATEGIES
+
+
+def _models() -> Sequence[str]:
+    from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+
+    return VARIOGRAM_MODELS.names()
+
+
+def _plain_dwell(text: str) -> str:
+    from soilmoist_ros.exploration.planning.dwell import parse_dwell
+
+    return str(parse_dwell(text))
+
+
+def _properties(value: Any) -> tuple[PropertySettings, ...]:
+    many = value if isinstance(value, (list, tuple)) else (value,)
+    try:
+        return tuple(
+            one if isinstance(one, PropertySettings) else PropertySettings.parse(str(one)) for one in many
+        )
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+def _setting(default: Any, help: str, kind: type | None = None, **about: Any) -> Any:
+    return field(default=default, metadata={"kind": kind or type(default), "help": help, **about})
+
+
+def _choice(names: Sequence[str]) -> Callable[[], Sequence[str]]:
+    return lambda: names
 
 
 @dataclass(frozen=True)
@@ -61,61 +223,126 @@ class PropertySettings:
 class MissionSettings:
     """Everything that determines a simulated mission, bit for bit.
 
-    :param field: name of a built-in surrogate field, or the path of a field file with a truth
-    :param strategy: ``greedy``, ``monte_carlo``, ``adaptive_sampling``, ``random``, ``lattice``, ``ivr``
-        or ``gcb``
-    :param dwell: ``fmi:SECONDS``, ``ami:THRESHOLD`` or ``optimal``
-    :param hours: mission time [h]
-    :param seed: seed of all randomness
-    :param variogram: variogram model
-    :param fit: how the variogram is fitted
-    :param preset: constants of the exploration: the paper's text, or the authors' experiments
-    :param map_from: what is mapped: the ``stops`` only, as published, or all ``records``, those on the way too
-    :param target: what is to be known well: the ``rate``, or the moisture ``vwc``, whose error grows in wet soil
-    :param travel: ``free`` (straight lines) or ``graph`` (over a travel graph)
-    :param graph: topological map with the travel graph, a file; an open lattice of about 300 nodes if ``None``
-    :param speed_mps: speed of the robot [m/s]
-    :param stop_overhead_s: time lost at each stop [s]
-    :param turn_s_per_rad: time for each radian turned on the way [s/rad]
-    :param cadence_s: duration of a record [s]
-    :param cell_m: cell size of the map [m]; the field's own if ``None``
-    :param footprint_m: radius of a Gaussian footprint of the sensor [m], 0 for a point sensor
-    :param position_sd_m: GNSS noise of each coordinate [m]
-    :param weather: whether the weather changes during the mission (and is corrected for)
-    :param series_every_s: time between entries of the series [s]; every map update is entered as well
-    :param robots: number of robots; they begin at the same place and share one map
-    :param random_field: draw what is random in the field (patches, random fields) from the seed as well: each seed
-        has a field of its own
-    :param properties: further properties that the robots count and map, each of them ``FIELD`` or
-        ``FIELD:WEIGHT`` or :class:`PropertySettings`; the adaptive dwell rule ``ami`` uses the counts of ``field``
+    What is not given is as the preset has it, see :data:`PRESETS`; what is given wins. Two settings are equal if
+    they mean the same mission.
+
+    >>> MissionSettings().strategy, MissionSettings(preset="paper").strategy
+    ('gcb', 'greedy')
+    >>> MissionSettings(preset="paper", model="matern32").model
+    'matern32'
+
+    The meaning of each is in :data:`SETTINGS`, for instance ``SETTINGS["dwell"].help``.
     """
 
-    field: str = "synthetic-high"
-    strategy: str = "greedy"
-    dwell: str = "ami:0.03"
-    hours: float = 2.0
-    seed: int = 1
-    variogram: ModelName = "gaussian"
-    fit: FitMethod = "soft_l1"
-    preset: Preset = "paper"
-    map_from: Literal["stops", "records"] = "stops"
-    target: Literal["rate", "vwc"] = "rate"
-    travel: Literal["free", "graph"] = "free"
-    graph: str | None = None
-    speed_mps: float = 0.6
-    stop_overhead_s: float = 12.0
-    turn_s_per_rad: float = 0.0
-    cadence_s: float = 10.0
-    cell_m: float | None = None
-    footprint_m: float = 0.0
-    position_sd_m: float = 0.02
-    weather: bool = True
-    series_every_s: float = 60.0
-    robots: int = 1
-    random_field: bool = False
-    properties: tuple[PropertySettings, ...] = ()
+    field: str = _setting("synthetic-high", "Field to explore: a built-in one, or a field file with a truth.")
+    strategy: str = _setting(None, "How the next stop is chosen.", str, names=_strategies)
+    dwell: str = _setting(
+        None, "Time at a stop: fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) falls to it) or optimal. "
+        "Thresholds take the counts of --field.", str, check=_plain_dwell,
+    )  # fmt: skip
+    hours: float = _setting(
+        2.0, "Mission time; on the command line the field's usual time by default.", unit="h", low=0, above=True
+    )
+    seed: int = _setting(1, "Seed of all randomness.", low=0)
+    model: ModelName = _setting(None, "Variogram model.", str, names=_models)  # noqa: RUF009
+    fit: FitMethod = _setting(  # noqa: RUF009
+        None, "Variogram fit: restricted maximum likelihood, or the published robust least squares.", str,
+        names=_choice(("reml", "soft_l1")),
+    )  # fmt: skip
+    preset: Preset = _setting(  # noqa: RUF009
+        "recommended", "Settings where none are given: the recommended ones, those of the paper, or those of the "
+        "authors' experiments, with the constants of its strategies.", names=_choice(tuple(PRESETS)),
+    )  # fmt: skip
+    map_from: Literal["stops", "records"] = _setting(
+        None, "What is mapped: the counts at the stops only, as published, or all records.", str,
+        names=_choice(("stops", "records")),
+    )  # fmt: skip
+    target: Literal["rate", "vwc"] = _setting(
+        "rate", "What the map is to be good for: the rate, or the moisture, whose error grows in wet soil.",
+        names=_choice(("rate", "vwc")),
+    )  # fmt: skip
+    travel: Literal["free", "graph"] = _setting(
+        "free", "Travel in straight lines, or on a travel graph.", names=_choice(("free", "graph"))
+    )
+    graph: str | None = _setting(
+        None, "Topological map to travel on, a file. Default: an open lattice of about 300 nodes.", str
+    )
+    speed_mps: float = _setting(0.6, "Speed of the robot.", unit="m/s", low=0, above=True)
+    stop_overhead_s: float = _setting(12.0, "Time lost at each stop.", unit="s", low=0)
+    turn_s_per_rad: float = _setting(0.0, "Time for each radian turned.", unit="s/rad", low=0)
+    cadence_s: float = _setting(10.0, "Duration of a record.", unit="s", low=0, above=True)
+    cell_m: float | None = _setting(
+        None, "Cell size of the map. Default: the field's.", float, unit="m", low=0, above=True
+    )
+    footprint_m: float = _setting(
+        0.0, "Radius of the sensor's Gaussian footprint; 0: a point sensor.", unit="m", low=0
+    )
+    position_sd_m: float = _setting(0.02, "Noise of each coordinate of the GNSS receiver.", unit="m", low=0)
+    weather: bool = _setting(True, "Let the weather change, and correct the counts for it.")
+    series_every_s: float = _setting(
+        60.0,
+        "Time between entries of the series; each map of stops is entered as well.",
+        unit="s",
+        low=0,
+        above=True,
+    )
+    robots: int = _setting(
+        1, "Robots that share one map. All start at the same corner of the field; each avoids the stops of the "
+        "others, and collisions are not simulated.", low=1,
+    )  # fmt: skip
+    random_field: bool = _setting(
+        False, "Draw what is random in the field (patches, random fields) from the seed as well."
+    )
+    properties: tuple[PropertySettings, ...] = _setting(
+        (), "Further property that the robots count and map: a built-in field, or a field file with a truth, on "
+        "the same ground. The planner gives it this weight, --field has 1; with 0 it is mapped only.",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        given: tuple[str | PropertySettings, ...] = self.properties
-        parsed = tuple(PropertySettings.parse(one) if isinstance(one, str) else one for one in given)
-        object.__setattr__(self, "properties", parsed)
+        for name, value in PRESETS.get(self.preset, _RECOMMENDED).items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
+        object.__setattr__(self, "properties", _properties(self.properties))
+
+    def check(self) -> None:
+        """Check every setting, and those that must fit together.
+
+        :raises InputError: with every mistake
+        """
+        mistakes = []
+        for setting in SETTINGS.values():
+            try:
+                setting.checked(getattr(self, setting.name))
+            except ValueError as error:
+                mistakes.append(Mistake(f"{setting.name}: {error}"))
+        if self.travel == "free" and self.graph is not None:
+            mistakes.append(
+                Mistake("a travel graph is given, but the robot travels freely", "choose travel graph")
+            )
+        if mistakes:
+            raise InputError(mistakes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """All settings by name, as plain values."""
+        values = {name: getattr(self, name) for name in SETTINGS}
+        return {**values, "properties": [{"field": one.field, "weight": one.weight} for one in self.properties]}
+
+    def as_texts(self) -> dict[str, Any]:
+        """All settings by name, as cells of a table: numbers, truth values and texts."""
+        values = {name: getattr(self, name) for name in SETTINGS}
+        return {
+            **values,
+            "graph": self.graph or "default",
+            "properties": " ".join(map(str, self.properties)) or "none",
+        }
+
+    def __str__(self) -> str:
+        usual, always = MissionSettings(preset=self.preset).as_texts(), ("field", "strategy", "dwell", "seed")
+        shown = {name: value for name, value in self.as_texts().items() if value != usual[name] or name in always}
+        return " ".join(f"{name}={value}" for name, value in shown.items())
+
+
+SETTINGS: Mapping[str, Setting] = MappingProxyType(
+    {one.name: Setting(one.name, default=one.default, **one.metadata) for one in fields(MissionSettings)}
+)
+"""The declaration of each setting by its name."""

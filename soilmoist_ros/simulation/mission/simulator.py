@@ -130,7 +130,7 @@ class _Simulation:
     """One mission under way."""
 
     def __init__(self, settings: MissionSettings) -> None:
-        _check(settings)
+        settings.check()
         self.settings = settings
         fields = mission_fields(settings)
         field = fields[0]
@@ -402,14 +402,3 @@ def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float
 def _nominal_rate(field: SurrogateField) -> float:
     """Rate to expect before anything is known: that of 15 % moisture, as the robot's calibration has it."""
     return 4.0 if field.curve is None else float(field.curve.rate_cps(0.15))
-
-
-def _check(settings: MissionSettings) -> None:
-    if not (math.isfinite(settings.hours) and settings.hours > 0):
-        raise InputError(f"a mission of {settings.hours} hours is not possible", "give hours > 0, such as 2")
-    if settings.travel == "free" and settings.graph is not None:
-        raise InputError("a travel graph is given, but the robot travels freely", "choose travel by graph")
-    if settings.robots < 1:
-        raise InputError(f"a mission of {settings.robots} robots is not possible", "give at least 1")
-    if not settings.series_every_s > 0:
-        raise InputError("series_every_s must be positive", "60 is usual")

@@ -22,7 +22,9 @@ OTHER = ("map_synthetic_low.tif", "samples_synthetic_low.geojson")
 
 @pytest.fixture(scope="module")
 def mission():
-    return simulate_mission(MissionSettings(hours=0.3, cell_m=4.0, dwell="fmi:60", properties=("synthetic-low",)))
+    return simulate_mission(
+        MissionSettings(hours=0.3, cell_m=4.0, dwell="fmi:60", preset="paper", properties=("synthetic-low",))
+    )
 
 
 def titles(figure):

@@ -25,8 +25,8 @@ from soilmoist_ros.simulation.campaign.campaign import (
 )
 from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, pack, unpack
-from soilmoist_ros.simulation.campaign.table import METRICS, SETTINGS, time_grid
-from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.campaign.table import METRICS, time_grid
+from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 HERE = Path(__file__).resolve().parents[1]
@@ -88,7 +88,7 @@ def test_grid_and_defaults(campaign):
     found = missions(campaign)
     assert [m.settings.seed for m in found[:2]] == [1, 2]
     assert len(found) == 2 * 4 + 2
-    assert found[0].settings == MissionSettings(dwell="ami:0.03", hours=1.0, preset="authors", seed=1)
+    assert found[0].settings == MissionSettings(hours=1.0, preset="authors", seed=1)
     assert found[0].experiments == ("first", "second")
 
 
@@ -96,6 +96,8 @@ def test_keys_are_stable_and_tell_settings_apart():
     assert mission_key(MissionSettings()) == mission_key(MissionSettings())
     assert mission_key(MissionSettings(seed=2)) != mission_key(MissionSettings())
     assert mission_key(MissionSettings(cell_m=1.0)) != mission_key(MissionSettings())
+    explicit = MissionSettings(strategy="gcb", dwell="optimal", model="matern32", fit="reml", map_from="records")
+    assert mission_key(explicit) == mission_key(MissionSettings()), "keys are of what a preset stands for"
 
 
 def test_a_field_file_counts_by_its_content(tmp_path):
@@ -210,7 +212,7 @@ def test_time_grid_ends_with_the_mission():
 
 
 def test_a_mission_survives_its_file(fake):
-    settings = MissionSettings(seed=7)
+    settings = MissionSettings(seed=7, preset="paper")
     result = fake(settings)
     stored = unpack(pack(result, "k"))
     assert stored.settings == settings
@@ -427,7 +429,6 @@ def test_a_result_of_another_mission_is_refused(campaign, fake, tmp_path):
 
 def test_every_setting_but_the_seed_can_be_varied():
     assert set(Choices.model_fields) == {item.name for item in fields(MissionSettings)} - {"seed"}
-    assert set(SETTINGS) == {item.name for item in fields(MissionSettings)} - {"series_every_s"}
 
 
 def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path):
@@ -476,11 +477,12 @@ def test_a_property_counts_by_the_content_of_its_file(tmp_path):
 
 
 def test_old_keys_of_a_property_mean_the_same_missions(tmp_path, caplog):
-    old = "title: t\nruns: 1\ndefaults: {also: rough}\nexperiments: [{name: a, also_weight: [0, 1]}, {name: b}]\n"
+    old = "title: t\nruns: 1\ndefaults: {also: rough, variogram: spherical}\nexperiments: [{name: a, also_weight: [0, 1]}, {name: b}]\n"
     new = "[{name: a, properties: [['rough:0'], [rough]]}, {name: b, properties: rough}]"
-    new = f"title: t\nruns: 1\nexperiments: {new}\n"
+    new = f"title: t\nruns: 1\ndefaults: {{model: spherical}}\nexperiments: {new}\n"
     assert missions(written(tmp_path / "old.yaml", old)) == missions(written(tmp_path / "new.yaml", new))
-    assert "'also' and 'also_weight' have become 'properties'" in caplog.text
+    for key, today in (("also", "properties"), ("also_weight", "properties"), ("variogram", "model")):
+        assert f"the key {key!r} has become {today!r}" in caplog.text
 
 
 def test_each_further_property_has_its_columns_in_the_tables(tmp_path):

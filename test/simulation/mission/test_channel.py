@@ -11,7 +11,9 @@ from soilmoist_ros.reporting.mission_report import write_mission
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
-QUICK = MissionSettings(hours=0.25, cell_m=4.0, map_from="records", fit="reml", variogram="matern32", seed=3)
+QUICK = MissionSettings(
+    hours=0.25, cell_m=4.0, map_from="records", fit="reml", model="matern32", seed=3, preset="paper"
+)
 LOOKS_AHEAD = replace(QUICK, strategy="ivr", dwell="optimal")
 
 

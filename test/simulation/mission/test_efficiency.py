@@ -11,7 +11,7 @@ from soilmoist_ros.simulation.mission.simulator import simulate_mission
 def mission(**changes):
     usual = {
         "hours": 0.6,
-        "variogram": "matern32",
+        "model": "matern32",
         "fit": "reml",
         "cell_m": 3.0,
         "strategy": "ivr",

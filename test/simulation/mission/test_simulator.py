@@ -19,7 +19,7 @@ from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
 
-SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", variogram="matern32", cell_m=2.0)
+SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", model="matern32", cell_m=2.0, preset="paper")
 
 
 def bits(result):
@@ -100,7 +100,7 @@ def test_turning_and_overhead_cost_time_but_not_distance():
 @pytest.mark.slow
 def test_a_footprint_blurs_what_the_sensor_sees():
     base = MissionSettings(
-        strategy="lattice", hours=2.0, dwell="fmi:300", fit="reml", variogram="matern32", cell_m=2.0
+        strategy="lattice", hours=2.0, dwell="fmi:300", fit="reml", model="matern32", cell_m=2.0, preset="paper"
     )
     sharp, blurred = (simulate_mission(replace(base, footprint_m=radius)).soil_map for radius in (0.0, 20.0))
     assert np.nanstd(blurred.rate) < np.nanstd(sharp.rate)

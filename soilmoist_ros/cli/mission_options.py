@@ -1,0 +1,124 @@
+"""Options of ``simulate`` and ``demo``, made from the declarations of the settings of a mission."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS, Setting
+
+if TYPE_CHECKING:
+    from soilmoist_ros.simulation.mission.settings import MissionSettings
+
+Command = Callable[..., None]
+
+
+class _Value(click.ParamType):  # type: ignore[type-arg]
+    """Type of an option with the checks of its setting."""
+
+    def __init__(self, setting: Setting) -> None:
+        self.name = setting.kind.__name__ if setting.kind is not str else "text"
+        self._setting = setting
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return self._setting.parsed(value) if isinstance(value, str) else self._setting.checked(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
+def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command], Command]:
+    """The options of settings; the command receives those that were given as ``choices``.
+
+    :param names: settings that the command has
+    """
+    chosen = [SETTINGS[name] for name in names]
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def run(*args: Any, **kwargs: Any) -> None:
+            choices = {one.name: value for one in chosen if (value := kwargs.pop(one.name)) not in (None, ())}
+            _read_old(choices, kwargs)
+            command(*args, choices=choices, **kwargs)
+
+        options = [_option(one) for one in chosen]
+        old = (("--variogram", str), ("--also", str), ("--also-weight", float))
+        options += [click.option(name, type=kind, hidden=True) for name, kind in old]
+        wrapped: Command = run
+        for option in reversed(options):
+            wrapped = option(wrapped)
+        return wrapped
+
+    return decorate
+
+
+def _option(setting: Setting) -> Callable[[Command], Command]:
+    """The option of a setting; it is ``None`` if it is not given."""
+    if setting.kind is bool:
+        stem = setting.option.removeprefix("--")
+        names = f"--{stem}/--no-{stem}"
+        return click.option(names, setting.name, default=None, help=f"{setting.help} {_default(setting)}")
+    if setting.kind is tuple:
+        return click.option(
+            setting.option,
+            setting.name,
+            multiple=True,
+            metavar="FIELD[:WEIGHT]",
+            help=f"{setting.help} Repeatable.",
+        )
+    first, dot, rest = setting.help.partition(". ")
+    unit = f" [{setting.unit}]" if setting.unit else ""
+    text = f"{first.rstrip('.')}{unit}. {rest if dot else ''}".strip()
+    return click.option(
+        setting.option, setting.name, type=_Value(setting), metavar=_metavar(setting),
+        help=f"{text} {_default(setting)}".rstrip(),
+    )  # fmt: skip
+
+
+def _metavar(setting: Setting) -> str:
+    kinds = {int: "INTEGER", float: "NUMBER"}
+    return f"[{setting.limits}]" if setting.names else kinds.get(setting.kind, "TEXT")
+
+
+def _default(setting: Setting) -> str:
+    """The default in words, empty if the help says it."""
+    if setting.name in PRESETS["recommended"]:
+        of_preset = dict.fromkeys(values[setting.name] for values in PRESETS.values())
+        return f"Default: {' or '.join(of_preset)}, by --preset."
+    if setting.name == "hours":
+        return ""
+    if setting.kind is bool:
+        return f"Default: {'yes' if setting.default else 'no'}."
+    return "" if setting.default is None else f"Default: {setting.default}."
+
+
+def _read_old(choices: dict[str, Any], given: dict[str, Any]) -> None:
+    """Options of earlier releases, read with a warning."""
+    variogram, also, weight = (given.pop(name) for name in ("variogram", "also", "also_weight"))
+    if variogram is not None:
+        click.echo("warning: --variogram has become --model", err=True)
+        choices.setdefault("model", variogram)
+    if also or weight is not None:
+        click.echo("warning: --also and --also-weight have become --property FIELD[:WEIGHT]", err=True)
+    if also:
+        choices["properties"] = (*choices.get("properties", ()), f"{also}:{1.0 if weight is None else weight}")
+
+
+def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
+    """The settings of a mission from options; its time is that of the field if none is given.
+
+    :raises InputError: if they cannot be used
+    """
+    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+    from soilmoist_ros.simulation.mission.settings import MissionSettings
+
+    if (graph := choices.get("graph")) is not None:
+        choices = {**choices, "travel": "graph", "graph": None if graph == "lattice" else graph}
+    settings = MissionSettings(**choices)
+    if "hours" not in choices:
+        settings = MissionSettings(**choices, hours=surrogate_field(settings.field).hours)
+    settings.check()
+    return settings

@@ -1,0 +1,115 @@
+"""The declaration of the settings of a mission, and what is made from it."""
+
+import dataclasses
+import math
+
+import click
+import pytest
+
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.exploration.strategies.rules import PRESETS as CONSTANTS
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation import MissionSettings, PropertySettings
+from soilmoist_ros.simulation.campaign.campaign_file import Choices
+from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
+
+NAMES = [item.name for item in dataclasses.fields(MissionSettings)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_setting_is_declared_once_and_is_an_option_a_key_and_a_column(name):
+    setting = SETTINGS[name]
+    command = main.get_command(click.Context(main), "simulate")
+    (option,) = [one for one in command.params if one.name == name]
+    assert setting.option in (*option.opts, *option.secondary_opts)
+    assert setting.help.split(". ")[0].rstrip(".") in option.help
+    assert name in MissionSettings().as_texts()
+    assert name in MissionSettings().as_dict()
+    if name != "seed":  # a campaign has runs
+        assert Choices.model_fields[name].description == setting.help
+
+
+def test_options_keep_their_names():
+    """What users have in scripts."""
+    options = {setting.option for setting in SETTINGS.values()}
+    assert {"--field", "--strategy", "--dwell", "--hours", "--seed", "--fit", "--preset", "--map-from", "--target",
+            "--graph", "--cell", "--footprint", "--speed", "--robots", "--random-field"} < options  # fmt: skip
+    assert {"--model", "--property"} < options
+
+
+def test_what_is_not_given_is_as_the_preset_has_it_and_what_is_given_wins():
+    recommended = MissionSettings()
+    assert (recommended.strategy, recommended.dwell, recommended.model) == ("gcb", "optimal", "matern32")
+    assert (recommended.fit, recommended.map_from) == ("reml", "records")
+    for preset in ("paper", "authors"):
+        published = MissionSettings(preset=preset)
+        assert (published.strategy, published.dwell, published.model) == ("greedy", "ami:0.03", "gaussian")
+        assert (published.fit, published.map_from) == ("soft_l1", "stops")
+    assert MissionSettings(preset="paper", fit="reml").fit == "reml"
+    assert MissionSettings(preset="paper", fit="reml").model == "gaussian"
+
+
+def test_equality_is_that_of_the_missions():
+    assert MissionSettings() == MissionSettings(strategy="gcb", map_from="records")
+    assert MissionSettings(properties=("rough",)) == MissionSettings(properties=(PropertySettings("rough"),))
+    assert MissionSettings(preset="paper") != MissionSettings(preset="authors")
+
+
+def test_strategies_have_constants_for_every_preset():
+    assert set(PRESETS) == set(CONSTANTS)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("hours", 0, "must be > 0"),
+        ("hours", math.inf, "must be finite"),
+        ("hours", True, "must be a number"),
+        ("seed", -1, "must be >= 0"),
+        ("robots", 1.5, "must be a whole number"),
+        ("footprint_m", -0.1, "must be >= 0"),
+        ("strategy", "gredy", "did you mean 'greedy'"),
+        ("model", "matern23", "did you mean 'matern"),
+        ("dwell", "ami:3", "did you mean 'ami:3%'"),
+        ("weather", 1, "must be true or false"),
+        ("field", "", "must not be empty"),
+        ("preset", "papers", "did you mean 'paper'"),
+    ],
+)
+def test_a_value_that_is_not_allowed_is_named(name, value, message):
+    with pytest.raises(InputError, match=f"{name}: .*{message}"):
+        MissionSettings(**{name: value}).check()
+
+
+def test_every_mistake_is_named_at_once():
+    with pytest.raises(InputError) as caught:
+        MissionSettings(hours=-1, robots=0, graph="map.yaml").check()
+    assert len(caught.value.mistakes) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "weight"),
+    [
+        ("rough", "rough", 1.0),
+        ("rough:0", "rough", 0.0),
+        ("./fields/salt.yaml:0.25", "./fields/salt.yaml", 0.25),
+        ("C:/fields/salt.yaml", "C:/fields/salt.yaml", 1.0),
+        ("C:\\fields\\salt.yaml:2", "C:\\fields\\salt.yaml", 2.0),
+    ],
+)
+def test_a_property_is_a_field_with_a_weight(text, field, weight):
+    found = PropertySettings.parse(text)
+    assert (found.field, found.weight) == (field, weight)
+    assert PropertySettings.parse(str(found)) == found
+
+
+@pytest.mark.parametrize("text", ["", ":1", "rough:", "rough:-1", "rough:nan", "rough:inf", "rough:much"])
+def test_a_text_without_field_or_weight_is_refused(text):
+    with pytest.raises(InputError, match="is not a property with a weight"):
+        PropertySettings.parse(text)
+
+
+def test_a_text_of_settings_has_what_differs_from_the_preset():
+    assert str(MissionSettings()) == "field=synthetic-high strategy=gcb dwell=optimal seed=1"
+    text = str(MissionSettings(preset="paper", hours=1.0, properties=("rough:2",)))
+    assert text == "field=synthetic-high strategy=greedy dwell=ami:0.03 hours=1.0 seed=1 properties=rough:2"
