@@ -32,10 +32,8 @@ class VariogramModel(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         return value
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """All names."""
-        from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
-
-        return f"[{'|'.join(VARIOGRAM_MODELS.names())}]"
+        """No names: to read the registry would make the help slow."""
+        return "MODEL"
 
 
 def report_errors(command: Callable[..., None]) -> Callable[..., None]:

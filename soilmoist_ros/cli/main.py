@@ -36,7 +36,13 @@ def main() -> None:
 @click.option(
     "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
 )
-@click.option("--model", type=VariogramModel(), default="matern32", show_default=True, help="Variogram model.")
+@click.option(
+    "--model",
+    type=VariogramModel(),
+    default="matern32",
+    show_default=True,
+    help="Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in.",
+)
 @click.option(
     "--fit", type=click.Choice(["reml", "soft_l1"]), default="reml", show_default=True, help="Variogram fit."
 )

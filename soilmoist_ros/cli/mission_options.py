@@ -20,7 +20,7 @@ class _Value(click.ParamType):  # type: ignore[type-arg]
     """Type of an option with the checks of its setting."""
 
     def __init__(self, setting: Setting) -> None:
-        self.name = setting.kind.__name__ if setting.kind is not str else "text"
+        self.name = {int: "integer", float: "number"}.get(setting.kind, "text")
         self._setting = setting
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -28,6 +28,10 @@ class _Value(click.ParamType):  # type: ignore[type-arg]
             return self._setting.parsed(value) if isinstance(value, str) else self._setting.checked(value)
         except ValueError as error:
             self.fail(str(error), param, ctx)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """The values allowed, or the kind of them."""
+        return f"[{self._setting.limits}]" if self._setting.choices else self.name.upper()
 
 
 def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command], Command]:
@@ -73,14 +77,9 @@ def _option(setting: Setting) -> Callable[[Command], Command]:
     unit = f" [{setting.unit}]" if setting.unit else ""
     text = f"{first.rstrip('.')}{unit}. {rest if dot else ''}".strip()
     return click.option(
-        setting.option, setting.name, type=_Value(setting), metavar=_metavar(setting),
+        setting.option, setting.name, type=_Value(setting),
         help=f"{text} {_default(setting)}".rstrip(),
     )  # fmt: skip
-
-
-def _metavar(setting: Setting) -> str:
-    kinds = {int: "INTEGER", float: "NUMBER"}
-    return f"[{setting.limits}]" if setting.names else kinds.get(setting.kind, "TEXT")
 
 
 def _default(setting: Setting) -> str:

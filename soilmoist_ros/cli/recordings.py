@@ -85,7 +85,12 @@ def demo_command(
               help="Surrogate field to compare with: a built-in one, or a field file with a truth. Of the first "
               "property if none is named; repeatable.")  # fmt: skip
 @click.option("--also-truth", hidden=True)
-@click.option("--model", type=VariogramModel(), help="Variogram model. Default: that of the run.")
+@click.option(
+    "--model",
+    type=VariogramModel(),
+    help="Variogram model: gaussian, exponential, spherical, matern32, matern52, "
+    "or that of a plug-in. Default: that of the run.",
+)
 @click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: that of the run.")
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
               help="Map the rate with its micro-scale variation, or its smooth part only.")  # fmt: skip

@@ -321,7 +321,7 @@ def test_failures_are_named_when_no_mission_finishes(tmp_path):
 
 def test_a_mission_without_a_map_says_so(tmp_path):
     (tmp_path / "map.tif").write_text("of another mission")
-    result = run("simulate", "--hours", 0.05, "--strategy", "random", "--out", tmp_path)
+    result = run("simulate", "--hours", 0.05, "--preset", "paper", "--strategy", "random", "--out", tmp_path)
     assert result.exit_code == 0, result.output
     assert "no map: the mission ended before the first" in result.output
     assert "nan" not in result.output

@@ -45,8 +45,9 @@ class Setting:
     :param unit: unit for tables and help
     :param low: smallest value
     :param above: whether a value must be greater than ``low``
-    :param names: function that returns the values allowed; any if ``None``
-    :param check: function that returns a text in its plain form, and raises :class:`InputError`
+    :param choices: values allowed; any if empty
+    :param registered: function that returns the registered names; these are read when a value is checked
+    :param check: function that returns a value in its plain form, and raises :class:`InputError`
     """
 
     name: str
@@ -56,8 +57,9 @@ class Setting:
     unit: str = ""
     low: float | None = None
     above: bool = False
-    names: Callable[[], Sequence[str]] | None = None
-    check: Callable[[str], str] | None = None
+    choices: tuple[str, ...] = ()
+    registered: Callable[[], Sequence[str]] | None = None
+    check: Callable[[Any], Any] | None = None
 
     @property
     def option(self) -> str:
@@ -70,8 +72,8 @@ class Setting:
     @property
     def limits(self) -> str:
         """Values allowed, for help; empty if all of the type are."""
-        if self.names is not None:
-            return "|".join(self.names())
+        if self.choices:
+            return "|".join(self.choices)
         if self.low is None:
             return ""
         return f"{'>' if self.above else '>='} {self.low:g}"
@@ -93,13 +95,12 @@ class Setting:
         value: Any = given
         if value is None and self.default is None:
             return None
-        if self.kind is tuple:
-            return _properties(value)
         if self.kind is float and type(value) is int:
             value = float(value)
-        if not _is_of(value, self.kind):
+        if self.kind is not tuple and not _is_of(value, self.kind):
             raise ValueError(f"must be {_KINDS[self.kind]}, but it is {given!r}")
-        if self.names is not None and value not in (names := self.names()):
+        names = self.choices if self.registered is None else self.registered()
+        if names and value not in names:
             raise ValueError(
                 f"there is no {self.name} {value!r} -> use one of: {', '.join(names)}{did_you_mean(value, names)}"
             )
@@ -160,20 +161,11 @@ def _plain_dwell(text: str) -> str:
 
 def _properties(value: Any) -> tuple[PropertySettings, ...]:
     many = value if isinstance(value, (list, tuple)) else (value,)
-    try:
-        return tuple(
-            one if isinstance(one, PropertySettings) else PropertySettings.parse(str(one)) for one in many
-        )
-    except InputError as error:
-        raise ValueError(str(error)) from None
+    return tuple(one if isinstance(one, PropertySettings) else PropertySettings.parse(str(one)) for one in many)
 
 
 def _setting(default: Any, help: str, kind: type | None = None, **about: Any) -> Any:
     return field(default=default, metadata={"kind": kind or type(default), "help": help, **about})
-
-
-def _choice(names: Sequence[str]) -> Callable[[], Sequence[str]]:
-    return lambda: names
 
 
 @dataclass(frozen=True)
@@ -235,7 +227,13 @@ class MissionSettings:
     """
 
     field: str = _setting("synthetic-high", "Field to explore: a built-in one, or a field file with a truth.")
-    strategy: str = _setting(None, "How the next stop is chosen.", str, names=_strategies)
+    strategy: str = _setting(
+        None,
+        "How the next stop is chosen: greedy, monte_carlo, adaptive_sampling, random, lattice, ivr, gcb, or the "
+        "strategy of a plug-in.",
+        str,
+        registered=_strategies,
+    )
     dwell: str = _setting(
         None, "Time at a stop: fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) falls to it) or optimal. "
         "Thresholds take the counts of --field.", str, check=_plain_dwell,
@@ -244,25 +242,30 @@ class MissionSettings:
         2.0, "Mission time; on the command line the field's usual time by default.", unit="h", low=0, above=True
     )
     seed: int = _setting(1, "Seed of all randomness.", low=0)
-    model: ModelName = _setting(None, "Variogram model.", str, names=_models)  # noqa: RUF009
-    fit: FitMethod = _setting(  # noqa: RUF009
+    model: ModelName = _setting(
+        None,
+        "Variogram model: gaussian, exponential, spherical, matern32, matern52, or the model of a plug-in.",
+        str,
+        registered=_models,
+    )
+    fit: FitMethod = _setting(
         None, "Variogram fit: restricted maximum likelihood, or the published robust least squares.", str,
-        names=_choice(("reml", "soft_l1")),
+        choices=("reml", "soft_l1"),
     )  # fmt: skip
-    preset: Preset = _setting(  # noqa: RUF009
+    preset: Preset = _setting(
         "recommended", "Settings where none are given: the recommended ones, those of the paper, or those of the "
-        "authors' experiments, with the constants of its strategies.", names=_choice(tuple(PRESETS)),
+        "authors' experiments, with the constants of its strategies.", choices=tuple(PRESETS),
     )  # fmt: skip
     map_from: Literal["stops", "records"] = _setting(
         None, "What is mapped: the counts at the stops only, as published, or all records.", str,
-        names=_choice(("stops", "records")),
+        choices=("stops", "records"),
     )  # fmt: skip
     target: Literal["rate", "vwc"] = _setting(
         "rate", "What the map is to be good for: the rate, or the moisture, whose error grows in wet soil.",
-        names=_choice(("rate", "vwc")),
+        choices=("rate", "vwc"),
     )  # fmt: skip
     travel: Literal["free", "graph"] = _setting(
-        "free", "Travel in straight lines, or on a travel graph.", names=_choice(("free", "graph"))
+        "free", "Travel in straight lines, or on a travel graph.", choices=("free", "graph")
     )
     graph: str | None = _setting(
         None, "Topological map to travel on, a file. Default: an open lattice of about 300 nodes.", str
@@ -296,6 +299,7 @@ class MissionSettings:
     properties: tuple[PropertySettings, ...] = _setting(
         (), "Further property that the robots count and map: a built-in field, or a field file with a truth, on "
         "the same ground. The planner gives it this weight, --field has 1; with 0 it is mapped only.",
+        check=_properties,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

@@ -477,7 +477,8 @@ def test_a_property_counts_by_the_content_of_its_file(tmp_path):
 
 
 def test_old_keys_of_a_property_mean_the_same_missions(tmp_path, caplog):
-    old = "title: t\nruns: 1\ndefaults: {also: rough, variogram: spherical}\nexperiments: [{name: a, also_weight: [0, 1]}, {name: b}]\n"
+    old = "[{name: a, also_weight: [0, 1]}, {name: b}]"
+    old = f"title: t\nruns: 1\ndefaults: {{also: rough, variogram: spherical}}\nexperiments: {old}\n"
     new = "[{name: a, properties: [['rough:0'], [rough]]}, {name: b, properties: rough}]"
     new = f"title: t\nruns: 1\ndefaults: {{model: spherical}}\nexperiments: {new}\n"
     assert missions(written(tmp_path / "old.yaml", old)) == missions(written(tmp_path / "new.yaml", new))

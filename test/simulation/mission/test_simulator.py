@@ -133,10 +133,10 @@ def test_the_cadence_of_the_sensor_is_free():
         ({"field": "synthetic-hihg"}, "synthetic-high"),
         ({"strategy": "gredy"}, "did you mean 'greedy'"),
         ({"dwell": "ami"}, "ami"),
-        ({"hours": 0.0}, "0.0 hours is not possible"),
+        ({"hours": 0.0}, "hours: must be > 0"),
         ({"graph": "map.yaml"}, "travels freely"),
         ({"cell_m": 500.0}, "cannot be gridded"),
-        ({"robots": 0}, "0 robots is not possible"),
+        ({"robots": 0}, "robots: must be >= 1"),
     ],
 )
 def test_bad_settings_are_named(change, message):
