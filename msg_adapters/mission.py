@@ -18,8 +18,8 @@ from soilmoist_ros.foundation.health import Health, Level
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:
     """Message of a status.
 
-    The level says whether somebody is needed: an error if the mission waits for the operator without having been
-    asked to, a warning if it is paused, has failed lately or hears nothing of the sensor.
+    The level is an error if the mission waits for the operator although nobody paused it. It is a warning if the
+    mission is paused, has failed since the last visit, or gets no records.
 
     :param status: the status
     :param more: further values to show
@@ -45,6 +45,8 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "estimated_end": _calendar(end_s),
         "estimated_end_s": _text(math.nan if end_s is None else end_s),
         "stamp_s": _text(status.now_s),
+        "needs_operator": str(bool(status.needs_operator)),
+        "silent": str(bool(status.silent)),
         **(more or {}),
     }
     return health_to_status(Health("mission", _level(status), f"{status.phase}: {status.reason}", values))
@@ -76,16 +78,17 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             failures=int(values["failures"]),
             blacklisted=tuple(json.loads(values["ruled_out"])),
             estimated_end_s=None if math.isnan(end_s) else end_s,
+            needs_operator=values.get("needs_operator") == "True",  # earlier versions do not have these
+            silent=values.get("silent") == "True",
         )
     except KeyError as error:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None
 
 
 def _level(status: MissionStatus) -> Level:
-    if status.phase is Phase.PAUSED and "by the operator" not in status.reason:
+    if status.phase is Phase.PAUSED and status.needs_operator:
         return Level.ERROR
-    unheard = status.reason.startswith("no record")
-    return Level.WARN if status.phase is Phase.PAUSED or status.failures or unheard else Level.OK
+    return Level.WARN if status.phase is Phase.PAUSED or status.failures or status.silent else Level.OK
 
 
 def _text(value: float) -> str:

@@ -23,6 +23,7 @@ STATUS = st.builds(
     progress=NUMBER, time_used_s=NUMBER, time_left_s=NUMBER, distance_m=NUMBER, samples=st.integers(0, 99),
     counting_s=NUMBER, raw_counts=st.integers(0, 9999), failures=st.integers(0, 9),
     blacklisted=st.lists(WORD, max_size=3).map(tuple), estimated_end_s=st.none() | NUMBER,
+    needs_operator=st.booleans(), silent=st.booleans(),
 )  # fmt: skip
 QUIET = MissionStatus(
     now_s=math.nan, phase=Phase.IDLE, reason="waiting for start", target=None, planned_dwell_s=0.0, dwell_s=0.0,
@@ -44,8 +45,9 @@ def test_a_status_comes_back(status):
         ({"phase": Phase.COUNTING, "reason": "counting at a (ami:0.03)"}, 0),
         ({"phase": Phase.TRAVELLING, "failures": 1}, 1),
         ({"phase": Phase.PAUSED, "reason": "paused by the operator"}, 1),
-        ({"phase": Phase.COUNTING, "reason": "no record from this stop for 60 s: check the logger"}, 1),
-        ({"phase": Phase.PAUSED, "reason": "5 failures since the last sample: check the robot"}, 2),
+        ({"phase": Phase.PAUSED, "reason": "s3 skipped because robot_2 goes there; still paused"}, 1),
+        ({"phase": Phase.COUNTING, "reason": "no record from this stop for 60 s", "silent": True}, 1),
+        ({"phase": Phase.PAUSED, "reason": "5 failures: ask by the operator", "needs_operator": True}, 2),
     ],
 )
 def test_the_level_says_whether_somebody_is_needed(change, level):

@@ -323,7 +323,7 @@ class MissionControl:
         if missing:
             status = replace(status, reason=f"waiting for {', '.join(missing)}")
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
-            status = replace(status, reason=f"{self._interrupted}; resume or abort")
+            status = replace(status, reason=f"{self._interrupted}; resume or abort", needs_operator=True)
         target, choice = status.target, self._choice
         ahead: tuple[Stop, ...] = () if target is None else (target,)
         if choice is not None and choice.stop == target:

@@ -291,7 +291,7 @@ class _Turn(Moves):
         resume = state.todo if state.phase is Phase.CANCELLING else _RESUMES.get(state.phase)
         if resume is None or resume is Todo.IDLE:
             return False, f"there is nothing to pause: {state.reason}"
-        self.hold(resume, "paused by the operator")
+        self.hold(resume, "paused by the operator", needs_operator=False)
         return True, self.state.reason
 
     def go_on(self) -> tuple[bool, str]:
@@ -317,7 +317,7 @@ class _Turn(Moves):
         self.rule_out(target.stop)
         self.leave_stop(VisitEnd.SKIPPED, reason)
         if self.state.resume is not None:
-            self.hold(Todo.PLAN, f"{reason}; still paused")
+            self.hold(Todo.PLAN, f"{reason}; still paused", self.state.needs_operator)
         else:
             self.then(Todo.PLAN, reason)
         return True, self.state.reason

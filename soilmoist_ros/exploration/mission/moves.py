@@ -197,10 +197,10 @@ class Moves:
             many = f"{self.state.failures} failures since the last sample" if self.state.failures > 1 else "failed"
             self.hold(todo, f"{many}: {reason}; check the robot, then resume or abort")
 
-    def hold(self, resume: Todo, reason: str) -> None:
-        """Pause: stop the robot, and remember what to go on with."""
+    def hold(self, resume: Todo, reason: str, needs_operator: bool = True) -> None:
+        """Pause: stop the robot, and remember what to resume."""
         self.suspend(reason)
-        self.state = replace(self.state, resume=resume)
+        self.state = replace(self.state, resume=resume, needs_operator=needs_operator)
         self.then(Todo.PAUSE, reason)
 
     def rule_out(self, stop: Stop) -> None:

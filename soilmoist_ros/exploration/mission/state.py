@@ -122,6 +122,7 @@ class MissionState:
     :param goals: id of the last goal
     :param returns: how often going home failed
     :param failures: failures since the last sample
+    :param needs_operator: whether the last pause was the mission's own: it waits for the operator
     :param position: where the robot is [m]
     :param odometer_at: up to where the distance has been added up [m]
     :param last_stamp_s: stamp of the newest record [s]
@@ -154,6 +155,7 @@ class MissionState:
     last_stamp_s: float | None = None
     raw_counts: int = 0
     exposure_s: float = 0.0
+    needs_operator: bool = False
 
     @property
     def time_used_s(self) -> float:
@@ -222,6 +224,8 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         failures=state.failures,
         blacklisted=blacklisted(state),
         estimated_end_s=end_s if state.under_way else None,
+        needs_operator=state.phase is Phase.PAUSED and state.needs_operator,
+        silent=counting is not None and counting.silent,
     )
 
 

@@ -318,6 +318,8 @@ class MissionStatus:
     :param failures: failures since the last sample
     :param blacklisted: names of the stops that are ruled out
     :param estimated_end_s: latest time at which the mission ends [s]; ``None`` when none is under way
+    :param needs_operator: whether it is paused and did not pause at the operator's command
+    :param silent: whether the sensor is silent while the robot counts
     """
 
     now_s: float
@@ -336,6 +338,8 @@ class MissionStatus:
     failures: int
     blacklisted: tuple[str, ...]
     estimated_end_s: float | None
+    needs_operator: bool = False
+    silent: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -284,6 +284,8 @@ def test_many_failures_in_a_row_ask_the_operator():
     driver = Driver(retries=9, failures_to_pause=3).travelling().fail_goal().fail_goal().fail_goal("wheel stuck")
     assert driver.phase is Phase.PAUSED
     assert driver.reason.startswith("3 failures since the last sample: east was not reached: wheel stuck; check")
+    assert driver.mission.status.needs_operator
+    assert not driver.command("resume").mission.status.needs_operator
     driver.command("resume")
     assert driver.phase is Phase.TRAVELLING
     assert driver.mission.state.failures == 0
@@ -450,8 +452,10 @@ def test_silence_is_reported_and_waited_out_until_the_longest_dwell():
     assert driver.send(Tick, after=59.0).kinds() == []
     assert driver.send(Tick, after=1.0).kinds() == [Publish]
     assert "no record from this stop for 60 s" in driver.reason
+    assert driver.mission.status.silent
     assert driver.send(Tick, after=1.0).kinds() == [], "it is said once"
     assert driver.record().reason == "counting at east (ami:0.03)"
+    assert not driver.mission.status.silent
     driver.send(Tick, after=60.0)
     assert driver.mission.next_deadline_s == 1020.0 + 300.0
     driver.now_s = 1320.0
@@ -608,6 +612,7 @@ def test_skip_on_the_way_and_in_a_pause():
     assert driver.fail_goal().phase is Phase.PLANNING
     paused = Driver().travelling().command("pause").command("skip").fail_goal()
     assert paused.phase is Phase.PAUSED
+    assert not paused.mission.status.needs_operator
     assert paused.command("resume").phase is Phase.PLANNING
 
 
