@@ -30,11 +30,14 @@ def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(names)
-        writer.writerows([_cell(value) for value in row] for row in rows)
+        writer.writerows([_cell(*pair) for pair in zip(names, row, strict=True)] for row in rows)
     return path
 
 
-def _cell(value: object) -> object:
-    if isinstance(value, float):
-        return f"{value:.8g}" if math.isfinite(value) else ""
-    return value
+def _cell(name: str, value: object) -> object:
+    if not isinstance(value, float):
+        return value
+    if not math.isfinite(value):
+        return ""
+    # Unix time needs ten digits before the point.
+    return f"{value:.3f}" if name.endswith("_stamp_s") else f"{value:.8g}"
