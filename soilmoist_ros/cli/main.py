@@ -236,7 +236,7 @@ def check_command(logger: tuple[str, ...], site: tuple[str, ...], field: tuple[s
     from soilmoist_ros.simulation.fields.truth_file import load_surrogate
 
     def check_site(name: str) -> None:
-        intensity = load_site(resource("sites", name)).corrections.intensity
+        intensity = load_site(name).corrections.intensity
         if intensity is not None and intensity.file is not None:
             read_neutron_monitor(intensity.file)
 

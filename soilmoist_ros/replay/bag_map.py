@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
 from soilmoist_ros.mapping.variogram.fit import FitMethod
@@ -170,7 +169,7 @@ def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tu
     survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
     if chosen.source == "raw" or not chosen.site or not had.get("site"):
         return survey, []
-    recorded = load_site(resource("sites", had["site"])).corrections
+    recorded = load_site(had["site"]).corrections
     if recorded == survey.site.corrections:
         return survey, []
     corrected = survey.site.model_copy(update={"corrections": recorded})

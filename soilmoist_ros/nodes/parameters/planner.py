@@ -10,7 +10,6 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import PRESETS, STRATEGIES, make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
-from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value
@@ -111,7 +110,7 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
 
 
 def _curve(site: str) -> CalibrationCurve:
-    curve = load_site(resource("sites", site)).curve if site else None
+    curve = load_site(site).curve if site else None
     if curve is None:
         raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
     return curve

@@ -68,6 +68,11 @@ class Survey:
     counting interval; it waits for a fix from after that. If none comes, a fix from within the interval is used.
     Without other fixes, the positions that the logger itself has written are used.
 
+    >>> survey = Survey(Site(corrections={"pressure": None, "humidity": None}), LocalFrame(50.0, 10.0))
+    >>> survey.take_record(LoggerRecord(1714557610.0, (5.0, 6.0), (10.0, 10.0), position=Position(50.0, 10.0)))
+    >>> survey.take_ready()
+    [CountRecord(2024-05-01 10:00:10Z, x=0.0 m, y=0.0 m, 11 counts, 1.10 counts/s)]
+
     :param site: corrections and tubes
     :param frame: plane in which the records are placed
     :param ahead: all records in order of time, if they are known already: then tube shares, weather and
