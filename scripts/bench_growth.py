@@ -53,7 +53,7 @@ def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> di
 
 
 def in_fresh_process(*arguments: object) -> dict[str, float | str]:
-    """:func:`measure` in a process of its own, so that the peak of memory is its own."""
+    """:func:`measure` in a fresh process, so that the peak of memory is that of one map."""
     command = [sys.executable, __file__, "--one", *(str(argument) for argument in arguments)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return dict(json.loads(done.stdout))

@@ -1,7 +1,7 @@
 """Time of kriging a raster: mean and variance of 70,000 cells, this package and four others, side by side.
 
 All get the same samples and the same fixed covariance parameters; nothing is fitted, one BLAS thread. The
-task has a noise of its own for every sample, which PyKrige cannot take: it gets equal noise as a nugget and
+task has another noise for every sample, which PyKrige cannot take: it gets equal noise as a nugget and
 is compared with this package on that task. scikit-learn has no unknown mean: it gets ours, and its
 variance leaves the mean's uncertainty out. libKriging's kernels are products over the axes, so only its
 Gaussian is the same model; its other kernels are timed for the same number of samples. It cannot take

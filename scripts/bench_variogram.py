@@ -53,7 +53,7 @@ def median_ms(work: Callable[[], object], repeats: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", type=int, nargs="+", default=[72, 300, 1000], help="numbers of places")
-    parser.add_argument("--repeats", type=int, default=5, help="the median of so many runs counts")
+    parser.add_argument("--repeats", type=int, default=5, help="number of runs; the median counts")
     parser.add_argument("--model", default="matern32", choices=[*BUILT_IN])
     arguments = parser.parse_args()
     print(f"{'places':>6} {'one range':>10} {'directions':>10} {'footprints':>10} {'soft_l1':>10}   [ms]")

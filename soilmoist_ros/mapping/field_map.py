@@ -1,8 +1,7 @@
-"""The map on line: records go in one by one, and after each there is a map that depends on nothing else."""
+"""The map of a field that grows: records or samples go in, and any state of them has its map."""
 
 from __future__ import annotations
 
-import enum
 import math
 import sys
 import threading
@@ -20,7 +19,8 @@ from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
-from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
+from soilmoist_ros.mapping.record_check import Skip, check_record
+from soilmoist_ros.mapping.samples.merging import DrivenPaths, SampleMerger
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples, merge_records
 from soilmoist_ros.mapping.samples.spread import footprint_spread
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
@@ -37,47 +37,22 @@ Array = NDArray[np.float64]
 REFIT_GROWTH = 0.02
 """The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
 LATER_REFIT_GROWTH, MANY_SAMPLES = 0.05, 100
-"""The same from so many samples on. In 48 simulated missions of 4 h this changed the mean squared error of maps
-by (0.2 +- 0.4) % against a fit after every record, and the coverage of the 95 % interval by less than 0.1 %."""
-MAX_RATE_CPS = 1e4
-"""Rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]."""
-MAX_RECORD_S = 86400.0
-"""Exposure beyond which a record is taken for a mistake [s]."""
-FACTORS = (0.01, 100.0)
-"""Products of the correction factors beyond which a record is taken for a mistake."""
+"""The same from this number of samples on. In 48 simulated missions of 4 h this changed the mean squared error of
+maps by (0.2 +- 0.4) % against a fit after every record, and the coverage of 95 % intervals by less than 0.1 %."""
 RECENT = 30
 """Number of last records by which the stream of records is judged."""
 
 
-class Skip(enum.Enum):
-    """Why a record is not in the map; the value is the name that users see."""
-
-    NO_POSITION = "no position"
-    OUTSIDE = "outside the field"
-    IMPLAUSIBLE = "implausible record"
-    UNREADABLE = "unreadable message"
-
-    @property
-    def remedy(self) -> str:
-        """What the user can do about it."""
-        return {
-            Skip.NO_POSITION: "check the GNSS receiver and its view of the sky",
-            Skip.OUTSIDE: "check that the driver and the mapper have the same field file",
-            Skip.IMPLAUSIBLE: "check the neutron logger and the site file of the driver",
-            Skip.UNREADABLE: "check what publishes the counts, and its version",
-        }[self]
-
-
 @dataclass(frozen=True)
 class FieldMapSettings:
-    """Choices of an on-line map.
+    """Choices of a :class:`FieldMap`.
 
     :param model: variogram model
     :param fit: ``reml`` or ``soft_l1``
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
-    :param merge_radius_m: records closer together than this become one sample [m], >= 0; ``None`` for one chosen
-        by :func:`default_merge_radius_m`
-    :param margin_m: records so far outside the field still count [m], >= 0; they tell about its edge
+    :param merge_radius_m: records closer together than this become one sample [m], >= 0; ``None`` for the choice
+        of :func:`default_merge_radius_m`
+    :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
     :param curve: calibration that turns the rate into soil moisture
     :param footprint_radius_m: radius of the footprint to be de-convolved [m], >= 0: the map is of the rate at each
         place, the counts are means over the footprint around theirs. 0 to map the counts as they are
@@ -102,7 +77,7 @@ _DEFAULTS = FieldMapSettings()
 
 @dataclass(frozen=True, eq=False)
 class MapState:
-    """What a map is computed from; it does not change any more.
+    """What a map is computed from; it never changes.
 
     :param records: number of records in it
     :param stamp_s: end of the last of them [s since 1970-01-01 UTC], 0 before the first
@@ -132,7 +107,7 @@ class SkippedRecords:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All that an on-line map knows at one time; it does not change any more.
+    """All that a :class:`FieldMap` knows at one time; it does not change any more.
 
     :param state: what its map is computed from
     :param track: the records so far, in order, those without a position included
@@ -197,7 +172,7 @@ class FieldMap:
     def reset(self) -> None:
         """Forget all records, samples and the last map."""
         self._merger = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m)
-        self._ways = DrivenWays()
+        self._paths = DrivenPaths()
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
         self.soil_map: SoilMap | None = None
@@ -210,7 +185,7 @@ class FieldMap:
 
         :returns: why it is left out, ``None`` if it is in the map
         """
-        reason, why = self._judge(record)
+        reason, why = check_record(record, self._area)
         if reason is not None:
             self.skip(reason, f"record at {record.stamp_s:.1f} s: {why}")
             if reason is Skip.NO_POSITION:
@@ -218,7 +193,7 @@ class FieldMap:
             return reason
         self._recent.append(None)
         self.track.append(record)
-        spread = self._ways.spread(record)
+        spread = self._paths.spread(record)
         self._merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread)
         samples, fitted = self._merger.samples, self.state.fit_samples
         self.state = MapState(
@@ -243,8 +218,8 @@ class FieldMap:
 
         :param records: all with a place and an exposure > 0, in order of time
         """
-        ways = DrivenWays()
-        spread = np.array([ways.spread(record) for record in records]).reshape(-1, 3)
+        paths = DrivenPaths()
+        spread = np.array([paths.spread(record) for record in records]).reshape(-1, 3)
         columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
         table = np.array(columns, float).reshape(-1, 4)
         samples = merge_records(table[:, :2], table[:, 2], table[:, 3], self.merge_radius_m, spread)
@@ -381,26 +356,6 @@ class FieldMap:
         shapely.prepare(area)
         return area
 
-    def _judge(self, record: CountRecord) -> tuple[Skip | None, str]:
-        """Whether a record can be used."""
-        import shapely
-
-        exposure_s, effective_s = record.exposure_s, record.effective_exposure_s
-        for name, seconds in (("exposure", exposure_s), ("effective exposure", effective_s)):
-            if not 0 < seconds < math.inf:
-                return Skip.IMPLAUSIBLE, f"{name} of {seconds:g} s"
-        if exposure_s > MAX_RECORD_S:
-            return Skip.IMPLAUSIBLE, f"exposure of {exposure_s:g} s"
-        if not FACTORS[0] <= exposure_s / effective_s <= FACTORS[1]:
-            return Skip.IMPLAUSIBLE, f"correction by a factor of {exposure_s / effective_s:g}"
-        if not 0 <= record.raw_counts <= MAX_RATE_CPS * effective_s:
-            return Skip.IMPLAUSIBLE, f"{record.raw_counts} counts in {effective_s:g} s"
-        if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
-            return Skip.NO_POSITION, "no position"
-        if not shapely.contains_xy(self._area, record.x_m, record.y_m):
-            return Skip.OUTSIDE, f"at x = {record.x_m:.1f} m, y = {record.y_m:.1f} m"
-        return None, ""
-
 
 def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
     """Radius within which records become one sample [m]: a quarter of the footprint, on large fields more.
@@ -411,6 +366,6 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
 
 
 def _has_grown(fitted: Samples, samples: Samples) -> bool:
-    """Whether a new fit pays. A rule of the records alone: it must not matter which maps were computed."""
+    """Whether a new fit is due. It depends on the records alone, not on which maps were computed."""
     factor = 1 + (LATER_REFIT_GROWTH if len(fitted) >= MANY_SAMPLES else REFIT_GROWTH)
     return len(samples) > factor * len(fitted) or bool(samples.exposure_s.sum() > factor * fitted.exposure_s.sum())

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MAX_CELLS = 4_000_000
-"""Cells of the bounding box beyond which a grid is taken for a mistake."""
+"""Cells of the bounding box beyond which a grid counts as a mistake."""
 USUAL_CELLS = 70_000
 """Cells that :func:`default_cell_m` does not exceed."""
 USUAL_CELLS_ACROSS = 50

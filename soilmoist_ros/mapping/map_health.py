@@ -1,4 +1,4 @@
-"""How an on-line map is doing, in words and numbers."""
+"""Health of a map that grows, in words and numbers."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.map_worker import MapWorker
 
 
-def map_health(online: FieldMap, worker: MapWorker, now_s: float) -> Health:
-    """How a map is doing.
+def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
+    """Health of a map.
 
-    :param online: what the map is made from
+    :param field_map: what the map is made from
     :param worker: what makes it
     :param now_s: time [s since 1970-01-01 UTC]
     """
-    state, mapped, soil_map = online.state, worker.mapped, worker.soil_map
+    state, mapped, soil_map = field_map.state, worker.mapped, worker.soil_map
     values = {
         "samples": str(len(state.samples)),
         "records": str(state.records),
-        "records skipped": str(sum(entry.count for entry in online.skipped.values())),
-        **{f"skipped: {reason.value}": str(entry.count) for reason, entry in online.skipped.items()},
+        "records skipped": str(sum(entry.count for entry in field_map.skipped.values())),
+        **{f"skipped: {reason.value}": str(entry.count) for reason, entry in field_map.skipped.items()},
         "records not yet in the map": str(max(state.records - mapped.records, 0)),
         "age of the map [s]": f"{now_s - mapped.stamp_s:.1f}" if mapped.records else "no map yet",
     }
@@ -34,19 +34,19 @@ def map_health(online: FieldMap, worker: MapWorker, now_s: float) -> Health:
             "sill [(counts/s)^2]": f"{variogram.sill:.3g}",
             "mean rate [counts/s]": f"{fit.mean_rate:.4g}",
         }
-    level, message = _verdict(online, worker)
+    level, message = _verdict(field_map, worker)
     return Health("map", level, message, values)
 
 
-def _verdict(online: FieldMap, worker: MapWorker) -> tuple[Level, str]:
-    trouble = online.trouble
+def _verdict(field_map: FieldMap, worker: MapWorker) -> tuple[Level, str]:
+    trouble = field_map.trouble
     if worker.failure:
         return Level.ERROR, worker.failure
     if trouble is not None:
-        example = online.skipped[trouble].example
-        return Level.WARN, f"most of the last records are left out ({example}); {trouble.remedy}"
-    if not online.state.records:
+        example = field_map.skipped[trouble].example
+        return Level.WARN, f"most of the last records were left out ({example}); {trouble.remedy}"
+    if not field_map.state.records:
         return Level.OK, "waiting for the first record"
     if worker.soil_map is None:
-        return Level.OK, "waiting for samples enough for a map"
+        return Level.OK, "waiting for enough samples for a map"
     return Level.OK, f"map of {len(worker.mapped.samples)} samples"

@@ -1,4 +1,4 @@
-"""Maps computed beside the stream of records: always of the newest state, one at a time."""
+"""Maps computed in a thread while records arrive: always of the newest state, one at a time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class MapWorker:
     """A thread that computes the map of the last state submitted, and skips the states in between.
 
     :param compute: makes the map of a state; what it raises is kept in :attr:`failure` and logged
-    :param done: told of every map, also of the ``None`` of a state without samples enough; called in the thread
+    :param done: called in the thread with every state and its map, ``None`` if the state has too few samples
 
     Attributes
     ----------
@@ -44,14 +44,14 @@ class MapWorker:
         self._thread.start()
 
     def submit(self, state: MapState) -> None:
-        """Have the map of a state computed, unless it was the last one submitted; never waits."""
+        """Queue a state for its map, unless it was the last one submitted; never waits."""
         with self._wake:
             if state is not self._last:
                 self._next = self._last = state
                 self._wake.notify()
 
     def close(self, timeout_s: float = 10.0) -> None:
-        """End after the map under way, if there is one; may be called twice."""
+        """Stop after the map that is being computed, if any; may be called twice."""
         with self._wake:
             self._closing = True
             self._wake.notify()

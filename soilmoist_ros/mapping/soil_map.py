@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 _UNITS = {"rate": "counts/s", "rate_sd": "counts/s", "vwc": "m3/m3", "vwc_sd": "m3/m3"}
 MAX_EXACT_SAMPLES = 2000
-"""Up to so many samples a map is exact; beyond, each tile of it is made of the samples around."""
+"""Number of samples up to which a map is exact; beyond, each tile is made from the samples around it."""
 
 
 class Bands(NamedTuple):
@@ -169,10 +169,9 @@ def make_soil_map(
     compute: Compute = map,
     raster: RasterKriging | None = None,
 ) -> SoilMap:
-    """Krige the samples onto the cells of a field: exactly, or tile by tile if they are very many.
+    """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
 
-    The mean rate m* in the noise is that of a fit, if there is one: so the noise of a sample stays as it is until
-    the next fit.
+    With a fit, the mean rate m* in the noise is the fit's: the noise of a sample changes only at the next fit.
 
     :param samples: at least one
     :param grid: the field

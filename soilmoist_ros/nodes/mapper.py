@@ -20,9 +20,10 @@ from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.model import Model, model_to_message
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
-from soilmoist_ros.mapping.field_map import MapState, Skip
+from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
+from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
 from soilmoist_ros.nodes.parameters.mapper import PARAMETERS

@@ -15,11 +15,11 @@ from soilmoist_ros.mapping.field_map import (
     REFIT_GROWTH,
     FieldMap,
     FieldMapSettings,
-    Skip,
 )
-from soilmoist_ros.mapping.samples.merging import DrivenWays, SampleMerger
+from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.mapping.samples.merging import DrivenPaths
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, merge_records
-from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, way_spread
+from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
@@ -46,67 +46,8 @@ def record(x_m=10.0, y_m=20.0, **changes):
     return CountRecord(x_m=x_m, y_m=y_m, **{**values, **changes})
 
 
-def online(**changes):
+def field_map(**changes):
     return FieldMap(GRID, FieldMapSettings(**{"curve": CURVE, **changes}))
-
-
-def merged(places, radius_m, counts=40, exposure_s=10.0):
-    merger = SampleMerger(radius_m)
-    for x_m, y_m in places:
-        merger.add(x_m, y_m, counts, exposure_s)
-    return merger.samples
-
-
-@pytest.mark.slow
-@settings(deadline=None)
-@given(st.lists(records, min_size=1, max_size=40), st.floats(0, 30))
-def test_merging_conserves_counts_exposure_and_the_centre_of_exposure(many, radius_m):
-    merger = SampleMerger(radius_m)
-    for one in many:
-        merger.add(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s)
-    samples = merger.samples
-    exposure_s = np.array([one.effective_exposure_s for one in many])
-    xy = np.array([(one.x_m, one.y_m) for one in many])
-    assert len(merger) == len(samples) <= len(many)
-    assert samples.counts.sum() == sum(one.raw_counts for one in many)
-    assert samples.exposure_s.sum() == pytest.approx(exposure_s.sum())
-    np.testing.assert_allclose(samples.exposure_s @ samples.xy, exposure_s @ xy, rtol=1e-9, atol=1e-6)
-
-
-@given(
-    st.tuples(st.floats(-100, 100), st.floats(-100, 100)),
-    st.lists(st.tuples(st.floats(0, 1.25), st.floats(0, 2 * math.pi)), min_size=1, max_size=300),
-)
-def test_a_robot_that_stands_still_takes_one_sample_however_long_it_stands(stop, jitter):
-    places = [(stop[0] + d * math.cos(angle), stop[1] + d * math.sin(angle)) for d, angle in jitter]
-    assert len(merged(places, radius_m=2.5 + 1e-9)) == 1
-
-
-def test_a_record_joins_the_nearest_sample_and_moves_it_by_its_share_of_the_exposure():
-    merger = SampleMerger(4.0)
-    merger.add(0.0, 0.0, 10, 30.0)
-    merger.add(7.0, 0.0, 20, 10.0)
-    merger.add(4.0, 0.0, 1, 10.0)  # within reach of both
-    np.testing.assert_array_equal(merger.samples.xy, [[0, 0], [5.5, 0]])
-    np.testing.assert_array_equal(merger.samples.counts, [10, 21])
-    merger.add(4.0, 0.0, 5, 10.0)
-    merger.add(-4.0, 0.0, 5, 10.0)  # at the very edge
-    np.testing.assert_array_equal(merger.samples.xy, [[-1, 0], [5, 0]])
-    merger.add(0.0, 4.2, 5, 10.0)
-    assert len(merger) == 3
-
-
-def test_a_drive_becomes_a_chain_of_samples_about_two_radii_apart():
-    samples = merged([(0.5 * i, 0.0) for i in range(1000)], radius_m=2.5)
-    np.testing.assert_allclose(np.diff(samples.xy[:, 0]), 5.0)
-
-
-def test_without_a_radius_only_one_place_merges():
-    samples = merged([(1, 2), (1, 2), (1, 2.000001)], radius_m=0.0)
-    np.testing.assert_array_equal(samples.exposure_s, [20, 10])
-    for radius_m in (-1.0, NAN):
-        with pytest.raises(ValueError, match="radius_m must be >= 0 and finite"):
-            SampleMerger(radius_m)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +67,7 @@ def test_without_a_radius_only_one_place_merges():
     ],
 )
 def test_what_cannot_be_used_is_left_out_and_counted(bad, reason, why):
-    the_map = online()
+    the_map = field_map()
     assert the_map.add(record()) is None
     before = the_map.state
     assert the_map.add(bad) is reason
@@ -137,11 +78,11 @@ def test_what_cannot_be_used_is_left_out_and_counted(bad, reason, why):
 
 @pytest.mark.parametrize("place", [(-9.0, 20.0), (69.0, 25.0), (27.0, 23.0), (0.0, 0.0)])
 def test_the_margin_and_no_go_areas_count(place):
-    assert online().add(record(*place)) is None
+    assert field_map().add(record(*place)) is None
 
 
 def test_trouble_is_what_hits_most_of_the_last_records():
-    the_map = online()
+    the_map = field_map()
     assert the_map.trouble is None
     the_map.add(record(NAN, NAN))
     assert the_map.trouble is Skip.NO_POSITION
@@ -155,7 +96,7 @@ def test_trouble_is_what_hits_most_of_the_last_records():
 
 def test_the_map_is_that_of_the_samples_at_once():
     rng = np.random.default_rng(2)
-    the_map = online(merge_radius_m=0.0)
+    the_map = field_map(merge_radius_m=0.0)
     places = rng.uniform((0, 0), (60, 50), (12, 2))
     for x_m, y_m in places.tolist():
         the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(30 + x_m / 4))))
@@ -176,7 +117,7 @@ def test_the_map_is_that_of_the_samples_at_once():
 @given(st.lists(records, min_size=1, max_size=25), st.data())
 def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, data):
     looked_at = data.draw(st.sets(st.integers(0, len(many) - 1)))
-    watched, replayed = online(), online()
+    watched, replayed = field_map(), field_map()
     for number, one in enumerate(many):
         watched.add(one)
         replayed.add(one)
@@ -190,7 +131,7 @@ def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, da
 
 def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
     rng = np.random.default_rng(3)
-    the_map = online(merge_radius_m=0.0)
+    the_map = field_map(merge_radius_m=0.0)
     for x_m, y_m in rng.uniform((0, 0), (60, 50), (MANY_SAMPLES + 10, 2)).tolist():
         the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(40))))
     first = the_map.compute(the_map.state)
@@ -202,25 +143,25 @@ def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
     exact = make_soil_map(samples, GRID, second.fit, CURVE)
     for band, wanted in zip(second.bands, exact.bands, strict=True):
         np.testing.assert_allclose(band, wanted, rtol=1e-9)
-    fresh = online(merge_radius_m=0.0)
+    fresh = field_map(merge_radius_m=0.0)
     assert fresh.compute(the_map.state).rate.tobytes() == second.rate.tobytes()
 
 
 @pytest.mark.slow
 def test_threads_may_map_different_states_at_a_time():
-    the_map = online(merge_radius_m=0.0)
+    the_map = field_map(merge_radius_m=0.0)
     states = []
     for number in range(24):
         the_map.add(record(2.0 * number, 10.0 + number, raw_counts=30 + number))
         states.append(the_map.state)
-    expected = [online().compute(state).rate.tobytes() for state in states]
+    expected = [field_map().compute(state).rate.tobytes() for state in states]
     with ThreadPoolExecutor(4) as pool:
         found = [soil_map.rate.tobytes() for soil_map in pool.map(the_map.compute, states)]
     assert found == expected
 
 
 def test_a_state_stays_as_it_was_while_records_come_in():
-    the_map = online()
+    the_map = field_map()
     the_map.add(record())
     state = the_map.state
     before = the_map.compute(state).rate
@@ -235,7 +176,7 @@ def test_a_state_stays_as_it_was_while_records_come_in():
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), st.floats(5, 20)), min_size=1, max_size=300))
 def test_the_variogram_is_never_far_behind(stops):
-    the_map = online()
+    the_map = field_map()
     for stop, exposure_s in stops:
         the_map.add(record(stop * 8.0, effective_exposure_s=exposure_s))
         state = the_map.state
@@ -244,7 +185,7 @@ def test_the_variogram_is_never_far_behind(stops):
 
 
 def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
-    the_map = online()
+    the_map = field_map()
     fits = []
     for _ in range(1000):
         the_map.add(record())
@@ -254,7 +195,7 @@ def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
 
 
 def test_from_many_samples_on_the_variogram_is_fitted_less_often():
-    the_map = online(merge_radius_m=0.0)
+    the_map = field_map(merge_radius_m=0.0)
     fitted = []
     for number in range(2 * MANY_SAMPLES):
         the_map.add(record(number % 50, number // 50, stamp_s=100.0 * number))
@@ -267,17 +208,17 @@ def test_from_many_samples_on_the_variogram_is_fitted_less_often():
 
 
 def test_soft_l1_waits_for_two_places():
-    the_map = online(fit="soft_l1")
+    the_map = field_map(fit="soft_l1")
     for place in ((10.0, 20.0), (10.5, 20.0)):
         the_map.add(record(*place))
         assert the_map.compute(the_map.state) is None
     the_map.add(record(40.0, 20.0))
     assert np.isfinite(the_map.compute(the_map.state).rate[GRID.mask]).all()
-    assert online().compute(online().state) is None
+    assert field_map().compute(field_map().state) is None
 
 
 def test_reset_makes_it_new():
-    the_map = online()
+    the_map = field_map()
     for x_m in (10.0, 30.0, NAN):
         the_map.add(record(x_m))
     snapshot = the_map.snapshot()
@@ -306,38 +247,8 @@ def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0), first_s=100.0, **changes)
     ]
 
 
-def spreads(many):
-    ways = DrivenWays()
-    return np.array([ways.spread(one) for one in many])
-
-
-def test_a_record_has_the_way_since_the_one_before():
-    found = spreads(drive(4, (3.0, -5.0)))
-    np.testing.assert_allclose(found[1:], [way_spread([3.0, -5.0])] * 3)
-    assert not found[0].any()
-
-
-def test_ways_of_records_with_a_lost_one_between_are_halved():
-    many = drive(5)
-    found = spreads(many[:2] + many[3:])
-    np.testing.assert_allclose(found[1:], [way_spread([6.0, 0.0])] * 3)
-
-
-@pytest.mark.parametrize("gap_s", [0.0, 5.0, 60.0, -30.0])
-def test_records_that_do_not_follow_each_other_have_no_way(gap_s):
-    first, second = drive(2)
-    assert not spreads([first, dataclasses.replace(second, stamp_s=first.stamp_s + gap_s)]).any()
-
-
-def test_robots_that_share_a_map_keep_their_ways_apart():
-    east, north = drive(6), drive(6, (0.0, 4.0), (50.0, 10.0))
-    both = spreads([one for pair in zip(east, north, strict=True) for one in pair])
-    np.testing.assert_allclose(both[2::2], [way_spread([6.0, 0.0])] * 5)
-    np.testing.assert_allclose(both[3::2], [way_spread([0.0, 4.0])] * 5)
-
-
 def test_records_of_a_drive_have_an_extent_and_those_of_a_stop_have_none():
-    the_map = online(merge_radius_m=2.0)
+    the_map = field_map(merge_radius_m=2.0)
     rng = np.random.default_rng(1)
     stop = [
         record(41 + dx, 20 + dy, stamp_s=160 + 10.0 * i) for i, (dx, dy) in enumerate(rng.normal(0, 0.3, (30, 2)))
@@ -346,43 +257,23 @@ def test_records_of_a_drive_have_an_extent_and_those_of_a_stop_have_none():
         assert the_map.add(one) is None
     samples = the_map.state.samples
     np.testing.assert_array_equal(samples.counts, [40] * 6 + [1200])
-    np.testing.assert_allclose(samples.spread[1:6], [way_spread([6.0, 0.0])] * 5)
+    np.testing.assert_allclose(samples.spread[1:6], [path_spread([6.0, 0.0])] * 5)
     assert not samples.spread[[0, 6]].any()
 
 
-@pytest.mark.slow
-@given(
-    st.lists(st.tuples(records, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=30),
-    st.floats(0, 30),
-    st.sampled_from([0.0, 10.0]),
-)
-def test_merging_conserves_the_second_moments(many, radius_m, footprint_m):
-    merger = SampleMerger(radius_m, footprint_m)
-    total = np.zeros(3)
-    for one, east, north in many:
-        way = way_spread([east, north])
-        merger.add(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s, way)
-        at = np.array([one.x_m**2, one.x_m * one.y_m, one.y_m**2])
-        total += one.effective_exposure_s * (at + way + footprint_spread(footprint_m))
-    samples = merger.samples
-    x, y = samples.xy.T
-    found = samples.exposure_s @ (np.column_stack([x * x, x * y, y * y]) + samples.spread)
-    np.testing.assert_allclose(found, total, rtol=1e-9, atol=MIN_SPREAD_M2 * samples.exposure_s.sum())
-
-
 def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():
-    plain, sharp = online(), online(footprint_radius_m=10.0)
+    plain, sharp = field_map(), field_map(footprint_radius_m=10.0)
     for one in [*drive(4), record(10.0, 40.0, stamp_s=500.0)]:
         plain.add(one)
         sharp.add(one)
     added = sharp.state.samples.spread - plain.state.samples.spread
     np.testing.assert_allclose(added, [footprint_spread(10.0)] * len(added))
     with pytest.raises(ValueError, match="radius of a footprint"):
-        online(footprint_radius_m=-1.0)
+        field_map(footprint_radius_m=-1.0)
 
 
 def test_the_map_takes_the_extents_into_account():
-    the_map = online(merge_radius_m=2.0)
+    the_map = field_map(merge_radius_m=2.0)
     for one in drive(8, raw_counts=60) + drive(8, (0.0, 5.0), (50.0, 5.0), 300.0, raw_counts=20):
         the_map.add(one)
     state = the_map.state
@@ -459,7 +350,7 @@ def test_a_whole_survey_is_mapped_as_by_kriging_to_the_last_digits():
     field_map = FieldMap(GRID, FieldMapSettings(merge_radius_m=6.0, footprint_radius_m=4.0, curve=CURVE))
     field_map.set_records(many)
     found = field_map.compute(field_map.state)
-    ways = DrivenWays()
+    ways = DrivenPaths()
     spread = [ways.spread(one) for one in many]
     samples = merge_records(GRID.cells[::3], [one.raw_counts for one in many], [9.0] * len(many), 6.0, spread)
     samples = dataclasses.replace(samples, spread=samples.spread + footprint_spread(4.0))

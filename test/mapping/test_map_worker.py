@@ -94,21 +94,21 @@ def test_closing_lets_the_map_under_way_be_finished(bench):
     assert 3 not in bench.computed
 
 
-def test_the_health_tells_what_the_map_rests_on():
+def test_the_health_shows_what_the_map_rests_on():
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 10.0)
-    online = FieldMap(grid, FieldMapSettings(fit="soft_l1"))
+    field_map = FieldMap(grid, FieldMapSettings(fit="soft_l1"))
     done = threading.Semaphore(0)
-    worker = MapWorker(online.compute, lambda state, soil_map: done.release())
+    worker = MapWorker(field_map.compute, lambda state, soil_map: done.release())
 
     def health():
-        return map_health(online, worker, now_s=100.0)
+        return map_health(field_map, worker, now_s=100.0)
 
     assert (health().level, health().message) == (Level.OK, "waiting for the first record")
     for number, x_m in enumerate((10.0, 30.0)):
-        online.add(CountRecord(80.0 + number, x_m, 20.0, NAN, 40, 10.0, 9.0))
-    assert health().message == "waiting for samples enough for a map"
+        field_map.add(CountRecord(80.0 + number, x_m, 20.0, NAN, 40, 10.0, 9.0))
+    assert health().message == "waiting for enough samples for a map"
     assert health().values["records not yet in the map"] == "2"
-    worker.submit(online.state)
+    worker.submit(field_map.state)
     assert done.acquire(timeout=LIMIT_S)
     worker.close()
     assert (health().level, health().message) == (Level.OK, "map of 2 samples")
@@ -117,7 +117,7 @@ def test_the_health_tells_what_the_map_rests_on():
     assert health().values["records not yet in the map"] == "0"
     assert float(health().values["range [m]"]) == pytest.approx(worker.soil_map.variogram.range_m, rel=0.01)
     for _ in range(3):
-        online.add(CountRecord(90.0, NAN, NAN, NAN, 40, 10.0, 9.0))
+        field_map.add(CountRecord(90.0, NAN, NAN, NAN, 40, 10.0, 9.0))
     assert health().level is Level.WARN
     assert health().message.endswith("check the GNSS receiver and its view of the sky")
     assert health().values["skipped: no position"] == "3"
@@ -126,19 +126,19 @@ def test_the_health_tells_what_the_map_rests_on():
 
 
 @pytest.mark.slow
-def test_maps_made_beside_a_fast_stream_end_where_maps_one_by_one_do():
+def test_maps_made_during_a_fast_stream_end_where_maps_one_by_one_do():
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 5.0)
     rng = np.random.default_rng(4)
     records = [
         CountRecord(10.0 * i, *rng.uniform(0, 50, 2).tolist(), NAN, int(rng.poisson(40)), 10.0, 9.0)
         for i in range(30)
     ]
-    online, alone = (FieldMap(grid, FieldMapSettings()) for _ in range(2))
+    field_map, alone = (FieldMap(grid, FieldMapSettings()) for _ in range(2))
     last = threading.Event()
-    worker = MapWorker(online.compute, lambda state, soil_map: state.records == len(records) and last.set())
+    worker = MapWorker(field_map.compute, lambda state, soil_map: state.records == len(records) and last.set())
     for record in records:
-        online.add(record)
-        worker.submit(online.state)
+        field_map.add(record)
+        worker.submit(field_map.state)
         alone.add(record)
         alone.compute(alone.state)
     assert last.wait(LIMIT_S)

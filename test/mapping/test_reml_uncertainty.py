@@ -53,7 +53,7 @@ FAMILIES = {
 
 
 def share_covered(family, n, fields=40):
-    """Share of the cells whose true rate lies in the 95 % interval, over so many fields."""
+    """Share of the cells whose true rate lies in the 95 % interval, over a number of fields."""
     covered = []
     for seed in range(fields):
         rng = np.random.default_rng([seed, n])

@@ -1,7 +1,7 @@
 """Smooth surfaces on rasters: evaluated at few Chebyshev points, interpolated to all cells.
 
 A function that is analytic in a box is interpolated from the Chebyshev points of the box with an error that falls
-geometrically with their number, and the last coefficients tell how far that has gone (Trefethen, *Approximation
+geometrically with their number, and the last coefficients show how far that has gone (Trefethen, *Approximation
 Theory and Approximation Practice*, SIAM 2013, chapters 3, 4 and 8). The kriging mean and variance of a Gaussian
 variogram are such functions: sums and products of Gaussians.
 """
@@ -209,7 +209,7 @@ def first_degrees(x_m: Array, y_m: Array, length_m: float) -> tuple[int, ...]:
 
 
 def _first_guess(lengths: float) -> int:
-    """Number of points for a product of two Gaussians ``exp(-(h / length)^2)`` over so many lengths.
+    """Number of points for a product of two Gaussians ``exp(-(h / length)^2)`` over a number of lengths.
 
     The coefficients of ``exp(-k u^2)``, u in [-1, 1], fall below e once their number exceeds about
     ``2 sqrt(k log(1/e))``; a surface that varies slowly needs a few all the same.

@@ -35,7 +35,7 @@ class Covariances(Protocol):
     size: int
 
     def begin(self, variogram: Variogram) -> None:
-        """Forget all samples, and take another variogram of the latent rate; comes first."""
+        """Forget all samples and use another variogram of the latent rate; comes first."""
         ...
 
     def keep(self, samples: Array, first: int, most: int) -> bool:

@@ -108,7 +108,7 @@ class PoissonKriging:
     def fit(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> PoissonKriging:
-        """Take samples, replacing earlier ones, and factor the kriging matrix.
+        """Set the samples, replacing earlier ones, and factor the kriging matrix.
 
         :param xy: places, shape (n, 2), n >= 1 [m]
         :param counts: raw counts, shape (n,)
@@ -129,7 +129,7 @@ class PoissonKriging:
     def add(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> PoissonKriging:
-        """Take further samples; a new place appends a row to the factor, a known place is merged.
+        """Add samples; a new place appends a row to the factor, a known place is merged.
 
         Costs O(n^2) for a place that is new or the newest, more for older ones. The mean rate in the noise
         is kept until it has drifted by 1 %, then everything is built anew (as :meth:`fit` would).
@@ -139,7 +139,7 @@ class PoissonKriging:
         :param exposure_s: effective exposures, shape (k,), or a number [s]
         :param spread: as :meth:`fit`, shape (k, 3), or (3,)
         :returns: itself
-        :raises ValueError: as :meth:`fit`; the samples taken before stay as they were
+        :raises ValueError: as :meth:`fit`; earlier samples stay as they were
         """
         if self._records is None:
             return self.fit(check_xy(xy), np.atleast_1d(counts), np.atleast_1d(exposure_s), spread)

@@ -103,7 +103,7 @@ class KrigingRows:
         return self._surfaces(full, n)
 
     def _forget(self, first: int, samples: Array) -> None:
-        """Take the rows from ``first`` on for unknown, where samples differ from those known."""
+        """Forget the rows from ``first`` on, where samples differ from the known ones."""
         known = self._samples
         # The row of a sample that has but grown is as before, only the diagonal of L is not.
         same_place = first < min(len(known), len(samples)) and (known[first, :5] == samples[first, :5]).all()

@@ -21,7 +21,7 @@ _BITS = 20
 
 
 class Neighbourhood(NamedTuple):
-    """Samples, the far ones merged, that stand for all of them around a rectangle.
+    """Samples around a rectangle, the far ones merged.
 
     :param xy: places, shape (m, 2) [m]
     :param rate: corrected rates, shape (m,) [counts/s]
@@ -84,7 +84,7 @@ class SampleTree:
         return len(self._levels[0].counts)
 
     def margin_m(self, low: Array, high: Array, nearest: int) -> float:
-        """Width of a margin around a rectangle within which there are at most so many samples [m].
+        """Width of a margin around a rectangle that holds a number of samples at most [m].
 
         :param low: south-west corner of the rectangle, shape (2,) [m]
         :param high: north-east corner [m]

@@ -1,7 +1,7 @@
 """Where the map is wanted: sets of target places that know their distances to the samples.
 
-A target set hands out squared distances tile by tile. The kriging needs no more than this, so a set
-with structure (a raster) can compute them in a cheaper way than arbitrary points.
+A target set returns correlations tile by tile. The kriging needs no more than this, so a set
+with structure (a raster) can compute them more cheaply than arbitrary points.
 """
 
 from __future__ import annotations

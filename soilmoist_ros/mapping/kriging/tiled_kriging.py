@@ -49,7 +49,7 @@ _TILE_RADIUS = 0.4
 """Largest half diagonal of a tile over the radius of the circle that holds its nearest samples."""
 _PILOT_TILES = 4
 _BLOCK_PLACES = 300
-"""Places of a block, and at least so many before it, in the estimate of the mean."""
+"""Places of a block, and smallest number of places before it, in the estimate of the mean."""
 _TILE_ELEMENTS = 400_000
 _MAX_HALVINGS = 40
 
@@ -91,7 +91,7 @@ class _Square(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """All that a tile needs to know; small enough to be sent to each worker."""
+    """What every tile needs; small enough to be sent to each worker."""
 
     variogram: Variogram
     keep_nugget: bool
@@ -175,9 +175,9 @@ class _Model:
 
 
 class TiledKriging:
-    """Kriging of Poisson counts with unknown constant mean, as far as a bounded number of neighbours can tell.
+    """Kriging of Poisson counts with unknown constant mean, from a bounded number of neighbours.
 
-    Takes the place of :class:`PoissonKriging` for very many samples: cost
+    Replaces :class:`PoissonKriging` for very many samples: cost
     and memory grow with their number and with that of the targets, not with a power of them. The answer depends
     on the samples and the place alone: neither on what else is predicted nor on ``compute``.
 
@@ -187,7 +187,7 @@ class TiledKriging:
     15 and 50 m and 5 % at 150 m (root mean square 0.2 and 0.9 %), and the sd was right to 0.02 %. With an
     exponential model single cells were off by up to 8 % (0.7 %). A Gaussian model far wider than the distance of
     the samples sees so far that no neighbourhood is enough: 10 to 35 % (3 to 12 %), the sd right to 1 %.
-    :attr:`accuracy` tells what some tiles show. It is no bound: single cells may be several times as far off.
+    :attr:`accuracy` is measured on some tiles. It is no bound: single cells may be several times as far off.
 
     :param variogram: variogram of the latent rate
     :param keep_nugget: as :class:`PoissonKriging`
@@ -323,7 +323,7 @@ class TiledKriging:
 
 
 def _mean_sums(model: _Model, places: Samples, block: tuple[int, int]) -> tuple[float, float]:
-    """What a block tells of the mean, given the nearest places of the blocks before it: 1'K^-1 1 and 1'K^-1 z."""
+    """1'K^-1 1 and 1'K^-1 z of a block, given the nearest places of the blocks before it."""
     from scipy.linalg.blas import dtrsm
 
     start, end = block

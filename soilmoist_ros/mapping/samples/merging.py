@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.samples.spread import footprint_spread, way_spread, without_noise
+from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread, without_noise
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
@@ -17,19 +17,19 @@ _MIN_GAP, _MAX_GAP = 0.9, 2.5
 """Times between the ends of successive records of one sensor, in exposures; the next but one if one was lost."""
 
 
-class DrivenWays:
-    """Tells how far the robot drove during each record, from the places of successive records.
+class DrivenPaths:
+    """How far the robot drove during each record, from the places of successive records.
 
     Records come in order of time, maybe of several robots at once: a record follows the nearest of those that
-    had ended when it began. Its way is taken to be the vector from the place of that one, which lies as long ago
-    as a record lasts. Where the robot starts or stops this is right to half a record's way.
+    had ended when it began. Its path is the vector from the place of that one, scaled to the exposure.
+    Where the robot starts or stops this is right to half a record's path.
     """
 
     def __init__(self) -> None:
         self._last: list[CountRecord] = []
 
     def spread(self, record: CountRecord) -> Array:
-        """Spread of a record's counts along its way, shape (3,) [m^2]; 0 without a predecessor.
+        """Spread of a record's counts along its path, shape (3,) [m^2]; 0 without a predecessor.
 
         :param record: with a place, and an exposure > 0
         """
@@ -42,7 +42,7 @@ class DrivenWays:
         nearest = min(before, key=lambda one: math.hypot(record.x_m - one.x_m, record.y_m - one.y_m))
         self._last.remove(nearest)
         share = min(exposure_s / (record.stamp_s - nearest.stamp_s), 1.0)
-        return way_spread([share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)])
+        return path_spread([share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)])
 
 
 class SampleMerger:
@@ -50,7 +50,7 @@ class SampleMerger:
 
     A record joins the nearest sample if its mean place is within the radius, and moves it; otherwise it begins
     a new sample. So the records of a stop whose positions jitter are one sample, however long the robot stands,
-    and a drive becomes a chain of samples about two radii apart (each drags behind the robot by half the way).
+    and a drive becomes a chain of samples about two radii apart (each lags behind the robot by half its path).
     What comes out depends on the order of the records, unlike with
     :func:`merge_records`, which needs them all.
 
@@ -72,13 +72,13 @@ class SampleMerger:
     def add(
         self, x_m: float, y_m: float, raw_counts: int, exposure_s: float, spread: ArrayLike = (0.0, 0.0, 0.0)
     ) -> None:
-        """Take a record.
+        """Add a record.
 
         :param x_m: east [m], finite
         :param y_m: north [m], finite
         :param raw_counts: raw counts, >= 0
         :param exposure_s: effective exposure [s], > 0 and finite
-        :param spread: of the way along which it was counted, shape (3,) [m^2]
+        :param spread: of the path along which it was counted, shape (3,) [m^2]
         """
         nearest = self._within_reach(x_m, y_m)
         if nearest is None:

@@ -1,9 +1,9 @@
 """The spread of a sample: second moments of the area over which it was counted.
 
 A record that was counted while driving, or over a footprint, is a mean over an area. Of the area only the
-covariance matrix (sxx, sxy, syy) [m^2] of a place drawn from it is kept. A straight way of length l along the unit
-vector u has l^2/12 u u', a Gaussian footprint of standard deviation s has s^2 along each axis; independent spreads
-add up.
+covariance matrix (sxx, sxy, syy) [m^2] of a place drawn from it is kept. A straight path of length l along the
+unit vector u has l^2/12 u u', a Gaussian footprint of standard deviation s has s^2 along each axis; independent
+spreads add up.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 MIN_SPREAD_M2 = 1.0
-"""Spreads with a smaller trace are taken for points: the noise of positions makes as much where a robot stands."""
+"""Spreads with a smaller trace count as points: the noise of positions makes as much where a robot stands."""
 
 
-def way_spread(along_m: ArrayLike) -> Array:
-    """Spread of counts gathered evenly along straight ways.
+def path_spread(along_m: ArrayLike) -> Array:
+    """Spread of counts gathered evenly along straight paths.
 
     :param along_m: vectors from the beginning to the end, shape (..., 2) [m]
     :returns: shape (..., 3) [m^2]

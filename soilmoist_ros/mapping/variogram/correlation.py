@@ -164,7 +164,7 @@ def correlation_model(name: str) -> CorrelationModel:
 
 
 class _KnownModel:
-    """Tells pydantic to refuse names that are not registered."""
+    """Makes pydantic refuse names that are not registered."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Callable[[Any], Any]) -> Any:
         from pydantic_core import core_schema

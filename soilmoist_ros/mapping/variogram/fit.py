@@ -61,7 +61,7 @@ class VariogramFit:
 
     @property
     def prior_mattered(self) -> bool:
-        """Whether the prior told more than the data about the structured sill or the range."""
+        """Whether the prior determined the structured sill or the range more than the data did."""
         return max(self.prior_share[:2]) > 0.5
 
 

@@ -23,7 +23,7 @@ from soilmoist_ros.mapping.variogram.support import SupportCorrelation
 Array = NDArray[np.float64]
 
 ONE_BLOCK_PLACES = 1000
-"""Up to so many places the likelihood is the full one."""
+"""Number of places up to which the likelihood is the full one."""
 BLOCK_PLACES = 500
 """Beyond that, the largest number of places in a block."""
 MAX_BLOCKS = 16
@@ -31,7 +31,7 @@ MAX_BLOCKS = 16
 
 _MIN_POOLS = 8
 _FEW_PLACES = 100
-"""Beyond so many places one start is enough if the likelihood of the model has one peak only."""
+"""Number of places beyond which one start is enough if the likelihood of the model has one peak only."""
 ANISOTROPIES = (2.0, 4.0, 8.0)
 """Ratios of the longest range over the shortest among which the likelihood chooses."""
 ANGLES_DEG = tuple(22.5 * step for step in range(8))
@@ -44,11 +44,11 @@ ISOTROPIC = (1.0, 0.0)
 """Anisotropy and angle if no direction is special."""
 _MAX_DIRECTIONS = 3
 _DIRECTED_PLACES = 150
-"""Directions are ranked by the likelihood of so many places."""
+"""Number of places whose likelihood ranks the directions."""
 _LARGEST_STEP = 5.0
-"""Parameters are sought within so many prior standard deviations."""
+"""Prior standard deviations within which parameters are searched."""
 _TOLERANCE = 1e-5
-"""To about so many prior standard deviations."""
+"""The same, about."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Prior:
       alone is useless from three samples, and too low along the first ways, whose samples are all near each
       other; a guess on the low side claims a map that is not there
     * **range**: median such that the practical range is a third of the extent, standard deviation 1: what
-      is much shorter cannot be told from the nugget, what is much longer not from a trend
+      is much shorter cannot be separated from the nugget, what is much longer not from a trend
     * **nugget**: median 5 % of the prior's structured variance, standard deviation 1.5; a count integrates
       over a footprint of some hundred square metres, so little variance is left below it
 
@@ -139,7 +139,7 @@ class RestrictedLikelihood:
     """Log restricted likelihood of rates ``Z/t`` with covariance ``s R(range) + nugget I + diag(m*/t)``.
 
     The unknown constant mean is integrated out. With several blocks it is the sum over the blocks
-    (a composite likelihood), each with a mean of its own. Samples with a spread are means over their areas, and so
+    (a composite likelihood), each with its own mean. Samples with a spread are means over their areas, and so
     are the correlations R between them.
 
     :param places: merged samples
@@ -358,7 +358,7 @@ def spatial_blocks(
     """Disjoint compact blocks of places: halved across the wider side until no block exceeds ``size``.
 
     :param xy: places, shape (n, 2) [m]
-    :param one_block: up to so many places all are one block
+    :param one_block: number of places up to which all are one block
     :param size: largest block otherwise
     :returns: the numbers of the places of each block
     """
@@ -401,9 +401,9 @@ def _some(places: Samples, most: int) -> Samples:
 
 
 def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
-    """Blocks of the likelihood, so many at most that the fit does not grow with the survey.
+    """Blocks of the likelihood; their number is bounded, so the cost of a fit does not grow with the survey.
 
-    Compact blocks tell of short distances only, so a quarter of them is spread over the whole field.
+    Compact blocks hold short distances only, so a quarter of them is spread over the whole field.
     """
     blocks = spatial_blocks(xy)
     if len(blocks) <= MAX_BLOCKS:

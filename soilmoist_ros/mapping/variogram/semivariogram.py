@@ -93,7 +93,7 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_cla
 
 
 def _pair_blocks(n: int, elements: int = 1_000_000) -> list[slice]:
-    """Row blocks of the n x n pairs, each of about so many elements."""
+    """Row blocks of the n x n pairs, each of about this number of elements."""
     step = max(1, elements // max(n, 1))
     return [slice(start, min(start + step, n)) for start in range(0, n, step)]
 

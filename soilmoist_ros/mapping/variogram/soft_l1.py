@@ -28,9 +28,9 @@ MAX_SILL = 20.0
 """Upper bound of the structured sill in units of the semivariance."""
 
 _USUAL = np.array([0.1, 1.0])
-"""Nugget and structured sill where the classes do not tell."""
+"""Nugget and structured sill where the classes do not determine them."""
 _USUAL_REACH = 0.6
-"""Practical range, in units of the largest lag, where the classes do not tell."""
+"""Practical range, in units of the largest lag, where the classes do not determine it."""
 _TIE = 1e-6
 _TIES = _TIE * np.array([1.0, 0.0, 1.0, *_USUAL])
 """What holds nugget and structured sill near the usual, in the normal equations."""
@@ -158,8 +158,8 @@ def _promising(lag: Array, gamma: Array, model: CorrelationModel, lower: Array, 
         weight = 1 / root
     tie = np.log(_TRIED * model.practical / _USUAL_REACH) ** 2
     cost = (root - 1).sum(axis=1) + _TIE * tie
-    beside = np.concatenate([[np.inf], cost, [np.inf]])
-    lowest = np.flatnonzero((cost <= beside[:-2]) & (cost < beside[2:]))
+    padded = np.concatenate([[np.inf], cost, [np.inf]])
+    lowest = np.flatnonzero((cost <= padded[:-2]) & (cost < padded[2:]))
     best = lowest[np.argsort(cost[lowest], kind="stable")[:_POLISHED]]
     return np.column_stack([nugget, np.log(_TRIED), structured])[best]
 

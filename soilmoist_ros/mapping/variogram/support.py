@@ -10,7 +10,7 @@ moments: a line by two (Gauss-Legendre), an area by its centre and two on each p
 moments are then those of a Gaussian as well). The same points stand for a support against samples and targets, so
 the matrix remains positive definite whatever the error. For practical ranges from 30 m, ways up to 10 m and a
 footprint of 10 m the correlations of smooth models are right to 0.012, those of the exponential and the spherical
-model, which have a kink at every point, to 0.05; taken for points they would be wrong by up to 0.4 and 0.5.
+model, which have a kink at every point, to 0.05; as points they would be wrong by up to 0.4 and 0.5.
 
 The nugget, micro-scale variance, stays with the sample whatever its support.
 """
@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _MIN_WIDTH_M2 = MIN_SPREAD_M2 / 2
-"""Areas with a smaller variance across are taken for lines."""
+"""Areas with a smaller variance across count as lines."""
 _LINE_WEIGHT, _LINE_ARM = 1 / 2, 1.0
 _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
-"""Weight of each point beside the centre, and its distance from there in standard deviations."""
+"""Weight of each point around the centre, and its distance from there in standard deviations."""
 _LOG_STEP = 0.5
 _FEW_ELEMENTS = 30_000
 """Larger temporary matrices are slower: their memory is asked for anew each time."""

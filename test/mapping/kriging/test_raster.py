@@ -14,7 +14,7 @@ from soilmoist_ros.mapping.kriging import rows as kriging_rows
 from soilmoist_ros.mapping.kriging.raster import MIN_TILED, RasterKriging
 from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances
-from soilmoist_ros.mapping.samples.spread import way_spread
+from soilmoist_ros.mapping.samples.spread import path_spread
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 
 SMALL = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 4.0)
@@ -50,7 +50,7 @@ class Mission:
         xy = rng.uniform((0, 0), (60, 45), (count, 2))
         xy[rng.random(count) < 0.2] = SMALL.cells[rng.integers(len(SMALL.cells))]  # where cells have their centre
         exposure_s = rng.uniform(50, 600, count)
-        spread = way_spread(rng.uniform(-8, 8, (count, 2))) * (rng.random((count, 1)) < 0.5)
+        spread = path_spread(rng.uniform(-8, 8, (count, 2))) * (rng.random((count, 1)) < 0.5)
         spread += np.where(rng.random((count, 1)) < 0.2, [[9.0, 0.0, 9.0]], 0.0)
         counts = rng.poisson(MEAN_RATE * exposure_s)
         self.columns = np.concatenate([self.columns, np.column_stack([xy, counts, exposure_s, spread])])
@@ -67,7 +67,7 @@ class Mission:
 
     def widen(self, back):
         row = self.columns[-1 - back % len(self.columns)]
-        row[4:] += way_spread([4.0, 2.0])
+        row[4:] += path_spread([4.0, 2.0])
 
     def refit(self, number):
         self.variogram, self.mean_rate = self.choices[number % 3], MEAN_RATE + 0.1 * number

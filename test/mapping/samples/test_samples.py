@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.samples.samples import merge_exactly, merge_records, noise_rate
-from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, way_spread
+from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, path_spread
 
 COORDINATE = st.integers(-20, 20).map(float)
 RECORD = st.tuples(COORDINATE, COORDINATE, st.integers(0, 500), st.sampled_from([5.0, 10.0, 20.0, 640.0]))
@@ -178,7 +178,7 @@ def test_impossible_spreads_are_refused(spread):
 )
 def test_merging_conserves_the_second_moments(many, radius_m):
     """But for spreads that the noise of positions may have made."""
-    spread = way_spread([(x, y) for _, x, y in many])
+    spread = path_spread([(x, y) for _, x, y in many])
     xy, counts, exposure_s = columns([one for one, _, _ in many])
     merged = merge_records(xy, counts, exposure_s, radius_m, spread)
     separate = Samples(xy, counts, exposure_s, spread)
@@ -189,9 +189,9 @@ def test_merging_conserves_the_second_moments(many, radius_m):
 
 
 def test_a_drive_that_becomes_one_sample_has_its_extent():
-    way = Samples([[0, 0], [6, 0], [12, 0]], [30, 30, 30], [10, 10, 10], way_spread([6.0, 0.0]))
+    way = Samples([[0, 0], [6, 0], [12, 0]], [30, 30, 30], [10, 10, 10], path_spread([6.0, 0.0]))
     merged = merge_records(way.xy, way.counts, way.exposure_s, 8.0, way.spread)
-    np.testing.assert_allclose(merged.spread, [way_spread([18.0, 0.0])])
+    np.testing.assert_allclose(merged.spread, [path_spread([18.0, 0.0])])
     stand = merge_records([[0, 0], [0.5, 0.3], [-0.4, 0.6]], [30, 30, 30], [10, 10, 10], 8.0)
     assert len(stand) == 1
     assert not stand.spread.any()

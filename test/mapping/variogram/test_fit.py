@@ -63,7 +63,7 @@ def test_splitting_records_changes_no_fit(method):
 
 
 def test_soft_l1_finds_an_exact_semivariogram():
-    """With so many counts and places that the classes are nearly exact, the fit returns the model."""
+    """With enough counts and places to make the classes nearly exact, the fit returns the model."""
     truth = Variogram("gaussian", 0.05, 30.0, 0.4)
     fits = [fit_variogram(*simulated(300, seed, truth, 600.0), "gaussian", "soft_l1") for seed in range(6)]
     assert np.mean([fit.sill for fit in fits]) == pytest.approx(0.4, rel=0.12)

@@ -47,7 +47,7 @@ def test_a_bent_valley_is_followed():
 
 
 def test_rounding_does_not_end_the_search_early():
-    """Beside a large constant the value says nothing any more where the gradient still does."""
+    """With a large constant added, the value is flat to rounding where the gradient is not."""
     expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, 0.5 * CURVATURE)
 
     def rounded(x):

@@ -162,7 +162,7 @@ def test_information_is_as_defined(model):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
 def test_no_climb_from_elsewhere_finds_a_higher_peak(seed):
-    """Against plain L-BFGS-B from many starts; the spherical model has many small peaks beside each other."""
+    """Against plain L-BFGS-B from many starts; the spherical model has many small peaks close together."""
     model = list(MODELS)[seed % 5]
     rng = np.random.default_rng(seed)
     n, side = int(rng.choice([2, 3, 6, 12, 25, 50])), rng.choice([60.0, 280.0])

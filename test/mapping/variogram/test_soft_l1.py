@@ -62,7 +62,7 @@ def test_no_worse_than_scipy(seed, model, least_sill):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_optimum_is_that_of_scipy(model):
-    """Where the classes tell, the parameters agree as well."""
+    """Where the classes determine them, the parameters agree as well."""
     lag = np.linspace(1 / 12, 1, 12)
     rng = np.random.default_rng(1)
     practical = MODELS[model].practical
@@ -92,7 +92,7 @@ def test_one_outlier_pulls_little():
 
 
 def test_what_the_classes_leave_open_stays_near_the_usual():
-    """One class tells the semivariance at one lag, and nothing else."""
+    """One class holds the semivariance at one lag, and nothing else."""
     found = fit_soft_l1(np.ones(1), np.ones(1), "matern32", 1e-3)
     assert found.cost == pytest.approx(0, abs=1e-9)
     assert 0.2 < found.range_ * MODELS["matern32"].practical < 1.5

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
 from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
-from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, way_spread, without_noise
+from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, path_spread, without_noise
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood
@@ -21,7 +21,7 @@ radii = st.sampled_from([0.0, 5.0, 10.0])
 def survey(n=25, seed=0, radius_m=0.0, ways_m=8.0):
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, 60, (n, 2))
-    spread = way_spread(rng.uniform(-ways_m, ways_m, (n, 2))) + footprint_spread(radius_m)
+    spread = path_spread(rng.uniform(-ways_m, ways_m, (n, 2))) + footprint_spread(radius_m)
     return xy, rng.poisson(300, n), rng.uniform(60, 140, n), spread
 
 
@@ -52,7 +52,7 @@ def footprint(radius_m):
 
 @given(vectors)
 def test_the_spread_of_a_way_is_the_covariance_of_its_points(along):
-    xx, xy, yy = way_spread(along)
+    xx, xy, yy = path_spread(along)
     np.testing.assert_allclose([[xx, xy], [xy, yy]], np.cov(way(along).T, bias=True), rtol=1e-4, atol=1e-9)
 
 
@@ -75,7 +75,7 @@ def test_spreads_that_noise_may_have_made_count_as_none():
 @given(st.lists(st.tuples(vectors, vectors, radii), min_size=1, max_size=5))
 def test_the_points_of_a_support_have_its_mean_and_second_moments(many):
     xy = np.array([place for place, _, _ in many])
-    spread = np.array([way_spread(along) + footprint_spread(radius) for _, along, radius in many])
+    spread = np.array([path_spread(along) + footprint_spread(radius) for _, along, radius in many])
     supports = Supports(xy, spread)
     np.testing.assert_allclose(supports.average(lambda p: np.ones((1, len(p)))), 1.0)
     np.testing.assert_allclose(supports.average(lambda p: p.T.copy()), xy.T, atol=1e-9)
@@ -98,7 +98,7 @@ def test_covariances_agree_with_brute_force_integration(model):
     variogram = Variogram(model, 0.0, 40 / MODELS[model].practical, 1.0)
     targets = np.array([[0.0, 0], [3, 1], [0, 8], [-15, 5], [30, -20]])
     supports = {
-        "way": (way_spread([9.0, -7.0]), way([9.0, -7.0])),
+        "way": (path_spread([9.0, -7.0]), way([9.0, -7.0])),
         "footprint": (footprint_spread(10.0), footprint(10.0)),
     }
     for spread, points in supports.values():
@@ -168,7 +168,7 @@ def test_kriging_with_supports_is_block_kriging(model):
     along = rng.uniform(-10, 10, (8, 2))
     variogram = Variogram(model, 0.0, 40 / MODELS[model].practical, 0.3)
     targets = np.random.default_rng(2).uniform(0, 60, (30, 2))
-    kriging = PoissonKriging(variogram, mean_rate=3.0).fit(xy, counts, exposure_s, way_spread(along))
+    kriging = PoissonKriging(variogram, mean_rate=3.0).fit(xy, counts, exposure_s, path_spread(along))
     points = np.concatenate([place + way(vector, 60) for place, vector in zip(xy, along, strict=True)])
     share = np.kron(np.eye(8), np.full((1, 60), 1 / 60))
     blocks = share @ Points(variogram, points, points).correlation(EVERY) @ share.T * 0.3

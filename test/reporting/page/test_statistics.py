@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.samples.spread import footprint_spread, way_spread
+from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
 from soilmoist_ros.mapping.variogram.support import Supports
 from soilmoist_ros.reporting.page.statistics import (
     band_statistics,
@@ -40,7 +40,7 @@ def test_leave_one_out_is_what_kriging_without_the_sample_says(the_map):
 
 
 def test_supports_count_in_the_report_as_in_the_map(the_map):
-    samples = dataclasses.replace(the_map.samples, spread=way_spread([8.0, 3.0]) + footprint_spread(6.0))
+    samples = dataclasses.replace(the_map.samples, spread=path_spread([8.0, 3.0]) + footprint_spread(6.0))
     wide = make_soil_map(samples, the_map.grid, the_map.variogram, the_map.curve)
     loo = leave_one_out(wide)
     rest = np.arange(len(samples)) > 0

@@ -1,0 +1,63 @@
+"""Which records can be part of a map, and why the others are left out."""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.sensing.records import CountRecord
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+MAX_RATE_CPS = 1e4
+"""Rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]."""
+MAX_RECORD_S = 86400.0
+"""Exposure beyond which a record counts as a mistake [s]."""
+FACTORS = (0.01, 100.0)
+"""Products of the correction factors beyond which a record counts as a mistake."""
+
+
+class Skip(enum.Enum):
+    """Why a record is not in the map; the value is the name that users see."""
+
+    NO_POSITION = "no position"
+    OUTSIDE = "outside the field"
+    IMPLAUSIBLE = "implausible record"
+    UNREADABLE = "unreadable message"
+
+    @property
+    def remedy(self) -> str:
+        """What the user can do about it."""
+        return {
+            Skip.NO_POSITION: "check the GNSS receiver and its view of the sky",
+            Skip.OUTSIDE: "check that the driver and the mapper have the same field file",
+            Skip.IMPLAUSIBLE: "check the neutron logger and the site file of the driver",
+            Skip.UNREADABLE: "check what publishes the counts, and its version",
+        }[self]
+
+
+def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, str]:
+    """Why a record is left out, as a code and in words; ``None`` if it can be used.
+
+    :param record: the record
+    :param area: the field and its margin [m]
+    """
+    import shapely
+
+    exposure_s, effective_s = record.exposure_s, record.effective_exposure_s
+    for name, seconds in (("exposure", exposure_s), ("effective exposure", effective_s)):
+        if not 0 < seconds < math.inf:
+            return Skip.IMPLAUSIBLE, f"{name} of {seconds:g} s"
+    if exposure_s > MAX_RECORD_S:
+        return Skip.IMPLAUSIBLE, f"exposure of {exposure_s:g} s"
+    if not FACTORS[0] <= exposure_s / effective_s <= FACTORS[1]:
+        return Skip.IMPLAUSIBLE, f"correction by a factor of {exposure_s / effective_s:g}"
+    if not 0 <= record.raw_counts <= MAX_RATE_CPS * effective_s:
+        return Skip.IMPLAUSIBLE, f"{record.raw_counts} counts in {effective_s:g} s"
+    if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
+        return Skip.NO_POSITION, "no position"
+    if not shapely.contains_xy(area, record.x_m, record.y_m):
+        return Skip.OUTSIDE, f"at x = {record.x_m:.1f} m, y = {record.y_m:.1f} m"
+    return None, ""
