@@ -66,7 +66,7 @@ def median_s(work: Callable[[], object], repeats: int, clock: Callable[[], float
 def mission_rows(repeats: int) -> list[dict[str, object]]:
     """Seconds of one core for a 2 h mission on the airfield of 3000 cells."""
     rows = []
-    for strategy in STRATEGIES:
+    for strategy in STRATEGIES.names():
         for label, (model, fit) in FITS.items():
             settings = replace(AIRFIELD, strategy=strategy, model=model, fit=fit)
             simulate_mission(settings)  # imports, and the field
@@ -94,7 +94,7 @@ def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
             for x, y in rng.uniform(0, 250, (samples, 2)):
                 field_map.add_sample((x, y), int(rng.poisson((4 + np.sin(x / 40)) * 300)), 300.0)
             update_s = median_s(field_map.update, repeats)
-            for strategy in STRATEGIES:
+            for strategy in STRATEGIES.names():
                 explorer = Explorer(
                     [Property(field_map)], stops, travel, make_strategy(strategy, "authors"),
                     make_strategy("random"), parse_dwell("ami:0.03"), np.random.default_rng(2),

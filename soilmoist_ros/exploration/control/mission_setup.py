@@ -10,7 +10,7 @@ from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.exploration.strategies.registry import NEEDS_NO_MAP, make_strategy, warm_up
+from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
@@ -43,7 +43,7 @@ class ExplorerSettings:
     @property
     def needs_map(self) -> bool:
         """Whether the strategy cannot do without a map."""
-        return self.strategy not in NEEDS_NO_MAP
+        return strategy_kind(self.strategy).needs_map
 
     @property
     def warm_up_stops(self) -> int:

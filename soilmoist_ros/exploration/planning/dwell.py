@@ -6,18 +6,18 @@ against the price of time, is made anew for each stop with the kriging quantitie
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from fractions import Fraction
 from functools import cached_property
-from typing import Annotated, ClassVar, Protocol
+from typing import Annotated, Any, ClassVar, Protocol
 
 from pydantic import PlainSerializer, PlainValidator
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.registry import Registry
 
 MAX_DWELL_S = 3600.0
 """Default of the longest dwell [s]: a dead or drowned sensor must not hold the robot for the rest of the day."""
@@ -280,17 +280,34 @@ def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
             f"the longest dwell of {longest_s} s is not positive and finite", "give seconds, e.g. 3600"
         )
     name, colon, number = (part.strip() for part in text.lower().partition(":"))
-    if name not in _RULES:
-        close = difflib.get_close_matches(name, _RULES, n=1, cutoff=0.5)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        raise InputError(f"unknown dwell rule {text.strip()!r}{hint}", _EXAMPLES)
-    if name == "optimal" and not colon:
-        return Optimal(longest_s)
-    if name == "optimal":
-        raise InputError(f"the dwell rule {text.strip()!r} must be 'optimal' alone", _EXAMPLES)
-    if not colon or not number:
+    if name == _OF_STOP:
+        return _of_stop(number, longest_s)
+    kind = DWELL_RULES.get(name)
+    if kind.needs_value and not number:
         raise InputError(f"the dwell rule {text.strip()!r} has no number after '{name}:'", _EXAMPLES)
-    return _RULES[name](number, longest_s)
+    if colon and not kind.needs_value:
+        raise InputError(f"the dwell rule {text.strip()!r} must be '{name}' alone", _EXAMPLES)
+    return kind.read(number, longest_s)
+
+
+def dwell_rule(given: str | DwellRule, longest_s: float = MAX_DWELL_S) -> DwellRule:
+    """A dwell rule, read if it is text; see :func:`parse_dwell`."""
+    return parse_dwell(given, longest_s) if isinstance(given, str) else given
+
+
+@dataclass(frozen=True)
+class DwellKind:
+    """A dwell rule that can be chosen by name.
+
+    :param read: makes the rule from the text after ``NAME:`` and the longest dwell [s];
+        raises :class:`InputError` if the text is no value
+    :param describe: the rule for readers, from the same text
+    :param needs_value: whether the text is required; without it the rule is its name alone
+    """
+
+    read: Callable[[str, float], DwellRule]
+    describe: Callable[[str], str]
+    needs_value: bool = True
 
 
 def _fixed(number: str, longest_s: float) -> DwellRule:
@@ -341,12 +358,28 @@ def _of_stop(numbers: str, longest_s: float) -> DwellRule:
     return MarginalValue(gain, variance, price, factor, longest_s, tuple(others))
 
 
-_RULES: dict[str, Callable[[str, float], DwellRule]] = {
-    "fmi": _fixed,
-    "ami": _adaptive,
-    "optimal": lambda number, longest_s: Optimal(longest_s),
-    "value": _of_stop,
-}
+def _checked(plug_in: Any) -> DwellKind:
+    """A dwell rule of another package.
+
+    :raises TypeError: if it is no :class:`DwellKind`
+    """
+    if not isinstance(plug_in, DwellKind):
+        raise TypeError(f"a dwell rule must be a DwellKind, got {type(plug_in).__name__}")
+    return plug_in
+
+
+_OF_STOP = "value"
+DWELL_RULES: Registry[DwellKind] = Registry(
+    "soilmoist_ros.dwell_rules",
+    "dwell rule",
+    {
+        "fmi": DwellKind(_fixed, lambda number: f"FMI {float(number):g} s"),
+        "ami": DwellKind(_adaptive, lambda number: f"AMI {100 * float(number):g} %"),
+        "optimal": DwellKind(lambda _, longest_s: Optimal(longest_s), lambda _: "Optimal", needs_value=False),
+    },
+    _checked,
+)
+"""Dwell rules by name; another package adds one with an entry point ``soilmoist_ros.dwell_rules``."""
 
 
 def _decimal(number: str, rule: str) -> Decimal:

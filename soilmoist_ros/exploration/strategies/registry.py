@@ -1,158 +1,157 @@
-"""The published strategies by name, and those of them that choose one stop at a time."""
+"""Strategies by name: the built-in ones, and those that other packages add."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from soilmoist_ros.exploration.strategies.information import VarianceReduction
+from soilmoist_ros.exploration.strategies.one_stop import Greedy, MonteCarlo, Random
 from soilmoist_ros.exploration.strategies.route import require_solver
-from soilmoist_ros.exploration.strategies.rules import (
-    PRESETS,
-    Preset,
-    away_from,
-    eligible,
-    reachable,
-    times_mean,
-    weighted_order,
-)
-from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
+from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset
+from soilmoist_ros.exploration.strategies.strategy import Strategy
 from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling, Lattice
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.registry import Registry
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
-__all__ = [
-    "LOOKS_AHEAD",
-    "NEEDS_NO_MAP",
-    "PRESETS",
-    "STRATEGIES",
-    "Greedy",
-    "MonteCarlo",
-    "Preset",
-    "Random",
-    "make_strategy",
-    "warm_up",
-]
-
-Array = NDArray[np.float64]
-
-STRATEGIES = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr", "gcb")
-"""Names that :func:`make_strategy` knows."""
+Dashes = str | tuple[float, tuple[float, ...]]
 
 
-NEEDS_NO_MAP = frozenset({"random", "lattice"})
-"""Strategies that never look at the map."""
-LOOKS_AHEAD = frozenset({"ivr", "gcb"})
-"""Strategies that make do with the map of one stop, so that they begin with one in the middle of the field."""
+@dataclass(frozen=True)
+class StrategyKind:
+    """A strategy that can be chosen by name.
+
+    :param make: makes the strategy of one mission, from the constants of a preset
+    :param label: name for reports
+    :param needs_map: whether it cannot choose without a map once the warm-up is over
+    :param warm_up_stops: stops before the map guides it; ``None`` for as many as the preset has
+    :param warm_up: makes the strategy that chooses these
+    :param is_baseline: whether others are compared with it: reports show its maps last
+    :param colour: of its line in charts, such as ``#0072b2``; empty for a common one
+    :param dashes: of its line in charts, as matplotlib takes them
+    :param width: of its line in charts [pt]
+    """
+
+    make: Callable[[Preset], Strategy]
+    label: str = ""
+    needs_map: bool = True
+    warm_up_stops: int | None = None
+    warm_up: Callable[[Preset], Strategy] = Random
+    is_baseline: bool = False
+    colour: str = ""
+    dashes: Dashes = "-"
+    width: float = 2.0
 
 
-def make_strategy(name: str, preset: str | Preset = "paper") -> Strategy:
+def _with_solver(make: Callable[[Preset], Strategy]) -> Callable[[Preset], Strategy]:
+    def made(preset: Preset) -> Strategy:
+        require_solver()
+        return make(preset)
+
+    return made
+
+
+def _cost_benefit_tour(preset: Preset) -> Strategy:
+    from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour
+
+    return CostBenefitTour()
+
+
+def _variance_reduction(preset: Preset) -> Strategy:
+    return VarianceReduction()
+
+
+BUILT_IN = {
+    "greedy": StrategyKind(Greedy, "Greedy", colour="#d55e00"),
+    "monte_carlo": StrategyKind(MonteCarlo, "Monte Carlo", colour="#0072b2"),
+    "adaptive_sampling": StrategyKind(_with_solver(AdaptiveSampling), "Adaptive sampling", colour="#009e73"),
+    "random": StrategyKind(
+        Random, "Random", needs_map=False, warm_up_stops=0, is_baseline=True, colour="#5d6b78",
+        dashes=(0, (1.2, 1.6)), width=1.7,
+    ),
+    "lattice": StrategyKind(
+        _with_solver(lambda preset: Lattice()), "Lattice", needs_map=False, warm_up_stops=0, is_baseline=True,
+        colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
+    ),
+    # These make do with the map of one stop, which lies in the middle of the field.
+    "ivr": StrategyKind(
+        _variance_reduction, "Integrated variance", warm_up_stops=1, warm_up=_variance_reduction, colour="#22303c"
+    ),
+    "gcb": StrategyKind(
+        _cost_benefit_tour, "Cost-benefit tour", warm_up_stops=1, warm_up=_variance_reduction, colour="#c9a000"
+    ),
+}  # fmt: skip
+
+
+def _checked(plug_in: Any) -> StrategyKind:
+    """A strategy of another package.
+
+    :raises TypeError: if it is neither a :class:`StrategyKind` nor a strategy
+    """
+    kind = strategy_kind(plug_in)
+    if isinstance(plug_in, str):
+        raise TypeError("a strategy must be a StrategyKind, or a class or object with a method choose")
+    return kind
+
+
+STRATEGIES: Registry[StrategyKind] = Registry("soilmoist_ros.strategies", "strategy", BUILT_IN, _checked)
+"""Strategies by name; another package adds one with an entry point ``soilmoist_ros.strategies``."""
+
+
+def strategy_kind(given: str | StrategyKind | Strategy | type[Strategy]) -> StrategyKind:
+    """A strategy with its traits.
+
+    :param given: a name, a kind, a class without arguments, or an object; each mission gets a copy of an object
+    :raises InputError: for an unknown name
+    :raises TypeError: if it is none of them
+    """
+    if isinstance(given, StrategyKind):
+        return given
+    if isinstance(given, str):
+        return STRATEGIES.get(given)
+    if not callable(getattr(given, "choose", None)):
+        raise TypeError(f"a strategy needs a method choose, {given!r} has none")
+    if isinstance(given, type):
+        return StrategyKind(lambda preset: given(), given.__name__)
+    return StrategyKind(lambda preset: deepcopy(given), type(given).__name__)
+
+
+def make_strategy(
+    given: str | StrategyKind | Strategy | type[Strategy], preset: str | Preset = "paper"
+) -> Strategy:
     """A strategy, ready for one mission: it may remember its plan, so each mission makes its own.
 
-    :param name: one of :data:`STRATEGIES`
+    :param given: one of :data:`STRATEGIES`, or as :func:`strategy_kind` takes it
     :param preset: one of :data:`PRESETS`, or constants of one's own
     :raises InputError: for an unknown name, or if the strategy plans routes and PyVRP is not installed
+
+    >>> make_strategy("gcb")
+    CostBenefitTour(begun_s=None)
     """
-    if isinstance(preset, str):
-        if preset not in PRESETS:
-            raise _unknown("preset", preset, tuple(PRESETS))
-        preset = PRESETS[preset]
-    if name not in STRATEGIES:
-        raise _unknown("strategy", name, STRATEGIES)
-    if name in ("adaptive_sampling", "lattice"):
-        require_solver()
-        return AdaptiveSampling(preset) if name == "adaptive_sampling" else Lattice()
-    if name == "ivr":
-        return VarianceReduction()
-    if name == "gcb":
-        from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour
-
-        return CostBenefitTour()
-    if name == "greedy":
-        return Greedy(preset)
-    return MonteCarlo(preset) if name == "monte_carlo" else Random(preset)
+    return strategy_kind(given).make(_preset(preset))
 
 
-def warm_up(name: str, preset: str) -> tuple[int, Strategy]:
+def warm_up(
+    given: str | StrategyKind | Strategy | type[Strategy], preset: str | Preset = "paper"
+) -> tuple[int, Strategy]:
     """How a mission of a strategy begins, before a map can guide it: number of stops, and who chooses them.
 
-    :param name: one of :data:`STRATEGIES`
-    :param preset: one of :data:`PRESETS`
+    Parameters as of :func:`make_strategy`.
     """
-    if name in NEEDS_NO_MAP:
-        return 0, make_strategy("random", preset)
-    if name in LOOKS_AHEAD:
-        return 1, make_strategy("ivr", preset)
-    return PRESETS[preset].warm_up_samples, make_strategy("random", preset)
+    kind, constants = strategy_kind(given), _preset(preset)
+    stops = constants.warm_up_samples if kind.warm_up_stops is None else kind.warm_up_stops
+    return stops, kind.warm_up(constants)
 
 
-def _unknown(kind: str, word: str, known: tuple[str, ...]) -> InputError:
-    return InputError(f"there is no {kind} {word!r}", f"use one of: {', '.join(known)}{did_you_mean(word, known)}")
-
-
-@dataclass(frozen=True)
-class Greedy:
-    """The candidate with the highest kriging variance; the first of equals."""
-
-    preset: Preset
-
-    def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
-        """See :class:`Strategy`."""
-        allowed = eligible(situation, self.preset)
-        if not len(allowed):
-            return None
-        best = int(allowed[np.argmax(situation.variance[allowed])])
-        variance = float(situation.variance[best])
-        return Choice(situation.candidates[best], f"highest kriging variance {times_mean(variance, situation)}")
-
-
-@dataclass(frozen=True)
-class MonteCarlo:
-    """A candidate drawn with probability in proportion to its kriging variance.
-
-    If no candidate is above the preset's floor (possible on a travel graph, whose nodes may all be well
-    known while the map between them is not), the draw is among all of them.
-    """
-
-    preset: Preset
-
-    def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
-        """See :class:`Strategy`."""
-        allowed = eligible(situation, self.preset)
-        if not len(allowed):
-            return None
-        floor = self.preset.monte_carlo_floor
-        among = f"{len(allowed)} candidates"
-        if floor > 0:
-            high = allowed[situation.variance[allowed] > floor * np.mean(situation.map_variance)]
-            above = f"above {floor:g} times the mean"
-            among = f"{len(high)} candidates {above}" if len(high) else f"{among}, none {above}"
-            allowed = high if len(high) else allowed
-        drawn = int(allowed[weighted_order(situation.variance[allowed], rng)[0]])
-        variance = float(situation.variance[drawn])
-        return Choice(
-            situation.candidates[drawn],
-            f"drawn by kriging variance among {among}: {times_mean(variance, situation)}",
+def _preset(preset: str | Preset) -> Preset:
+    if isinstance(preset, Preset):
+        return preset
+    if preset not in PRESETS:
+        raise InputError(
+            f"there is no preset {preset!r}",
+            f"use one of: {', '.join(PRESETS)}{did_you_mean(preset, tuple(PRESETS))}",
         )
-
-
-@dataclass(frozen=True)
-class Random:
-    """A candidate drawn with equal probability; needs no map, so it serves for the samples before the first.
-
-    Places measured already (within half a cell) are drawn only when there is no other.
-    """
-
-    preset: Preset
-
-    def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
-        """See :class:`Strategy`."""
-        possible = reachable(situation) & away_from(situation, self.preset.keep_away_cells * situation.cell_m)
-        new = possible & away_from(situation, 0.5 * situation.cell_m)
-        allowed = np.flatnonzero(new if new.any() else possible)
-        if not len(allowed):
-            return None
-        drawn = int(rng.choice(allowed))
-        return Choice(situation.candidates[drawn], f"drawn at random among {len(allowed)} candidates")
+    return PRESETS[preset]

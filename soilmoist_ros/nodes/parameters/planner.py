@@ -7,7 +7,8 @@ from typing import Final
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
 from soilmoist_ros.exploration.mission.types import MissionRules, OnSilence
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.registry import PRESETS, STRATEGIES, make_strategy
+from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy
+from soilmoist_ros.exploration.strategies.rules import PRESETS
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError
@@ -25,7 +26,7 @@ def _row(
 
 PARAMETERS: Final = (
     _row("field", "", "field file, or name of a shipped one"),
-    _row("strategy", "gcb", "how the next stop is chosen", choices=STRATEGIES),
+    _row("strategy", "gcb", "how the next stop is chosen", choices=tuple(STRATEGIES.names())),
     _row("preset", "paper", "constants of the strategies", choices=tuple(PRESETS)),
     _row("seed", 0, "seed of the strategies' randomness", low=0),
     _row("dwell", "optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from soilmoist_ros.exploration.planning.dwell import DWELL_RULES
+from soilmoist_ros.exploration.strategies.registry import STRATEGIES, StrategyKind
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
 from soilmoist_ros.simulation.campaign.table import missions_table, results_table
@@ -15,17 +18,6 @@ from soilmoist_ros.simulation.mission.settings import SETTINGS
 if TYPE_CHECKING:
     import pandas as pd
 
-BASELINES = ("random", "lattice")
-STRATEGIES = {
-    "greedy": "Greedy",
-    "monte_carlo": "Monte Carlo",
-    "adaptive_sampling": "Adaptive sampling",
-    "random": "Random",
-    "lattice": "Lattice",
-    "ivr": "Integrated variance",
-    "gcb": "Cost-benefit tour",
-}
-"""Names for readers, in the order of lists and legends; others go by their own name."""
 COMPARED = ("strategy", "dwell", "seed")
 """Settings within which the missions of a case differ."""
 NAMES = {
@@ -68,15 +60,25 @@ class Case:
 
 def strategy_text(strategy: str) -> str:
     """Name of a strategy for readers."""
-    return STRATEGIES.get(strategy, strategy.replace("_", " "))
+    kind = strategy_traits(strategy)
+    return kind.label if kind is not None and kind.label else strategy.replace("_", " ")
+
+
+def strategy_traits(strategy: str) -> StrategyKind | None:
+    """Traits of a strategy; ``None`` if the package that added it is not installed."""
+    try:
+        return STRATEGIES.get(strategy)
+    except InputError:
+        return None
 
 
 def dwell_text(dwell: str) -> str:
     """Name of a dwell rule for readers: FMI with its seconds, AMI with its standard error in percent."""
-    kind, _, value = dwell.partition(":")
-    if kind == "fmi":
-        return f"FMI {float(value):g} s"
-    return f"AMI {100 * float(value):g} %" if kind == "ami" else dwell.capitalize()
+    name, _, value = dwell.partition(":")
+    try:
+        return DWELL_RULES.get(name).describe(value)
+    except InputError:
+        return dwell.capitalize()
 
 
 class CampaignData:
@@ -172,7 +174,8 @@ def strategies_in(rows: pd.DataFrame) -> list[str]:
 
 def strategy_order(strategy: str) -> int:
     """Place of a strategy in lists and legends."""
-    return list(STRATEGIES).index(strategy) if strategy in STRATEGIES else len(STRATEGIES)
+    known = STRATEGIES.names()
+    return known.index(strategy) if strategy in known else len(known)
 
 
 def _plain(value: object) -> str:

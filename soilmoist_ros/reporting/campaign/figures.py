@@ -10,23 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.campaign.data import (
-    BASELINES,
     CampaignData,
     Case,
     dwell_text,
     strategies_in,
     strategy_text,
+    strategy_traits,
 )
 from soilmoist_ros.reporting.page.maps import RATE, RATE_SD, colours
 from soilmoist_ros.reporting.page.style import (
     BLUE,
     FAINT,
-    GOLD,
     GREEN,
     INK,
     NORMAL,
     ORANGE,
-    PURPLE,
     SMALL,
     SOFT,
     extension,
@@ -49,15 +47,6 @@ EndName = tuple[float, str, str]
 """Last value of a line, its name and its colour."""
 
 WIDTH_IN = 10.0
-LOOKS: dict[str, Look] = {
-    "greedy": (ORANGE, "-", 2.0),
-    "monte_carlo": (BLUE, "-", 2.0),
-    "adaptive_sampling": (GREEN, "-", 2.0),
-    "random": (SOFT, (0, (1.2, 1.6)), 1.7),
-    "lattice": (PURPLE, (0, (5, 2)), 1.5),
-    "ivr": (INK, "-", 2.0),
-    "gcb": (GOLD, "-", 2.0),
-}
 OTHER: Look = (INK, "-.", 1.5)
 ERROR = "Mean squared error [(counts/s)²]"
 MAX_EXAMPLES = 5
@@ -66,16 +55,23 @@ KEY_IN = 0.55
 """Height of the strip below the examples [in]."""
 
 
+def _look(strategy: str) -> Look:
+    kind = strategy_traits(strategy)
+    return (kind.colour, kind.dashes, kind.width) if kind is not None and kind.colour else OTHER
+
+
+def _is_baseline(strategy: str) -> bool:
+    kind = strategy_traits(strategy)
+    return kind is not None and kind.is_baseline
+
+
 def strategies_figure(data: CampaignData, case: Case) -> Figure:
     """Distance and error against time, a line per strategy: mean and standard deviation over the runs."""
     rows = data.over_time(case, data.main_dwell(case))
     figure = new_figure(WIDTH_IN, 3.7)
     left = plain(figure.add_axes((0.065, 0.145, 0.295, 0.76)), "y")
     right = plain(figure.add_axes((0.555, 0.145, 0.295, 0.76)), "y")
-    lines = [
-        (strategy_text(name), rows[rows["strategy"] == name], LOOKS.get(name, OTHER))
-        for name in strategies_in(rows)
-    ]
+    lines = [(strategy_text(name), rows[rows["strategy"] == name], _look(name)) for name in strategies_in(rows)]
     kilometres = rows["distance_m"].max() >= 3000
     scale, unit = (1e-3, "km") if kilometres else (1.0, "m")
     distance_names = _lines(left, lines, "distance_m", scale=scale)
@@ -137,7 +133,7 @@ def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
         place = (0.065 + step * column, (row_in * (deep - 1 - row) + 0.5) / high, step - 0.04, 2.05 / high)
         axes = plain(figure.add_axes(place), "y")
         rows = data.over_time(case, data.main_dwell(case))
-        lines = [(strategy_text(s), rows[rows["strategy"] == s], LOOKS.get(s, OTHER)) for s in strategies_in(rows)]
+        lines = [(strategy_text(s), rows[rows["strategy"] == s], _look(s)) for s in strategies_in(rows)]
         axes.axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
         _lines(axes, lines, "coverage95", scale=100, band=False)
         _hours(axes, case)
@@ -210,7 +206,7 @@ def examples_figure(data: CampaignData, case: Case) -> Figure | None:
 def example_strategies(data: CampaignData, case: Case) -> list[str]:
     """Strategies of which a mission is shown: those that explore, the baselines only where there are no others."""
     present = strategies_in(data.final(case))
-    return ([name for name in present if name not in BASELINES] or present)[:MAX_EXAMPLES]
+    return ([name for name in present if not _is_baseline(name)] or present)[:MAX_EXAMPLES]
 
 
 def _lines(

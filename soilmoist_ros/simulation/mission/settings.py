@@ -144,7 +144,7 @@ def _is_of(value: object, kind: type) -> bool:
 def _strategies() -> Sequence[str]:
     from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 
-    return STRATEGIES
+    return STRATEGIES.names()
 
 
 def _models() -> Sequence[str]:

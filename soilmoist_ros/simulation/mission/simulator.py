@@ -36,7 +36,7 @@ from soilmoist_ros.exploration.mission.types import (
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.planning.dwell import dwell_rule
 from soilmoist_ros.exploration.planning.properties import Property, correction_factor
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
@@ -160,7 +160,7 @@ class _Simulation:
         """A robot at the start, numbered from 0; all share the maps."""
         settings, field = self.settings, self.field
         seed = settings.seed
-        dwell = parse_dwell(settings.dwell)
+        dwell = dwell_rule(settings.dwell)
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
         mission = Mission(
             MissionRules(

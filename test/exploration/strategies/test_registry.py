@@ -4,10 +4,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from soilmoist_ros.exploration.strategies.registry import NEEDS_NO_MAP, PRESETS, STRATEGIES, make_strategy
+from soilmoist_ros.exploration.strategies.registry import (
+    STRATEGIES,
+    StrategyKind,
+    make_strategy,
+    strategy_kind,
+    warm_up,
+)
 from soilmoist_ros.exploration.strategies.route import open_route, timed_route
-from soilmoist_ros.exploration.strategies.rules import Preset, weighted_order
-from soilmoist_ros.exploration.strategies.strategy import Situation
+from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset, weighted_order
+from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
 from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling, _surely_fits, k_means
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
@@ -56,14 +62,14 @@ def after(now, **changes):
     return Situation(**{**{name: getattr(now, name) for name in Situation.__dataclass_fields__}, **changes})
 
 
-every = pytest.mark.parametrize("name", STRATEGIES)
+every = pytest.mark.parametrize("name", STRATEGIES.names())
 both = pytest.mark.parametrize("preset", list(PRESETS))
 
 
 def test_the_presets_are_the_published_constants():
     assert PRESETS["paper"] == Preset("paper", 3, 0.0, 0.0, 0.0, None)
     assert PRESETS["authors"] == Preset("authors", 3, 4.0, 0.9, 0.5, 5.0)
-    assert set(STRATEGIES) > NEEDS_NO_MAP
+    assert [name for name in STRATEGIES.names() if not STRATEGIES.get(name).needs_map] == ["random", "lattice"]
 
 
 def test_unknown_names_are_answered_with_the_known_ones():
@@ -73,6 +79,30 @@ def test_unknown_names_are_answered_with_the_known_ones():
         InputError, match=r"no preset 'author' -> use one of: paper, authors \(did you mean 'authors'"
     ):
         make_strategy("greedy", "author")
+
+
+class First:
+    """Chooses the first candidate, and counts its choices."""
+
+    choices = 0
+
+    def choose(self, situation, rng):
+        self.choices += 1
+        return Choice(situation.candidates[0], "the first")
+
+
+@pytest.mark.parametrize("given", [First, First(), StrategyKind(lambda preset: First())])
+def test_a_class_an_object_and_a_kind_are_strategies_and_each_mission_has_its_own(given):
+    one, two = make_strategy(given), make_strategy(given)
+    one.choose(situation(), rng())
+    assert (one.choices, two.choices) == (1, 0)
+    assert strategy_kind(given).needs_map
+    assert warm_up(given, "authors")[0] == 3
+
+
+def test_what_cannot_choose_is_no_strategy():
+    with pytest.raises(TypeError, match="needs a method choose"):
+        strategy_kind(7)
 
 
 @every

@@ -167,7 +167,7 @@ class Watched(_Simulation):
 @pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(
-    strategy=st.sampled_from(STRATEGIES),
+    strategy=st.sampled_from(STRATEGIES.names()),
     robots=st.integers(2, 4),
     seed=st.integers(0, 1000),
     map_from=st.sampled_from(["stops", "records"]),
