@@ -1,4 +1,4 @@
-"""A recorded run, mapped again at a desk."""
+"""Recorded runs and logs of a survey, mapped again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from soilmoist_ros.foundation.lazy import load_on_use
 
 if TYPE_CHECKING:
     from soilmoist_ros.replay.bag_map import Replay, ReplaySettings, replay_bag
+    from soilmoist_ros.replay.comparison import Comparison
+    from soilmoist_ros.replay.log_map import MapSettings, map_logs
 
-__all__ = ["Replay", "ReplaySettings", "replay_bag"]
+__all__ = ["Comparison", "MapSettings", "Replay", "ReplaySettings", "map_logs", "replay_bag"]
 
 __getattr__ = load_on_use(__name__, __file__)

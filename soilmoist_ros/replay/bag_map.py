@@ -1,4 +1,4 @@
-"""A recorded run, mapped again at a desk: with the settings that the robot had, bit for bit, or with others."""
+"""A recorded run, mapped again: with the settings that the robot had, bit for bit, or with others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.recording.bag.reader import BagReader
@@ -57,7 +57,7 @@ class ReplaySettings:
     :param cell_m: cell size of the map [m]
     :param counts_topic: topic with the records
     :param source: what is mapped: ``counts``, the records as the driver corrected and placed them, or ``raw``,
-        the lines of logger and receiver (``raw/logger``, ``raw/gnss``), corrected and placed anew
+        the lines of logger and receiver (``raw/logger``, ``raw/gnss``), corrected and placed again
     :param logger: format of the raw lines of the logger; detected from their header if ``None``
     """
 
@@ -75,7 +75,7 @@ class ReplaySettings:
     logger: str | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Replay:
     """The result of a replay.
 
@@ -129,7 +129,7 @@ def replay_bag(
     for one in content.properties:
         try:
             run = one.survey.run(one.survey.map.snapshot())
-        except InputError as error:
+        except (InputError, IllConditionedError) as error:
             if one is first:
                 raise
             remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.name} is not mapped: {error}."))
@@ -152,19 +152,22 @@ def replay_bag(
     if statuses:
         visits = mission_visits(statuses, content.visits, content.records)
         mission = replay_mission(properties, statuses, visits, configuration, content.records, progress)
-        own = replace(mission.properties[0], soil_map=run.soil_map)
-        run = replace(run, mission=replace(mission, properties=[own, *mission.properties[1:]]))
+        maps = [
+            replace(one, soil_map=its.soil_map)
+            for one, its in zip(mission.properties, run.properties, strict=True)
+        ]
+        run = replace(run, mission=replace(mission, properties=maps))
     return Replay(run, [_compared(one, raw is not None and one.survey is survey) for one in properties])
 
 
 def _compared(one: ReplayedProperty, from_raw: bool) -> Comparison:
     if from_raw:
-        return Comparison(None, "not compared: made anew from what logger and receiver sent")
+        return Comparison(None, "not compared: made again from the raw lines")
     return one.compared()
 
 
 def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
-    """The on-line map without records, and what the user should know of it."""
+    """The map of the robot's own records, still without records, and what the user should know of it."""
     had = read_parameters(configuration, "mapper")
     survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
     if chosen.source == "raw" or not chosen.site or not had.get("site"):
@@ -178,7 +181,7 @@ def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tu
 
 
 def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> FieldSurvey:
-    """An on-line map as a mapper had it, but for what is chosen.
+    """A map without records, as a mapper had it except for what is chosen.
 
     :param had: parameters of the mapper
     """

@@ -75,6 +75,16 @@ def map_logs(
     :param compute: computes the tiles of a large map, see :func:`tile_workers`; it is
         needed again when the outputs are written
     :raises InputError: if a file cannot be used; with all mistakes that were found
+
+    >>> import tempfile
+    >>> from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+    >>> with tempfile.TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     _ = write_survey(folder, seed=2, spacing_m=30.0, dwell_s=60.0)
+    ...     files = {"site": folder / "site.yaml", "field": folder / "field.yaml"}
+    ...     run = map_logs([folder / "survey.log"], MapSettings(nmea=(folder / "survey.nmea",), **files))
+    >>> run.soil_map.vwc.shape == run.soil_map.rate.shape == run.soil_map.grid.shape
+    True
     """
     site = load_site(settings.site) if settings.site else Site()
     field = load_field(settings.field) if settings.field else None

@@ -49,26 +49,21 @@ def replay_mission(
     placed = [(r.x_m, r.y_m) for r in records if math.isfinite(r.x_m) and math.isfinite(r.y_m)]
     survey = first.survey
     end = before.reason if before.state == "finished" else f"the recording ends while {before.state}"
-    truth_rate = survey.map.grid.to_raster(first.true_rate)
-    own = MappedProperty(first.name, survey.field.name, first.records, None, truth_rate, first.weight)
+    titles = [survey.field.name, *(one.name if one.truth is None else one.truth.title for one in others)]
     return MissionResult(
         settings=_settings(configuration, before, others),
         series=rows,
         visits=visits,
         tracks=(np.array(placed).reshape(-1, 2),),
-        properties=[own, *map(_mapped, others)],
+        properties=[_mapped(one, title) for one, title in zip(properties, titles, strict=True)],
         frame=survey.field.frame,
         ended=end,
     )
 
 
-def _mapped(other: ReplayedProperty) -> MappedProperty:
-    """A further property, as a mission has it."""
-    field_map = other.survey.map
-    soil_map = field_map.compute(other.states[-1]) if other.states else None
-    title = other.name if other.truth is None else other.truth.title
-    truth_rate = field_map.grid.to_raster(other.true_rate)
-    return MappedProperty(other.name, title, other.records, soil_map, truth_rate, other.weight)
+def _mapped(one: ReplayedProperty, title: str) -> MappedProperty:
+    truth_rate = one.survey.map.grid.to_raster(one.true_rate)
+    return MappedProperty(one.name, title, one.records, None, truth_rate, one.weight)
 
 
 def _row(status: Status, properties: Sequence[ReplayedProperty]) -> SeriesRow:

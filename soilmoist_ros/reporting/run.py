@@ -132,7 +132,7 @@ class Note:
         return self.message
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MapRun:
     """One finished mapping run: the map of a property and all that a reader needs to judge it.
 
@@ -191,6 +191,11 @@ class MapRun:
     def __post_init__(self) -> None:
         if self.created_utc.tzinfo is None:
             raise ValueError("created_utc must have a time zone")
+
+    def __repr__(self) -> str:
+        where = self.field_name or self.site or "unnamed field"
+        others = f", {len(self.others)} further properties" if self.others else ""
+        return f"MapRun({where}: {len(self.track)} records, {len(self.soil_map.samples)} samples{others})"
 
     @property
     def properties(self) -> list[MapRun]:

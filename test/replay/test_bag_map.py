@@ -1,3 +1,5 @@
+"""Bags, mapped again: bag_map.py with mission.py, comparison.py, raw.py, statuses.py and topics.py."""
+
 from __future__ import annotations
 
 import importlib.util

@@ -1,4 +1,4 @@
-"""A map that grows, from files to an output folder."""
+"""A map that grows, from files to an output folder: field_survey.py, map_run.py and run.py."""
 
 import json
 

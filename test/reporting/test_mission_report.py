@@ -1,3 +1,5 @@
+"""Outputs of a mission: mission_report.py, and mission_section.py of the page."""
+
 from __future__ import annotations
 
 import csv

@@ -1,3 +1,5 @@
+"""The page of a campaign: report.py with data.py, figures.py and findings.py."""
+
 from __future__ import annotations
 
 import re

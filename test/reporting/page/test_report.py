@@ -1,3 +1,5 @@
+"""The page: report.py with its maps.py, charts.py, wording.py and style.py."""
+
 from __future__ import annotations
 
 import base64
