@@ -8,7 +8,8 @@ from setuptools import find_packages, setup
 NAME = "soilmoist_ros"
 NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
 ROOT = Path(__file__).parent
-VERSION = re.search(r'^__version__ = "(.+)"$', (ROOT / NAME / "__init__.py").read_text(encoding="utf-8"), re.M)
+VERSION_FILE = ROOT / NAME / "foundation" / "version.py"
+VERSION = re.search(r'^__version__ = "(.+)"$', VERSION_FILE.read_text(encoding="utf-8"), re.M)
 
 
 def shared(folder: str) -> list[tuple[str, list[str]]]:

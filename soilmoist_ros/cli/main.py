@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros import __version__
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
 from soilmoist_ros.cli.recordings import bag_group, demo_command, replay_command
 from soilmoist_ros.cli.simulate import campaign_command, simulate_command
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.version import __version__
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun

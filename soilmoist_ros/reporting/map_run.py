@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros import __version__
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
 from soilmoist_ros.sensing.moisture.site import Site

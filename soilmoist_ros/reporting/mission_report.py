@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soilmoist_ros import __version__
 from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.strict_json import write_json
 from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, settings_summary
