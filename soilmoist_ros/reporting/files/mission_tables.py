@@ -40,4 +40,4 @@ def _cell(name: str, value: object) -> object:
     if not math.isfinite(value):
         return ""
     # Unix time needs ten digits before the point.
-    return f"{value:.3f}" if name.endswith("_stamp_s") else f"{value:.8g}"
+    return f"{value:.13g}" if name.endswith("_stamp_s") else f"{value:.8g}"
