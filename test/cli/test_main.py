@@ -4,13 +4,14 @@ import json
 import subprocess
 import sys
 
+import click
 import numpy as np
 import pytest
 import rasterio
 import rasterio.warp
 from click.testing import CliRunner
 
-from soilmoist_ros.cli.main import main
+from soilmoist_ros.cli.main import COMMANDS, main
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
@@ -184,6 +185,26 @@ def test_calibration_by_counts_takes_both_numbers_or_none(tmp_path):
     result = run(*common, "--counts", 1000)
     assert result.exit_code == 2
     assert "--counts and --exposure" in result.output
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_help_lists_each_command_with_its_first_sentence(name):
+    command = main.get_command(click.Context(main), name)
+    assert command.name == name
+    assert " ".join(command.help.split("\n\n")[0].split()).startswith(COMMANDS[name])
+    assert COMMANDS[name].split()[0] in run("--help").output
+
+
+def test_an_unknown_command_is_answered_with_the_nearest():
+    result = run("simulat")
+    assert result.exit_code == 2
+    assert "there is no command 'simulat' (did you mean 'simulate'?)" in result.output
+
+
+def test_options_that_play_a_bag_belong_to_bag_play(tmp_path):
+    result = run("replay", tmp_path, "--speed", 10, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "use soilmoist bag play" in result.output
 
 
 @pytest.mark.process

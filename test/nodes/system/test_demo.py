@@ -22,7 +22,7 @@ LIMIT_S = 240.0
 
 def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):
     out = tmp_path / "run"
-    options = ["--property", "rough:2", "--hours", "0.25", "--speed", "60", "--strategy", "ivr"]
+    options = ["--property", "rough:2", "--hours", "0.25", "--time-factor", "60", "--strategy", "ivr"]
     command = [sys.executable, "-m", "soilmoist_ros.cli.main", "demo", *options, "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
     logs = {path.name: path.read_text(errors="replace") for path in (out / "log").glob("*.log")}

@@ -38,15 +38,15 @@ VOLATILE, KEPT = Qos(), Qos(depth=1, durability="transient_local")
 
 @pytest.fixture
 def play(ros, tmp_path):
-    """Starts ``soilmoist replay --live``."""
+    """Starts ``soilmoist bag play``."""
 
     def start(bag, *options):
         command = [
             sys.executable,
             "-c",
             "from soilmoist_ros.cli.main import main; main()",
-            "replay",
-            "--live",
+            "bag",
+            "play",
             str(bag),
         ]
         command += map(str, options)
@@ -81,7 +81,7 @@ def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
     counts = ros.collect(PointCloud2, "counts", RECORDS)
     clock = ros.collect(Clock, "/clock", CLOCK)
     ros.wait_for(lambda: ros.node.count_subscribers("counts") == 2, message="the mapper")
-    player = play(run, "--speed", 100)
+    player = play(run, "--time-factor", 100)
     assert player.wait(60) == 0, player.output()
     assert "played 30 messages" in player.output()
     with BagReader(run / "bag") as reader:
@@ -101,7 +101,7 @@ def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
 def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, notes_bag):
     notes = ros.collect(String, "/r/notes")
     maps = ros.collect(String, "/topological_map_2", LATCHED)
-    player = play(notes_bag, "--topics", "/r/notes|/topo.*", "--start", 20, "--speed", 12)
+    player = play(notes_bag, "--topics", "/r/notes|/topo.*", "--start", 20, "--time-factor", 12)
     assert ros.call(Trigger, "bag_player/pause").success
     clock = ros.collect(Clock, "/clock", CLOCK)
     ros.wait_for(lambda: len(clock) > 20, message="the clock, which tells its time also in a pause")
@@ -120,7 +120,7 @@ def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, n
 
 def test_what_mapper_and_planner_publish_themselves_is_not_played(ros, play, notes_bag):
     maps = ros.collect(String, "/topological_map_2", LATCHED)
-    player = play(notes_bag, "--speed", 100)
+    player = play(notes_bag, "--time-factor", 100)
     assert player.wait(60) == 0, player.output()
     ros.wait_for(lambda: len(maps) == 1)
     assert ros.node.count_publishers("/r/samples") == 0
@@ -153,7 +153,6 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
         (["--start", 50], "there is nothing after 50 s -> the bag lasts 39.0 s"),
         (["--topics", "/nots"], "no topic fits '/nots' -> there are: /r/notes, /r/samples, /topological_map_2"),
         (["--topics", "*"], "no regular expression"),
-        (["--model", "gaussian"], "--model means nothing with --live"),
     ],
 )
 def test_mistakes(play, notes_bag, options, said):

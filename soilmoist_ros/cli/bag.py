@@ -1,0 +1,97 @@
+"""``soilmoist bag``: look into recordings, play them, recover them."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import click
+
+from soilmoist_ros.cli.console import FILE, progress_bar, report_errors
+from soilmoist_ros.foundation.errors import InputError
+
+
+@click.group("bag")
+def command() -> None:
+    """Look into recordings, play them, and recover interrupted ones."""
+
+
+@command.command("info")
+@click.argument("bag", type=FILE)
+@report_errors
+def bag_info_command(bag: Path) -> None:
+    """Show the content of a BAG. Exit code 1 if it is damaged or unfinished."""
+    from rich.console import Console
+
+    from soilmoist_ros.recording.bag.info import bag_info
+    from soilmoist_ros.recording.bag.tables import info_table, print_plain
+    from soilmoist_ros.recording.run_folder import bag_of
+
+    info = bag_info(bag_of(bag))
+    print_plain(Console(), info_table(info))
+    if not info.whole:
+        sys.exit(1)
+
+
+@command.command("recover")
+@click.argument("bag", type=FILE)
+@click.option("--out", type=FILE, required=True, help="Folder for the recovered bag; must not exist.")
+@report_errors
+def bag_recover_command(bag: Path, out: Path) -> None:
+    """Rebuild a readable bag from an interrupted BAG. The original stays as it is."""
+    from rich.console import Console
+
+    from soilmoist_ros.recording.bag.recovery import recover_bag
+    from soilmoist_ros.recording.bag.tables import print_plain, recovery_table
+    from soilmoist_ros.recording.run_folder import bag_of, copy_configuration
+
+    recovered = recover_bag(bag_of(bag), out)
+    copy_configuration(bag_of(bag), out)
+    print_plain(Console(), recovery_table(recovered))
+
+
+@command.command("play")
+@click.argument("bag", type=FILE)
+@click.option("--topics", help="Pattern of the full names to publish. Default: the inputs of mapper and planner.")
+@click.option("--time-factor", type=click.FloatRange(min=0.01, max=200), default=1.0, show_default=True,
+              help="Recorded time per real time.")  # fmt: skip
+@click.option("--start", "start_s", type=click.FloatRange(min=0), default=0.0, show_default=True,
+              help="Start after this time of the bag [s].")  # fmt: skip
+@report_errors
+def bag_play_command(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
+    """Publish a BAG to running nodes, with /clock.
+
+    Nodes with use_sim_time receive the records, positions and raw lines again. The space bar pauses.
+    """
+    play(bag, topics, time_factor, start_s)
+
+
+def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
+    """Play a bag to the nodes of this ROS system.
+
+    :param bag: folder of a run or bag, or a file
+    :param topics: pattern of the full names to publish, ``None`` for the inputs of mapper and planner
+    :param time_factor: recorded time per real time
+    :param start_s: start after this time of the bag [s]
+    :raises InputError: if ROS is not installed, or nothing of the bag can be played
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
+    from soilmoist_ros.cli.key_press import on_space
+    from soilmoist_ros.nodes.wiring.bag_player import player_of
+    from soilmoist_ros.recording.bag.playback import INPUTS
+    from soilmoist_ros.recording.run_folder import bag_of
+
+    def say(text: str) -> None:
+        click.echo(f"note: {text}", err=True)
+
+    with (
+        player_of(bag_of(bag), topics or INPUTS, time_factor, start_s, say) as player,
+        on_space(player.toggle),
+        progress_bar() as progress,
+    ):
+        progress("waiting for nodes that listen", 0.0)
+        player.wait_for_listeners()
+        count = player.play(progress)
+    click.echo(f"played {count} messages")

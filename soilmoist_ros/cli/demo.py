@@ -1,0 +1,111 @@
+"""``soilmoist demo``: the whole ROS system on a simulated field."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from soilmoist_ros.cli.console import FILE, report_errors
+from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.replay import print_replay
+from soilmoist_ros.foundation.errors import InputError
+
+if TYPE_CHECKING:
+    from soilmoist_ros.reporting.live.live_mission import LiveMission
+
+_SHOW_S = 0.5
+DEMO = ("field", "strategy", "dwell", "hours", "seed", "model", "fit", "preset", "properties")
+"""Settings of a mission that the demo has as options."""
+DEMO_HOURS = 1.0
+"""Mission time of a demo if none is given [h]: a minute with the default time factor."""
+
+
+@click.command("demo")
+@mission_options(DEMO)
+@click.option("--time-factor", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
+              help="Simulated time per real time.")  # fmt: skip
+@click.option("--speed", "old_speed", type=float, hidden=True)
+@click.option("--navigator", type=click.Choice(["goto_node", "goal_pose"]),
+              help="How goals are sent. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
+@click.option("--scenario", default="", help="What goes wrong: thorvald, bad_link, or a file. Default: nothing.")
+@click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
+@report_errors
+def command(
+    out: Path,
+    navigator: str | None,
+    choices: dict[str, Any],
+    old_speed: float | None,
+    time_factor: float,
+    scenario: str,
+) -> None:
+    """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
+
+    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out, and
+    there the recording (bag/), the configuration of the nodes (configuration/) and their output (log/).
+    """
+    for module, remedy in (("rclpy", "scripts/demo sets it up; on a robot, source /opt/ros/jazzy/setup.bash"),):
+        if importlib.util.find_spec(module) is None:
+            raise InputError(f"{module} is not installed", remedy)
+    if old_speed is not None:
+        click.echo("warning: --speed of the demo has become --time-factor", err=True)
+        time_factor = old_speed
+    if navigator is None:
+        navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
+    from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
+    from soilmoist_ros.reporting import write_outputs
+
+    try:
+        with _live_view() as show:
+            mission = chosen_settings({"hours": DEMO_HOURS, **choices})
+            replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario), show)
+    except KeyboardInterrupt:
+        click.echo(f"interrupted: the nodes have ended; soilmoist replay {out} maps what was recorded", err=True)
+        sys.exit(130)
+    written = write_outputs(out, replay.run)
+    print_replay(replay)
+    for path in (*written, out / "bag"):
+        click.echo(f"wrote {path}")
+
+
+@contextmanager
+def _live_view() -> Iterator[Callable[[LiveMission], None]]:
+    """Show a mission: a picture that is kept up to date on a terminal, a line per change of state otherwise."""
+    from rich.console import Console
+
+    from soilmoist_ros.reporting.live.terminal import render
+
+    console = Console()
+    if not console.is_terminal:
+        said = ""
+
+        def plain(live: LiveMission) -> None:
+            nonlocal said
+            text = live.state
+            if text.partition(" (")[0] != said:
+                said = text.partition(" (")[0]
+                used_s = float(live.status.get("time_used_s", 0.0))
+                click.echo(f"{used_s:7.0f} s  {text}")
+
+        yield plain
+        return
+    from rich.live import Live
+
+    shown_s = 0.0
+    with Live(console=console, auto_refresh=False, transient=False) as screen:
+
+        def picture(live: LiveMission) -> None:
+            nonlocal shown_s
+            now_s = time.monotonic()
+            if now_s - shown_s >= _SHOW_S:
+                shown_s = now_s
+                rows = max(6, min(22, console.height - 9 - len(live.maps)))
+                screen.update(render(live.view(), min(64, console.width - 2), rows), refresh=True)
+
+        yield picture

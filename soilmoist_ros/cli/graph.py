@@ -1,0 +1,61 @@
+"""``soilmoist graph``: a travel graph for a field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from soilmoist_ros.cli.console import FILE, report_errors
+from soilmoist_ros.foundation.errors import InputError
+
+
+@click.command("graph")
+@click.argument("field")
+@click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
+              help="Distance of the nodes [m]; in crop rows, along the row.")  # fmt: skip
+@click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Crop rows at this distance [m].")
+@click.option(
+    "--heading", type=float, default=0.0, show_default=True, help="Direction of the rows from north [deg]."
+)
+@click.option("--headland", type=click.FloatRange(min=0, min_open=True), default=5.0, show_default=True,
+              help="Width of the headlands at the ends of the rows [m].")  # fmt: skip
+@click.option("--margin", type=click.FloatRange(min=0), default=0.0, show_default=True,
+              help="Distance to keep from the border and from no-go areas [m].")  # fmt: skip
+@click.option("--name", help="Name of the map. Default: the field's.")
+@click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
+@report_errors
+def command(
+    field: str,
+    spacing: float,
+    rows: float | None,
+    heading: float,
+    headland: float,
+    margin: float,
+    name: str | None,
+    out: Path,
+) -> None:
+    """Lay a travel graph over a FIELD and write it as a topological map.
+
+    An open lattice, or with --rows crop rows that can be left at their ends only.
+    """
+    from datetime import UTC, datetime
+
+    from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
+    from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+    from soilmoist_ros.simulation.fields.catalogue import known_field
+
+    known = known_field(field)
+    if rows is None:
+        built = open_lattice(known, spacing, margin_m=margin)
+    else:
+        built = crop_rows(known, rows, spacing, heading, headland, margin_m=margin)
+    topological = make_topological_map(built.graph, name or known.name, datetime.now(UTC))
+    text = topological.to_json() if out.suffix == ".json" else topological.to_yaml()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another file", out) from None
+    click.echo(built.summary)
+    click.echo(f"wrote {out}")

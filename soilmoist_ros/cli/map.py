@@ -1,0 +1,111 @@
+"""``soilmoist map``: logs of a neutron sensor to a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
+
+if TYPE_CHECKING:
+    from soilmoist_ros.reporting.run import MapRun
+
+
+@click.command("map")
+@click.argument("logs", type=FILE, nargs=-1, required=True)
+@click.option("--logger", help="Logger format: a shipped name or a YAML file. Default: told from the header.")
+@click.option("--site", help="Site file: corrections, soil, calibration. Default: standard corrections.")
+@click.option("--field", help="Field file: boundary, cell size. Default: the surroundings of the track.")
+@click.option(
+    "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
+)
+@click.option(
+    "--model",
+    type=VariogramModel(),
+    default="matern32",
+    show_default=True,
+    help="Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in.",
+)
+@click.option(
+    "--fit", type=click.Choice(["reml", "soft_l1"]), default="reml", show_default=True, help="Variogram fit."
+)
+@click.option(
+    "--nugget",
+    type=click.Choice(["keep", "filter"]),
+    default="keep",
+    show_default=True,
+    help="Map the rate with its micro-scale variation, or its smooth part only.",
+)
+@click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
+@click.option(
+    "--merge",
+    "merge_radius_m",
+    type=click.FloatRange(min=0),
+    help="Records within this radius become one sample [m]. Default: a quarter of the footprint.",
+)
+@click.option("--exact", "max_exact_samples", type=click.IntRange(min=1), default=2000, show_default=True,
+              help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
+@click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
+@click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
+@click.option("--title", help="Title of the report.")
+@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@report_errors
+def command(
+    logs: tuple[Path, ...],
+    site: str | None,
+    field: str | None,
+    nugget: str,
+    workers: int | None,
+    scheduler: str | None,
+    crs: str | None,
+    out: Path,
+    **choices: Any,
+) -> None:
+    """Map soil moisture from neutron LOGS.
+
+    Writes summary.json, map.tif, samples.geojson and report.html to the folder --out.
+    """
+    from soilmoist_ros.cli.map_workers import tile_workers
+    from soilmoist_ros.foundation.configuration import resource
+    from soilmoist_ros.replay.log_map import MapSettings, map_logs
+    from soilmoist_ros.reporting import write_outputs
+
+    settings = MapSettings(
+        site=resource("sites", site) if site else None,
+        field=resource("fields", field) if field else None,
+        keep_nugget=nugget == "keep",
+        **choices,
+    )
+    with progress_bar() as progress, tile_workers(workers, scheduler) as compute:
+        run = map_logs(logs, settings, progress, compute)
+        progress("writing the results", 0.0)
+        written = write_outputs(out, run, crs)
+    _print_summary(run)
+    for path in written:
+        click.echo(f"wrote {path}")
+
+
+def _print_summary(run: MapRun) -> None:
+    import numpy as np
+
+    soil_map = run.soil_map
+    lost = sum(row.count for row in run.losses if row.consequence == "lost")
+    click.echo(f"records    {len(run.track)} used, {lost} lost; {len(soil_map.samples)} samples after merging")
+    rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
+    click.echo(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
+    if soil_map.curve is None:
+        click.echo("moisture   not mapped: the site file has no soil properties or calibration")
+    else:
+        low, high = np.nanquantile(soil_map.vwc, [0.05, 0.95])
+        click.echo(
+            f"moisture   mean {np.nanmean(soil_map.vwc):.3f} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}"
+        )
+    if soil_map.accuracy is not None:
+        click.echo(f"kriging    {soil_map.accuracy}")
+    from soilmoist_ros.reporting.page.notes import notes
+
+    for note in notes(run):
+        click.echo(f"warning    {note}")
