@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.diagnostics import health_from_status, health_to_status
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health, Level
 
@@ -47,6 +47,7 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "stamp_s": _text(status.now_s),
         "needs_operator": str(bool(status.needs_operator)),
         "silent": str(bool(status.silent)),
+        "ended": str(status.ended or ""),
         **(more or {}),
     }
     return health_to_status(Health("mission", _level(status), f"{status.phase}: {status.reason}", values))
@@ -80,6 +81,7 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             estimated_end_s=None if math.isnan(end_s) else end_s,
             needs_operator=values.get("needs_operator") == "True",  # earlier versions do not have these
             silent=values.get("silent") == "True",
+            ended=MissionEnd(values["ended"]) if values.get("ended") else None,
         )
     except KeyError as error:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None

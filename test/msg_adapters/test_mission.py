@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 from msg_adapters.mission import mission_from_message, mission_to_message
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 
 NUMBER = st.floats(0, 1e9)
@@ -24,6 +24,7 @@ STATUS = st.builds(
     counting_s=NUMBER, raw_counts=st.integers(0, 9999), failures=st.integers(0, 9),
     blacklisted=st.lists(WORD, max_size=3).map(tuple), estimated_end_s=st.none() | NUMBER,
     needs_operator=st.booleans(), silent=st.booleans(),
+    ended=st.none() | st.sampled_from(MissionEnd),
 )  # fmt: skip
 QUIET = MissionStatus(
     now_s=math.nan, phase=Phase.IDLE, reason="waiting for start", target=None, planned_dwell_s=0.0, dwell_s=0.0,

@@ -43,6 +43,7 @@ from soilmoist_ros.exploration.mission.types import (
     Event,
     GoalFailed,
     GoalReached,
+    MissionEnd,
     MissionRules,
     MissionStatus,
     Moved,
@@ -177,7 +178,8 @@ class _Turn(Moves):
     def on_plan(self, event: Planned) -> None:
         choice = event.choice
         if choice is None:
-            self.end("nothing is left that is worth measuring or can be reached" + after_colon(event.reason))
+            reason = "nothing is left that is worth measuring or can be reached" + after_colon(event.reason)
+            self.end(MissionEnd.NOTHING_LEFT, reason)
         elif choice.stop.name in blacklisted(self.state):
             self.fail(Todo.PLAN, f"the planner chose {choice.stop.name}, which is ruled out for now")
         else:
@@ -306,7 +308,7 @@ class _Turn(Moves):
         if self.state.phase is Phase.FINISHED:
             self.enter(Phase.IDLE, "waiting for start")
         if self.state.phase is not Phase.IDLE:
-            self.abandon(VisitEnd.ABORTED, "aborted by the operator")
+            self.abandon(MissionEnd.ABORTED, "aborted by the operator")
         return True, self.state.reason
 
     def skip(self, cause: str) -> tuple[bool, str]:

@@ -26,6 +26,7 @@ from soilmoist_ros.exploration.mission.types import (
     CancelGoal,
     Finish,
     GoTo,
+    MissionEnd,
     MissionRules,
     OnSilence,
     Phase,
@@ -126,7 +127,7 @@ class Moves:
         """Ask for the next stop, if the time allows for one."""
         left_s = self.leave_by_s() - self.now_s
         if left_s <= self.rules.min_dwell_s:
-            self.end(f"{reason}; the time left is too short for another stop")
+            self.end(MissionEnd.TIME_UP, f"{reason}; the time left is too short for another stop")
             return
         warm_up = self.state.samples < self.rules.warm_up_stops
         kind = PlanKind.WARM_UP if warm_up else PlanKind.EXPLORE
@@ -147,7 +148,8 @@ class Moves:
         if needed_s <= left_s and self.now_s < self.leave_by_s():
             self.send(Phase.TRAVELLING, target.stop, max(travel_s, target.travel_s), reason)
         else:
-            self.end(f"no time for {target.stop.name}: it needs {needed_s:.0f} s and {left_s:.0f} s are left")
+            reason = f"no time for {target.stop.name}: it needs {needed_s:.0f} s and {left_s:.0f} s are left"
+            self.end(MissionEnd.TIME_UP, reason)
 
     def send(self, phase: Phase, stop: Stop, travel_s: float, reason: str) -> None:
         """Send the robot somewhere."""
@@ -209,16 +211,16 @@ class Moves:
         out = RuledOut(stop.name, self.now_s + self.rules.blacklist_s)
         self.state = replace(self.state, blacklist=(*others, out))
 
-    def end(self, reason: str) -> None:
+    def end(self, code: MissionEnd, reason: str) -> None:
         """Measure no more: go home if wanted, then finish."""
         self.leave_stop(VisitEnd.TIME_UP, reason)
-        self.state = replace(self.state, ending=reason, returns=0)
+        self.state = replace(self.state, ending=reason, ended=code, returns=0)
         self.then(Todo.RETURN, reason)
 
-    def abandon(self, code: VisitEnd, reason: str) -> None:
+    def abandon(self, code: MissionEnd, reason: str) -> None:
         """Abort the mission where the robot is, as soon as it has stopped."""
-        self.leave_stop(code, reason)
-        self.state = replace(self.state, ending=reason)
+        self.leave_stop(VisitEnd(code), reason)
+        self.state = replace(self.state, ending=reason, ended=code)
         self.then(Todo.IDLE, reason)
 
     def go_home(self, reason: str) -> None:
@@ -238,7 +240,9 @@ class Moves:
         self.state = replace(self.state, ended_s=self.now_s)
         self.enter(phase, f"{reason}; waiting for start" if aborted else reason)
         self.do(Save(reason))
-        self.do(Finish(reason, aborted))
+        # Journals of earlier versions hold no code.
+        code = self.state.ended or (MissionEnd.ABORTED if aborted else MissionEnd.TIME_UP)
+        self.do(Finish(reason, code))
 
     # Counting ------------------------------------------------------------------------------------------------
 
@@ -378,16 +382,17 @@ class Moves:
     def time_up(self) -> None:
         """The time is used up but for the way home."""
         away = self.rules.way_home_s(self.place) > 0
-        self.end("the time left is needed for the way home" if away else "the mission time is used up")
+        reason = "the time left is needed for the way home" if away else "the mission time is used up"
+        self.end(MissionEnd.TIME_UP, reason)
 
     def time_up_in_pause(self) -> None:
         """The same in a pause: the robot must not move before the operator resumes."""
         reason = "the mission time was used up in a pause"
         if self.rules.way_home_s(self.place) == 0:
-            self.end(reason)
+            self.end(MissionEnd.TIME_UP, reason)
             return
         self.leave_stop(VisitEnd.TIME_UP, reason)
-        self.state = replace(self.state, ending=reason, returns=0)
+        self.state = replace(self.state, ending=reason, ended=MissionEnd.TIME_UP, returns=0)
         self.hold(Todo.RETURN, f"{reason}: resume to go home, or abort")
 
     def plan_late(self) -> None:
@@ -422,7 +427,7 @@ class Moves:
             case OnSilence.PAUSE:
                 self.hold(Todo.COUNT, f"{reason}; then resume or abort")
             case OnSilence.ABORT:
-                self.abandon(VisitEnd.SILENT_SENSOR, reason)
+                self.abandon(MissionEnd.SILENT_SENSOR, reason)
 
 
 def xy(stop: Stop) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
-from soilmoist_ros.exploration.mission.types import Event, MissionRules, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import Event, MissionEnd, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -123,6 +123,7 @@ class MissionState:
     :param returns: how often going home failed
     :param failures: failures since the last sample
     :param needs_operator: whether the last pause was the mission's own: it waits for the operator
+    :param ended: why the mission has ended or is ending
     :param position: where the robot is [m]
     :param odometer_at: up to where the distance has been added up [m]
     :param last_stamp_s: stamp of the newest record [s]
@@ -156,6 +157,7 @@ class MissionState:
     raw_counts: int = 0
     exposure_s: float = 0.0
     needs_operator: bool = False
+    ended: MissionEnd | None = None
 
     @property
     def time_used_s(self) -> float:
@@ -226,6 +228,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         estimated_end_s=end_s if state.under_way else None,
         needs_operator=state.phase is Phase.PAUSED and state.needs_operator,
         silent=counting is not None and counting.silent,
+        ended=state.ended,
     )
 
 

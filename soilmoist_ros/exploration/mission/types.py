@@ -47,6 +47,19 @@ class PlanKind(StrEnum):
     EXPLORE = "explore"
 
 
+class MissionEnd(StrEnum):
+    """Why a mission ended."""
+
+    TIME_UP = "time_up"
+    """The budget was used up, or what was left was too short for another stop."""
+    NOTHING_LEFT = "nothing_left"
+    """No stop was left that could be reached and was of use."""
+    ABORTED = "aborted"
+    """The operator aborted it."""
+    SILENT_SENSOR = "silent_sensor"
+    """No record arrived, and the rules abort then."""
+
+
 class OnSilence(StrEnum):
     """What to do when no record arrives while counting."""
 
@@ -320,6 +333,7 @@ class MissionStatus:
     :param estimated_end_s: latest time at which the mission ends [s]; ``None`` when none is under way
     :param needs_operator: whether it is paused and did not pause at the operator's command
     :param silent: whether the sensor is silent while the robot counts
+    :param ended: why the mission has ended or is ending; ``None`` before
     """
 
     now_s: float
@@ -340,6 +354,7 @@ class MissionStatus:
     estimated_end_s: float | None
     needs_operator: bool = False
     silent: bool = False
+    ended: MissionEnd | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,11 +374,16 @@ class Finish:
     """The mission has ended; nothing is moving any more.
 
     :param reason: why, for reports
-    :param aborted: whether an operator (or a silent sensor) ended it
+    :param code: the same as a code
     """
 
     reason: str
-    aborted: bool = False
+    code: MissionEnd
+
+    @property
+    def aborted(self) -> bool:
+        """Whether the operator or a silent sensor ended it."""
+        return self.code in (MissionEnd.ABORTED, MissionEnd.SILENT_SENSOR)
 
 
 Action = (

@@ -16,6 +16,7 @@ from soilmoist_ros.exploration.mission.types import (
     GoalFailed,
     GoalReached,
     GoTo,
+    MissionEnd,
     MissionRules,
     Moved,
     OnSilence,
@@ -461,6 +462,33 @@ def test_silence_is_reported_and_waited_out_until_the_longest_dwell():
     driver.now_s = 1320.0
     driver.send(Tick)
     assert driver.last(VisitDone).visit.outcome == "the longest dwell of 300 s is over"
+
+
+def nothing_left(driver):
+    return driver.record().command("skip").plan(None)
+
+
+@pytest.mark.parametrize(
+    ("end", "rules", "act"),
+    [
+        (MissionEnd.NOTHING_LEFT, {}, nothing_left),
+        (MissionEnd.TIME_UP, {"budget_s": 400.0}, lambda driver: driver.send(Tick, after=400.0)),
+        (
+            MissionEnd.TIME_UP,
+            {"budget_s": 100.0},
+            lambda driver: driver.record().record().record().command("skip"),
+        ),
+        (MissionEnd.ABORTED, {}, lambda driver: driver.command("abort")),
+        (MissionEnd.SILENT_SENSOR, {"on_silence": OnSilence.ABORT}, lambda driver: driver.send(Tick, after=60.0)),
+    ],
+)
+def test_a_mission_has_a_code_for_its_end(end, rules, act):
+    driver = Driver(**rules).counting()
+    assert driver.mission.status.ended is None
+    act(driver)
+    assert (driver.last(Finish).code, driver.mission.status.ended) == (end, end)
+    assert Mission.restore(driver.mission.rules, driver.mission.snapshot()).state.ended is end
+    assert driver.command("start").mission.status.ended is None
 
 
 @pytest.mark.parametrize(

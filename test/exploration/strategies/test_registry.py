@@ -76,7 +76,7 @@ def test_unknown_names_are_answered_with_the_known_ones():
     with pytest.raises(InputError, match=r"'gredy' -> use one of: greedy, .*did you mean 'greedy'"):
         make_strategy("gredy")
     with pytest.raises(
-        InputError, match=r"no preset 'author' -> use one of: paper, authors \(did you mean 'authors'"
+        InputError, match=r"no preset 'author' -> use one of: recommended, paper, authors \(did you mean 'authors'"
     ):
         make_strategy("greedy", "author")
 
