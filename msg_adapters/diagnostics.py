@@ -35,7 +35,7 @@ def health_to_status(health: Health, node: str = "", hardware_id: str = "") -> D
     """One state of health as a message.
 
     :param health: the state
-    :param node: name of the node, put before the part's; nothing is if empty
+    :param node: name of the node, which precedes the name of the part; none if empty
     :param hardware_id: serial number of the device, empty if there is none
     """
     return DiagnosticStatus(

@@ -17,7 +17,7 @@ _PA_PER_HPA = 100.0
 def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
     """Message of a fix. Without one, the place is NaN and the covariance unknown.
 
-    The message has the altitude above the ellipsoid, NaN where the receiver does not tell the geoid.
+    The message has the altitude above the ellipsoid, NaN if the receiver does not send the geoid separation.
 
     :param fix: the fix
     :param frame_id: frame of the antenna
@@ -36,7 +36,7 @@ def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
 
 
 def fix_from_message(message: NavSatFix) -> Fix:
-    """Fix of a message. What has no possible place is none, and a stamp of zero is no time.
+    """Fix of a message. An impossible place means no fix, and a stamp of zero means an unknown time.
 
     Altitudes are above the ellipsoid: the message knows no geoid.
     """
@@ -59,7 +59,7 @@ def fix_from_message(message: NavSatFix) -> Fix:
 def weather_to_messages(
     record: LoggerRecord, frame_id: str
 ) -> dict[str, FluidPressure | Temperature | RelativeHumidity]:
-    """Messages of what the record knows of the weather, by the names of their topics.
+    """Messages of the weather in a record, by the names of their topics.
 
     Their variances are zero, which means unknown.
 

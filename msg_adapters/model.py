@@ -1,4 +1,4 @@
-"""``model``: the variogram of the map as JSON in a std_msgs/String, so that nobody has to fit it again."""
+"""``model``: the variogram of the map as JSON in a std_msgs/String, so that the planner need not fit it again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
 
 @dataclass(frozen=True)
 class Model:
-    """What a message says.
+    """Content of a message.
 
     :param fit: the variogram and how it was fitted, ``None`` while there is none
     :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]; the ``samples`` of the same
@@ -35,14 +35,14 @@ class Model:
 
 
 def model_to_message(model: Model) -> String:
-    """Message of a model; what is not a number is ``null``."""
+    """Message of a model; NaN becomes ``null``."""
     return String(data=json.dumps(_plain(model), allow_nan=False))
 
 
 def model_from_message(message: String) -> Model:
-    """Model of a message; keys that are not known are ignored.
+    """Model of a message; unknown keys are ignored.
 
-    :raises ValueError: if it is not JSON, or a key is missing or impossible; names it
+    :raises ValueError: if it is not JSON, or a key is missing or impossible; names the key
     """
     try:
         content = json.loads(message.data)

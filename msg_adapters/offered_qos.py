@@ -1,4 +1,4 @@
-"""Quality of service of publishers <-> what a recorder stores and asks for."""
+"""Quality of service of publishers <-> what a recorder stores and requests."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from soilmoist_ros.recording.bag.metadata import Qos, Request
 
 _KEEP: Final = 100
-"""Messages that a publisher keeps if it is not known how many the recorded one kept."""
+"""Depth of a publisher if the recorded depth is unknown."""
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """What a publisher offers, in the words of rosbag2."""
+    """The offer of a publisher, in the words of rosbag2."""
     return Qos(
         profile.history.name.lower(),
         int(profile.depth),
@@ -38,13 +38,13 @@ def requested_qos(request: Request) -> QoSProfile:
 
 
 def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
-    """Profile of a publisher that serves everybody whom the recorded ones served.
+    """Profile of a publisher that serves all subscriptions of the recorded publishers.
 
-    :param recorded: what each of them offered; if nothing is known, nothing is lost on the way
+    :param recorded: offer of each publisher; reliable if empty
     """
     latched = any(qos.durability == "transient_local" for qos in recorded)
     reliable = latched or not recorded or any(qos.reliability != "best_effort" for qos in recorded)
-    # Fast DDS does not tell the depth of others; who comes late wants the last message of a latched topic.
+    # Fast DDS does not show the depth of others; a late subscription needs the last message of a latched topic.
     depth = max((qos.depth for qos in recorded), default=0) or (1 if latched else _KEEP)
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,

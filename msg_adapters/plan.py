@@ -33,7 +33,7 @@ def plan_to_path(stops: Sequence[Stop], stamp_s: float, frame_id: str = FRAME) -
 
 
 def path_to_places(path: Path) -> list[tuple[float, float]]:
-    """Places of a path [m]; it does not hold names."""
+    """Places of a path [m]; a path has no names."""
     return [(float(pose.pose.position.x), float(pose.pose.position.y)) for pose in path.poses]
 
 
@@ -44,7 +44,7 @@ def pose_stamped(x_m: float, y_m: float, stamp_s: float, frame_id: str = FRAME) 
 
 
 def plan_to_markers(stops: Sequence[Stop], dwell_s: float, stamp_s: float, frame_id: str = FRAME) -> MarkerArray:
-    """Stops, their order, names and dwell for viewers; replaces what was shown before.
+    """Markers of the stops, with order, name and dwell; they replace the earlier markers.
 
     :param stops: the stops ahead, the next one first
     :param dwell_s: time that a stop is expected to take [s]

@@ -1,4 +1,4 @@
-"""Points with named fields <-> sensor_msgs/PointCloud2; a structured numpy array is the core's side."""
+"""Structured numpy arrays <-> sensor_msgs/PointCloud2."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME
 
 
 def points_from_message(message: PointCloud2, wanted: np.dtype[Any]) -> NDArray[Any]:
-    """Points of a message, of shape (height, width); fields are found by name, others are left out.
+    """Points of a message, of shape (height, width); fields are found by name, others are ignored.
 
     :param wanted: fields that the message must have
     :raises ValueError: as :func:`check_fields`, or if the data are shorter than announced
@@ -59,7 +59,7 @@ def points_from_message(message: PointCloud2, wanted: np.dtype[Any]) -> NDArray[
 
 
 def check_fields(message: PointCloud2, wanted: np.dtype[Any]) -> None:
-    """Refuse a message of another kind.
+    """Check the fields of a message.
 
     :raises ValueError: if a field is missing or of another type
     """

@@ -1,10 +1,10 @@
-"""Lines as devices sent them <-> std_msgs/String, so that a recording can be evaluated anew from the bytes."""
+"""Lines of the devices <-> std_msgs/String, so that a recording can be evaluated again from the bytes."""
 
 from __future__ import annotations
 
 from std_msgs.msg import String
 
-# A ROS text ends at its first zero. Latin-1 never gives this sign, so that every line comes back as it was.
+# A ROS string ends at its first zero. Latin-1 does not contain this character, so every line is restored exactly.
 _ZERO = "\N{SYMBOL FOR NULL}"
 
 
@@ -16,6 +16,6 @@ def line_to_message(line: bytes) -> String:
 def line_from_message(message: String) -> bytes:
     """Line of a message.
 
-    :raises ValueError: if it is not of :func:`line_to_message`
+    :raises ValueError: if the message is not from :func:`line_to_message`
     """
     return str(message.data).replace(_ZERO, "\0").encode("latin-1")

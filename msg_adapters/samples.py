@@ -21,7 +21,7 @@ _AREA: Final = np.dtype([*_POINT.descr, *((name, "<f4") for name in _SPREAD)])
 def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
     """Message of samples.
 
-    :param samples: any number, also none; their places and spreads are rounded to 32 bits
+    :param samples: any number, also zero; places and spreads are rounded to 32 bits
     :param stamp_s: end of the last record in them [s since 1970-01-01 UTC]
     """
     points = np.zeros(len(samples), _AREA)
@@ -34,9 +34,9 @@ def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) 
 
 
 def samples_from_message(message: PointCloud2) -> Samples:
-    """Samples of a message, maybe none; points if it has no spreads.
+    """Samples of a message; points if it has no spreads.
 
-    :raises ValueError: if the message is not of samples, or a value is impossible
+    :raises ValueError: if a field is missing, or a value is impossible
     """
     wide = any(field.name == _SPREAD[0] for field in message.fields)
     points = points_from_message(message, _AREA if wide else _POINT).ravel()

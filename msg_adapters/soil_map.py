@@ -28,10 +28,10 @@ OUTSIDE: Final = -1
 
 
 def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
-    """Cells as they stand in the message.
+    """Cells of the message.
 
     :param soil_map: the map on this grid; without one all bands are NaN
-    :returns: array of :data:`CELL`, shape (rows, columns); all of a cell outside the field is NaN
+    :returns: array of :data:`CELL`, shape (rows, columns); a cell outside the field is all NaN
     """
     cells = np.full(grid.shape, np.nan, CELL)
     row, column = np.nonzero(grid.mask)
@@ -47,10 +47,10 @@ def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
 def soil_map_to_message(
     grid: FieldGrid, soil_map: SoilMap | None, stamp_s: float, frame_id: str = FRAME
 ) -> PointCloud2:
-    """Message of a map, rounded to 32 bits, as viewers want it.
+    """Message of a map, rounded to 32 bits for viewers.
 
     :param grid: the field
-    :param soil_map: its map, ``None`` while nothing is known
+    :param soil_map: its map, ``None`` before the first
     :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]
     """
     return points_to_message(map_cells(grid, soil_map), stamp_s, frame_id)
@@ -59,7 +59,7 @@ def soil_map_to_message(
 def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
     """Cells of a message: array of :data:`CELL`, shape (rows, columns), NaN outside the field.
 
-    :raises ValueError: if the message is not of a map
+    :raises ValueError: if a field is missing
     """
     return points_from_message(message, CELL)
 
@@ -67,9 +67,9 @@ def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
 def uncertainty_to_message(
     grid: FieldGrid, soil_map: SoilMap | None, stamp_s: float, frame_id: str = FRAME
 ) -> OccupancyGrid:
-    """Message of the standard deviation of the rate, as a share of what it is where nothing is known.
+    """Message of the standard deviation of the rate, as a share of its value without samples nearby.
 
-    0 is known exactly, 100 as little as without any sample (or less), -1 lies outside the field.
+    0 is exact, 100 is the value without samples or more, -1 is outside the field.
 
     :param grid: the field
     :param soil_map: its map; without one the whole field is 100
@@ -100,7 +100,7 @@ def uncertainty_to_message(
 def uncertainty_from_message(message: OccupancyGrid) -> NDArray[np.int8]:
     """Values of a message, shape (rows, columns): 0 to 100, and :data:`OUTSIDE` the field.
 
-    :raises ValueError: if there are not as many values as cells
+    :raises ValueError: if the numbers of values and cells differ
     """
     info = message.info
     values = np.array(message.data, np.int8)

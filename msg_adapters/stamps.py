@@ -10,7 +10,7 @@ _LAST_SECOND = 2**31 - 1
 
 
 def to_time(stamp_s: float) -> Time:
-    """The message of a time; zero, which means unknown in ROS, for one that it cannot hold.
+    """Message of a time. Zero, which means unknown in ROS, if the message cannot represent it.
 
     :param stamp_s: seconds since 1970 UTC; NaN if unknown
     """

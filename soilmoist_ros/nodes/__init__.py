@@ -1,7 +1,38 @@
-"""The rclpy nodes. They declare parameters, wire, convert and publish; what they do is done by the core."""
+"""The rclpy nodes. They declare parameters, convert messages, and call the core, which does the work."""
+
+from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
-# To look for plugins pydantic would read the metadata of every package installed, which takes longer than all that
-# it does for a node. Read when the first model is built.
+from soilmoist_ros.foundation.lazy import load_on_use
+
+if TYPE_CHECKING:
+    from soilmoist_ros.nodes.field_simulator import FieldSimulator
+    from soilmoist_ros.nodes.mapper import Mapper
+    from soilmoist_ros.nodes.parameters.declaration import Parameters
+    from soilmoist_ros.nodes.parameters.parameter import Parameter
+    from soilmoist_ros.nodes.planner import Planner
+    from soilmoist_ros.nodes.recorder import Recorder
+    from soilmoist_ros.nodes.runtime.run import run
+    from soilmoist_ros.nodes.sensor_driver import SensorDriver
+    from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
+
+__all__ = [
+    "DemoSettings",
+    "FieldSimulator",
+    "Mapper",
+    "Parameter",
+    "Parameters",
+    "Planner",
+    "Recorder",
+    "SensorDriver",
+    "run",
+    "run_demo",
+]
+
+# To find plugins pydantic reads the metadata of every installed package, which takes longer than its work for a
+# node. It reads this when the first model is built.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
+__getattr__ = load_on_use(__name__, __file__)

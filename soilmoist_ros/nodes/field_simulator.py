@@ -1,4 +1,4 @@
-"""``field_simulator``: the robot, its navigation, the neutron logger and the GNSS receiver, simulated."""
+"""The field simulator: simulates robot, navigation, neutron logger and GNSS receiver."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from soilmoist_ros.simulation.system import GNSS, LOGGER, Output, PropertyCounte
 MAP_FRAME = "map"
 TICK_S = 0.02
 MAX_STEP_S = 0.06
-"""What a tick makes up for at most: three of them."""
+"""Longest time that a late tick catches up: three ticks [s]."""
 SETTLE_S = 1.0
-"""Time begins so long after all devices are connected: who wants the driver's records must have found it before
-the first one, which in fast time comes at once."""
+"""Time from the connection of all devices to the start of simulated time [s]. Receivers of the driver's records
+must discover it before the first record, which comes at once in fast time."""
 
 
 class FieldSimulator(Node):
-    """Publishes simulated time and what the navigation tells, serves its action and the two devices."""
+    """Publishes simulated time and the topics of the navigation; serves its action and the two devices."""
 
     def __init__(self) -> None:
         super().__init__("field_simulator")
@@ -51,7 +51,7 @@ class FieldSimulator(Node):
         settings = mission_settings(given)
         self._system = VirtualSystem(settings, start_s, given.number("gnss_period_s"), scenario)
         self._time = SimulatedTime(given.number("speed"), MAX_STEP_S)
-        self._under_way = not given.flag("start_when_connected")
+        self._started = not given.flag("start_when_connected")
         self._connected_s = math.inf
         self._write_files(given)
 
@@ -65,8 +65,8 @@ class FieldSimulator(Node):
             for wanted in settings.properties
         }
         for name, publisher in self._properties.items():
-            self._tell(f"property {name} on {publisher.topic_name}")
-        self._told: dict[Publisher, str] = {self._closest: "", self._current: ""}
+            self._log(f"property {name} on {publisher.topic_name}")
+        self._published: dict[Publisher, str] = {self._closest: "", self._current: ""}
         group = MutuallyExclusiveCallbackGroup()
         self.create_subscription(PoseStamped, "goal_pose", self._on_goal_pose, DEFAULT, callback_group=group)
         self._navigation = self._navigation_server(group)
@@ -79,13 +79,13 @@ class FieldSimulator(Node):
         if given.text("ports_file"):
             addresses = {name: server.address for name, server in self._servers.items()}
             write_ports_file(addresses, Path(given.text("ports_file")))
-        self._tell(f"scenario: {scenario.title}")
+        self._log(f"scenario: {scenario.title}")
         for name, server in self._servers.items():
-            self._tell("{} on {}:{}".format(name, *server.address))
+            self._log("{} on {}:{}".format(name, *server.address))
         self.create_timer(TICK_S, self._tick, group, RosClock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
-        """Let go of the ports."""
+        """Close the ports."""
         for server in self._servers.values():
             server.close()
 
@@ -114,12 +114,12 @@ class FieldSimulator(Node):
         connected = all(server.clients for server in self._servers.values())
         connected &= all(publisher.get_subscription_count() > 0 for publisher in self._properties.values())
         self._connected_s = min(self._connected_s, wall_s) if connected else math.inf
-        if not self._under_way and wall_s - self._connected_s >= SETTLE_S:
-            self._under_way = True
-            self._tell("all are connected: time begins")
-        # Before time begins nothing is said either: all runs begin with the same first words.
-        outputs = self._system.advance(self._time.advance(wall_s)) if self._under_way else []
-        # The time first: nobody shall hear of something that, for him, has not happened yet.
+        if not self._started and wall_s - self._connected_s >= SETTLE_S:
+            self._started = True
+            self._log("all are connected: time begins")
+        # Nothing is sent before time begins, so that all runs start with the same lines.
+        outputs = self._system.advance(self._time.advance(wall_s)) if self._started else []
+        # Time first: no node may receive a message from its future.
         self._simulated_clock.publish(Clock(clock=to_time(self._system.stamp_s)))
         for output in outputs:
             self._carry_out(output)
@@ -133,21 +133,21 @@ class FieldSimulator(Node):
             case PropertyCounted(name, record):
                 self._properties[name].publish(counts_to_message([record], MAP_FRAME))
             case Localised(closest, current):
-                self._tell_node(self._closest, closest)
-                self._tell_node(self._current, current)
+                self._publish_node(self._closest, closest)
+                self._publish_node(self._current, current)
             case OnRoute() if self._navigation is not None:
                 self._navigation.feed_back(output)
             case GoalEnded() if self._navigation is not None:
-                self._tell(f"goal {output.goal_id} ended: {output.outcome.name}, success {output.success}")
+                self._log(f"goal {output.goal_id} ended: {output.outcome.name}, success {output.success}")
                 self._navigation.end(output)
             case ServerPresent(present) if self._navigation is not None:
-                self._tell(f"the navigation server is {'back' if present else 'gone'}")
+                self._log(f"the navigation server is {'back' if present else 'gone'}")
                 self._navigation.set_present(present)
 
-    def _tell_node(self, publisher: Publisher, name: str) -> None:
-        """Publish a node's name, if it is another one than before."""
-        if self._told[publisher] != name:
-            self._told[publisher] = name
+    def _publish_node(self, publisher: Publisher, name: str) -> None:
+        """Publish the name of a node if it has changed."""
+        if self._published[publisher] != name:
+            self._published[publisher] = name
             publisher.publish(String(data=name))
 
     def _on_goal_pose(self, pose: PoseStamped) -> None:
@@ -155,11 +155,11 @@ class FieldSimulator(Node):
         if pose.header.frame_id != MAP_FRAME:
             self.get_logger().warning(f"a goal pose in frame {pose.header.frame_id!r}, not {MAP_FRAME!r}: ignored")
         elif self._system.drive_to((x_m, y_m)) is None:
-            self.get_logger().warning(f"no way leads to the goal pose at x = {x_m:g} m, y = {y_m:g} m: ignored")
+            self.get_logger().warning(f"no path leads to the goal pose at x = {x_m:g} m, y = {y_m:g} m: ignored")
         else:
-            self._tell(f"on the way to x = {x_m:g} m, y = {y_m:g} m")
+            self._log(f"on the way to x = {x_m:g} m, y = {y_m:g} m")
 
-    def _tell(self, text: str) -> None:
+    def _log(self, text: str) -> None:
         self.get_logger().info(text)
 
 

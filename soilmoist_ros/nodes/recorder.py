@@ -1,6 +1,6 @@
-"""The recorder: every topic into a bag that survives a crash.
+"""The recorder: writes every topic to a bag that survives a crash.
 
-With it goes what the nodes were set up with: their parameters, and the files that these name.
+The configuration of the nodes is stored with the bag: their parameters, and the files that these name.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from soilmoist_ros.recording.run_configuration import RunConfiguration
 __all__ = ["PARAMETERS", "Recorder", "main"]
 
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
-"""Nodes whose parameters are kept with the bag; so are those of the mappers of further properties."""
+"""Nodes whose parameters are stored with the bag, together with those of the mappers of properties."""
 _DISCOVERY_S: Final = 0.2
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
@@ -80,7 +80,7 @@ class Recorder(Node):
         self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._configuration = RunConfiguration()
         self._complaint = ""
-        aside = MutuallyExclusiveCallbackGroup()  # the disk may be slow: messages come in meanwhile
+        aside = MutuallyExclusiveCallbackGroup()  # a slow disk must not delay messages
         self._collector = ParameterCollector(self, _RECORDED, self._take_parameters, aside)
         self.create_timer(_CONFIGURATION_S, self._keep_configuration, callback_group=aside, clock=steady)
 
@@ -138,15 +138,15 @@ class Recorder(Node):
             return
         try:
             for name in self._configuration.write(bag):
-                self.get_logger().info(f"the parameters of {name} are with the recording")
+                self.get_logger().info(f"the parameters of {name} are stored with the recording")
             self._complaint = ""
         except InputError as error:
             if str(error) != self._complaint:
                 self._complaint = str(error)
-                self.get_logger().error(f"the configuration of the nodes is not recorded: {error}")
+                self.get_logger().error(f"the configuration of the nodes is not stored: {error}")
 
     def _discover(self) -> None:
-        """Subscribe to what is new, and again to what needs a weaker quality of service now."""
+        """Subscribe to new topics, and again to topics that need a weaker quality of service now."""
         for name, types in self.get_topic_names_and_types():
             if name in self._skipped or not self._choice.wanted(name):
                 continue

@@ -1,4 +1,4 @@
-"""``sensor_driver``: lines of the neutron logger and the GNSS receiver -> corrected, geo-tagged records."""
+"""The sensor driver: lines of the neutron logger and the GNSS receiver -> corrected, geo-tagged records."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DIAGNOSTICS_S = 1.0
 
 
 class SensorDriver(LifecycleNode):
-    """Publishes what the devices send, from when it is activated until it is deactivated."""
+    """Publishes the records, fixes and weather of the devices while it is active."""
 
     def __init__(self) -> None:
         super().__init__("sensor_driver")
@@ -57,7 +57,7 @@ class SensorDriver(LifecycleNode):
         if text("intensity_topic"):
             self.create_subscription(Float64, text("intensity_topic"), self._on_intensity, qos.DEFAULT)
         self._arrived = self.create_guard_condition(self._step)
-        # Of steady time: it goes on while simulated time stands still.
+        # Steady time: simulated time may stand still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_RELEASE_S, self._step, clock=steady)
         self.create_timer(_DIAGNOSTICS_S, self._report, clock=steady)
@@ -72,7 +72,7 @@ class SensorDriver(LifecycleNode):
         return self._attempt(self._configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Connect and read."""
+        """Connect to the devices."""
         return self._attempt(self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -80,7 +80,7 @@ class SensorDriver(LifecycleNode):
         return self._attempt(self.close)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything."""
+        """Drop the driver."""
         self._driver = None
         return TransitionCallbackReturn.SUCCESS
 
@@ -150,7 +150,7 @@ class SensorDriver(LifecycleNode):
 
     def _on_intensity(self, message: Float64) -> None:
         if self._driver is not None and not self._driver.stream.survey.take_intensity(float(message.data)):
-            self.get_logger().warning(f"an intensity of {message.data:g} is not used")
+            self.get_logger().warning(f"an intensity of {message.data:g} is ignored")
 
     def _report(self) -> None:
         now_s = self._now_s()

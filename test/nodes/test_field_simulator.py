@@ -294,7 +294,7 @@ def test_a_goal_pose_is_driven_to(ros, field):
     ros.wait_for(lambda: simulated.is_at((33.0, 21.0)), 60)
     pose.pose.position.x = 999.0
     publisher.publish(pose)
-    ros.wait_for(lambda: "no way leads to the goal pose at x = 999 m" in simulated.process.output())
+    ros.wait_for(lambda: "no path leads to the goal pose at x = 999 m" in simulated.process.output())
     pose.header.frame_id = "odom"
     publisher.publish(pose)
     ros.wait_for(lambda: "in frame 'odom'" in simulated.process.output())

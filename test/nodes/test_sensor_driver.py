@@ -302,7 +302,7 @@ def test_intensity_comes_by_topic(ros, start, outputs, logger, tmp_path):
     ros.wait_for(publisher.get_subscription_count)
     for rate in (math.nan, 100.0):
         publisher.publish(Float64(data=rate))
-    ros.wait_for(lambda: "an intensity of nan is not used" in process.output())
+    ros.wait_for(lambda: "an intensity of nan is ignored" in process.output())
     numbers = itertools.count(2)
     repeat_until(ros, lambda: logger.send(line(next(numbers))), lambda: outputs.records[-1].f_intensity == 1.5)
     assert outputs.records[0].f_intensity == 1.0

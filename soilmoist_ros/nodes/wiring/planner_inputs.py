@@ -1,4 +1,4 @@
-"""What the planner hears: fixes, records, the mapper's results, and the map of the navigation."""
+"""Inputs of the planner: fixes, records, the mapper's results, and the map of the navigation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PlannerInputs:
     :param control: takes what is heard
     :param frame: the field's plane
     :param map_topic: topic of the navigation's map; empty if it is not wanted
-    :param others: namespaces of the planners of other robots on the field; its own is passed over
+    :param others: namespaces of the planners of other robots on the field; the own one is ignored
     :param properties: namespaces in which further properties are mapped
     """
 

@@ -1,4 +1,4 @@
-"""What the planner gives out: the mission's status and plan, its own health, and the wish to save the map."""
+"""Outputs of the planner: status and plan of the mission, visits, its own health, and requests to save the map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 
 SAVE_LIMIT_S: Final = 30.0
-"""Longest time that the end of the process waits for the map to be saved [s]."""
+"""Longest time that the process waits for the saved map at its end [s]."""
 
 
 class PlannerOutputs:
