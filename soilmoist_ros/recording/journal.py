@@ -1,4 +1,4 @@
-"""The mission's journal: what happened, safely on the disk before anybody acts on it."""
+"""The mission's journal: each event is on the disk before the robot acts on it."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class LoadedJournal(NamedTuple):
     """A journal as it was found.
 
     :param snapshot: text given to the last :meth:`Journal.snapshot`, ``None`` if there is none
-    :param entries: entries after it, in the order of their numbers; those of all time without a snapshot, or if
-        they were asked for
-    :param problems: what is wrong with the files, in words; empty if nothing is
+    :param entries: entries after the snapshot, by number; all entries without a snapshot, or if the whole journal
+        was wanted
+    :param problems: what is wrong with the files, in words
     """
 
     snapshot: str | None
@@ -34,10 +34,10 @@ class LoadedJournal(NamedTuple):
 
 
 class Journal:
-    """A journal that is being written; only one process at a time can.
+    """A journal that is being written, by one process at a time. Use :meth:`open`.
 
-    Use :meth:`open`. Entries are numbered from 1 without end, also across restarts, so reading the same entry
-    twice can be told from two entries.
+    Entries are numbered from 1, and a restart continues the numbers. An entry that is read twice can so be
+    distinguished from two entries.
     """
 
     def __init__(self, folder: Path, descriptor: int, size_bytes: int, seq: int) -> None:
@@ -48,7 +48,7 @@ class Journal:
 
     @classmethod
     def open(cls, folder: Path) -> Self:
-        """Go on with the journal of a folder, or begin one; what was cut off at its end is removed.
+        """Continue the journal of a folder, or start one. An incomplete last entry is removed.
 
         :param folder: made if it does not exist
         :raises InputError: if another process is writing it, or the folder cannot be written
@@ -87,13 +87,13 @@ class Journal:
     def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
         """Write an entry.
 
-        :param kind: what it is about, such as ``event``
+        :param kind: kind of the entry, such as ``event``
         :param payload: plain data, fit for JSON
-        :param durable: whether to return only when it is safely on the disk; without, it becomes safe with the
-            next entry that is, which will do for entries that nothing is decided on
+        :param durable: whether to return only when the entry is on the disk; otherwise it gets there with the next
+            durable entry
         :returns: the entry's number
         :raises TypeError: if the payload is not plain data
-        :raises OSError: if the disk does not take it; the journal is as before, and the next entry may be tried
+        :raises OSError: if the disk refuses it; the journal stays as it was, and the next entry may be tried
         """
         entry = Entry(self._seq + 1, kind, dict(payload))
         line = encode(entry)
@@ -110,18 +110,18 @@ class Journal:
         return entry.seq
 
     def snapshot(self, state_json: str) -> None:
-        """Remember the state after all entries so far, so that only later ones need to be replayed.
+        """Write the state after all entries so far, so that only later ones need to be replayed.
 
-        The entries stay: the state can still be had from all of them.
+        The entries stay, so that the state can still be rebuilt from all of them.
 
         :param state_json: the state; any text
-        :raises OSError: if the disk does not take it; the snapshot before is kept
+        :raises OSError: if the disk refuses it; the previous snapshot stays
         """
         os.fdatasync(self._descriptor)
         write_whole(self.folder / _SNAPSHOT, encode(Entry(self._seq, "snapshot", {"state": state_json})))
 
     def close(self) -> None:
-        """Bring everything to the disk and let go of the journal."""
+        """Write everything to the disk, and release the journal."""
         if self._descriptor >= 0:
             try:
                 os.fdatasync(self._descriptor)
@@ -139,13 +139,12 @@ class Journal:
 
 
 def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
-    """Read a journal; nothing is changed.
+    """Read a journal, without changing it.
 
-    A cut at any place costs the entry that was being written. A damaged snapshot costs nothing: all entries are
-    given then.
+    A cut loses only the entry that was being written. A damaged snapshot loses nothing: all entries are returned.
 
-    :param folder: folder of the journal; without one, the journal is empty
-    :param whole: give the entries before the snapshot as well
+    :param folder: folder of the journal; one that does not exist has an empty journal
+    :param whole: return the entries before the snapshot as well
     :raises InputError: if it cannot be read
     """
     try:
@@ -158,7 +157,7 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
     seq = 0
     for entry in lines.entries:
         if entry.seq <= seq:
-            problems.append(f"{ENTRIES}: entry {entry.seq} stands in it twice; the first one holds")
+            problems.append(f"{ENTRIES}: entry {entry.seq} occurs twice; the first one is used")
             continue
         if entry.seq > seq + 1:
             problems.append(f"{ENTRIES}: {_span(seq + 1, entry.seq - 1)} missing")
@@ -166,7 +165,7 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
         if whole or seq > snapshot_seq:
             entries.append(entry)
     if seq < snapshot_seq:
-        problems.append(f"{ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot holds what they did")
+        problems.append(f"{ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot includes them")
     return LoadedJournal(snapshot, tuple(entries), tuple(problems))
 
 

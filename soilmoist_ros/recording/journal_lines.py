@@ -1,4 +1,4 @@
-"""Lines of a journal: JSON with a checksum, so that a cut is seen and a flipped bit is named and mended."""
+"""Lines of a journal: JSON with a checksum, so that a cut is detected and a flipped bit is repaired."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _NEWLINE: Final = 0x0A
 class Entry:
     """An entry of a journal.
 
-    :param seq: its number, one more than that of the entry before
-    :param kind: what it is about
+    :param seq: its number; consecutive entries have consecutive numbers
+    :param kind: kind of the entry
     :param payload: plain data
     """
 
@@ -30,11 +30,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class Lines:
-    """What stands in a journal's file.
+    """The content of a journal's file.
 
     :param entries: whole entries in the order of the file
     :param problems: what is wrong, in words
-    :param good_bytes: bytes up to the end of the last whole line [bytes]: where writing may go on
+    :param good_bytes: bytes up to the end of the last whole line [bytes], where writing may continue
     """
 
     entries: tuple[Entry, ...]
@@ -43,7 +43,10 @@ class Lines:
 
 
 def encode(entry: Entry) -> bytes:
-    """The line of an entry.
+    r"""The line of an entry.
+
+    >>> encode(Entry(1, "event", {"verb": "start"}))
+    b'{"seq":1,"kind":"event","data":{"verb":"start"},"crc":"6a3a3378"}\n'
 
     :raises TypeError: if the payload is not plain data
     """
@@ -55,11 +58,11 @@ def encode(entry: Entry) -> bytes:
 def decode(data: bytes, name: str = "journal") -> Lines:
     """Read lines back.
 
-    The last line is dropped if it was cut: whoever wrote it was never told that it is safe. A single flipped
-    bit anywhere is found by its checksum, and the entry is read as it was.
+    An incomplete last line is dropped: it was never confirmed. A single flipped bit anywhere is found by the
+    checksum, and the entry is read as it was written.
 
     :param data: content of the file
-    :param name: what to call it in the problems
+    :param name: name of the file in the problems
     """
     entries: list[Entry] = []
     problems: list[str] = []
@@ -87,22 +90,22 @@ def decode(data: bytes, name: str = "journal") -> Lines:
 
 
 def _read(line: bytes, following: bytes) -> tuple[list[Entry], str, bool]:
-    """Entries of a line, what is wrong with it, and whether the following line was needed to mend it."""
+    """Entries of a line, what is wrong with it, and whether the following line was needed to repair it."""
     entry = _parse(line)
     if entry is not None:
         return [entry], "", False
     halves = _without_newline(line)
     if halves:
-        return halves, "a flipped bit in a newline was mended", False
-    for index, bit, mended in _one_bit_off(line):
-        entry = _parse(mended)
+        return halves, "a flipped bit in a newline was repaired", False
+    for index, bit, repaired in _one_bit_off(line):
+        entry = _parse(repaired)
         if entry is not None:
-            return [entry], f"a flipped bit (byte {index + 1}, bit {bit}) was mended", False
+            return [entry], f"a flipped bit (byte {index + 1}, bit {bit}) was repaired", False
     for bit in range(8):  # a bit that made a newline of another character
         entry = _parse(b"%b%c%b" % (line, _NEWLINE ^ 1 << bit, following))
         if entry is not None:
-            return [entry], f"a flipped bit (byte {len(line) + 1}, bit {bit}) was mended", True
-    return [], "is damaged and was left out", False
+            return [entry], f"a flipped bit (byte {len(line) + 1}, bit {bit}) was repaired", True
+    return [], "is damaged and was skipped", False
 
 
 def _parse(line: bytes) -> Entry | None:
@@ -132,9 +135,9 @@ def _without_newline(line: bytes) -> list[Entry]:
 
 def _one_bit_off(line: bytes) -> Iterator[tuple[int, int, bytes]]:
     """All lines that differ in one bit."""
-    mended = bytearray(line)
+    changed = bytearray(line)
     for index in range(len(line)):
         for bit in range(8):
-            mended[index] ^= 1 << bit
-            yield index, bit, bytes(mended)
-            mended[index] ^= 1 << bit
+            changed[index] ^= 1 << bit
+            yield index, bit, bytes(changed)
+            changed[index] ^= 1 << bit

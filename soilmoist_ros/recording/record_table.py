@@ -1,4 +1,4 @@
-"""Counted records as a table (CSV) with all their digits: what a map was made from, and can be made from again."""
+"""Counted records as a table (CSV) with all their digits, so that a map can be computed again from them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLUMNS: Final = tuple(field.name for field in fields(CountRecord))
 
 
 def write_records(path: Path, records: Sequence[CountRecord]) -> None:
-    """Write records; the file is complete, or as it was before.
+    """Write records. The file is complete afterwards, or as it was before.
 
     :raises InputError: if it cannot be written
     """
@@ -37,18 +37,18 @@ def write_records(path: Path, records: Sequence[CountRecord]) -> None:
 def read_records(path: Path) -> list[CountRecord]:
     """Records of a table, exactly as they were written.
 
-    :raises InputError: if it cannot be read, has not all columns, or a row is not of numbers; names the line
+    :raises InputError: if the file cannot be read, a column is missing, or a row is not numeric; names the line
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", "check the path", path) from None
     except UnicodeDecodeError:
-        raise InputError("is not text", "give a table of records as this package writes it", path) from None
+        raise InputError("is not text", "give a table of records as soilmoist writes it", path) from None
     rows = csv.DictReader(text.splitlines())
     missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
     if missing:
-        raise InputError(f"has no column {', '.join(missing)}", "give a table as this package writes it", path)
+        raise InputError(f"has no column {', '.join(missing)}", "give a table as soilmoist writes it", path)
     return [_record(row, path, rows.line_num) for row in rows]
 
 

@@ -1,4 +1,4 @@
-"""Keeps with a recording what its nodes were set up with: their parameters, and copies of the files they name."""
+"""Stores the configuration of the nodes with a recording: their parameters, and copies of the files they name."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from soilmoist_ros.sensing.formats.logger_format import logger_path
 _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_format": "loggers"}
 """Parameters that name a file, and where the shipped files of that kind are."""
 _NAMED: Final = {"field": ("geojson",), "site": ("corrections", "intensity", "file")}
-"""Keys under which such a file names another one, whose path starts at the file."""
+"""Keys under which such a file names another one, by a path relative to itself."""
 
 
 class RunConfiguration:
     """The configuration of one recording after the other.
 
-    What is in the folder already stays: whoever started the nodes has written it.
+    Files that are in the folder already stay: they were written by the program that started the nodes.
     """
 
     def __init__(self) -> None:
@@ -33,10 +33,10 @@ class RunConfiguration:
         self._bag: Path | None = None
 
     def take(self, node: str, values: Mapping[str, object]) -> None:
-        """Parameters of a node, as they are now.
+        """Set the parameters of a node.
 
-        :param node: its name, after its namespace if that is another
-        :param values: by name
+        :param node: its name, after its namespace if it has another than the recorder
+        :param values: values by name
         """
         self._nodes[node.strip("/")] = dict(values)
 
@@ -44,8 +44,8 @@ class RunConfiguration:
         """Write what is new for this recording.
 
         :param bag: its folder
-        :returns: nodes whose parameters have been written
-        :raises InputError: if something cannot be written; the next call tries again
+        :returns: nodes whose parameters were written
+        :raises InputError: if a file cannot be written; the next call tries again
         """
         if bag != self._bag:
             self._bag, self._written = bag, {}
@@ -63,12 +63,12 @@ class RunConfiguration:
 
 
 def _run_of(bag: Path) -> Path:
-    """The folder that the configuration belongs to: the run's if somebody has begun one, else the bag's own."""
+    """The folder for the configuration: the run's if it has one, else the bag."""
     return bag.parent if bag.name == BAG and (bag.parent / CONFIGURATION).is_dir() else bag
 
 
 def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
-    """Copy the file that a parameter names; the parameter with the name of the copy.
+    """Copy the file that a parameter names, and return the value that names the copy.
 
     Nodes that name the same file share a copy.
     """
@@ -94,7 +94,7 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
 
 
 def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
-    """Contents of the copies by name: of the file, and of the one that it names.
+    """Contents of the copies by name: of the file, and of the file that it names.
 
     :raises InputError: if the file cannot be read
     """
@@ -120,7 +120,7 @@ def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
 
 
 def _content(path: Path) -> bytes | None:
-    """What is in a file, ``None`` if it is not there or cannot be read."""
+    """Content of a file, ``None`` if it does not exist or cannot be read."""
     try:
         return path.read_bytes()
     except OSError:

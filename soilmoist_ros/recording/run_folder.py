@@ -1,4 +1,4 @@
-"""The folder of a run: the bag, and beside it the parameters and configuration files that it was made with.
+"""The folder of a run: the bag, and the parameters and configuration files that it was made with.
 
 ::
 
@@ -6,7 +6,7 @@
     RUN/configuration/NODE.yaml       parameters of each node
     RUN/configuration/field.yaml ...  the files that they name
 
-A bag by itself, as the recorder makes it on a robot, is a run as well: it has its configuration in it.
+A bag alone, as the recorder makes it on a robot, is a run as well: the configuration is in its folder.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _PARAMETERS = "ros__parameters"
 
 
 def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path:
-    """Write the parameters of a node, as ``--params-file`` takes them.
+    """Write the parameters of a node, as ``--params-file`` reads them.
 
     :param run: folder of the run
     :param node: name of the node, after the namespace of a further property: ``compaction/mapper``
@@ -48,12 +48,12 @@ def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path
 
 
 def bag_of(path: Path) -> Path:
-    """The bag of a run, given the folder of the run or the bag itself."""
+    """The bag of a run, from the folder of the run or the bag itself."""
     return path / BAG if (path / BAG).is_dir() else path
 
 
 def configuration_of(bag: Path) -> Path | None:
-    """The folder with the configuration of a bag: in it, or beside it; ``None`` without.
+    """The folder with the configuration of a bag, in the bag's folder or next to it; ``None`` if there is none.
 
     :param bag: the folder of a bag, or a file in it
     """
@@ -65,7 +65,7 @@ def configuration_of(bag: Path) -> Path | None:
 
 
 def copy_configuration(bag: Path, target: Path) -> None:
-    """Copy the configuration of a bag into another one, if there is one.
+    """Copy the configuration of a bag, if there is one, into another bag.
 
     :param bag: folder of the bag, or a file in it
     :param target: folder of the other
@@ -83,11 +83,11 @@ def copy_configuration(bag: Path, target: Path) -> None:
 def read_parameters(configuration: Path | None, node: str) -> dict[str, Any]:
     """Parameters of a node as :func:`write_parameters` wrote them, empty if there are none.
 
-    Names of files that are in the configuration folder come out as paths in it: a run folder may be moved.
+    Names of files that are in the configuration folder become paths in it, since a run folder may be moved.
 
     :param configuration: folder of the configuration
     :param node: name of the node
-    :raises InputError: if the file is there but is no file of parameters
+    :raises InputError: if the file exists but is not a file of parameters
     """
     path = (configuration or Path()) / f"{node}.yaml"
     if configuration is None or not path.is_file():
@@ -96,17 +96,17 @@ def read_parameters(configuration: Path | None, node: str) -> dict[str, Any]:
     try:
         values = dict(next(iter(content.values()))[_PARAMETERS])
     except (AttributeError, KeyError, StopIteration, TypeError):
-        raise InputError("is no file of node parameters", "leave it as it was recorded", path) from None
+        raise InputError("is not a file of node parameters", "restore the recorded file", path) from None
     for name, value in values.items():
         if isinstance(value, float):
-            values[name] = float(value)  # without what the parser remembers of how it was written
+            values[name] = float(value)  # the parser's own type remembers how the number was written
         elif isinstance(value, str) and "/" in value and (configuration / Path(value).name).is_file():
             values[name] = str(configuration / Path(value).name)
     return values
 
 
 def _yaml(value: object) -> str:
-    """JSON is YAML as well, but for the numbers that it has no word for."""
+    """JSON is YAML as well, except for numbers that JSON cannot express."""
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
     return json.dumps(value, ensure_ascii=False)

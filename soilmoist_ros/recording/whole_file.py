@@ -1,4 +1,4 @@
-"""Files of which there is all or nothing, whatever happens while they are written."""
+"""Files that are written as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that there is all of it or none, whatever happens meanwhile.
+    """Write a file so that a crash leaves all of the new content, or none of it.
 
     :raises OSError: if it cannot be written
     """
@@ -21,7 +21,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring the names of a folder's files safely to the disk."""
+    """Make sure that the names of a folder's files are on the disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

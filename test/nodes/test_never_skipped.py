@@ -17,6 +17,7 @@ import pytest
         "rclpy",
         "rclpy._rclpy_pybind11",
         "sensor_msgs.msg",
+        "soilmoist_msgs.msg",
         "topological_navigation_msgs.action",
         "mcap_ros2.decoder",
     ],

@@ -157,7 +157,7 @@ def test_a_weaker_publisher_that_comes_later_is_recorded_too(ros, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("bad", "said"), [({"include": "*"}, "no regular expression"), ({"name": "../x"}, "no good name")]
+    ("bad", "said"), [({"include": "*"}, "not a regular expression"), ({"name": "../x"}, "not a valid name")]
 )
 def test_bad_parameters_end_it_with_a_message(ros, tmp_path, bad, said):
     process = ros.start("recorder", params=params(tmp_path, **bad))

@@ -61,7 +61,7 @@ def test_a_cut_at_any_byte_costs_only_the_entry_that_was_being_written(tmp_path)
 
 
 @pytest.mark.slow
-def test_every_flipped_bit_is_named_and_mended(tmp_path):
+def test_every_flipped_bit_is_named_and_repaired(tmp_path):
     path = written(tmp_path / "a", 3)
     whole = path.read_bytes()
     entries = load_journal(path.parent).entries
@@ -84,7 +84,7 @@ def test_worse_damage_is_named_and_costs_only_its_lines(tmp_path):
     loaded = load_journal(path.parent)
     assert [entry.seq for entry in loaded.entries] == [1, 3, 4]
     assert loaded.problems == (
-        "journal.jsonl, line 2: is damaged and was left out",
+        "journal.jsonl, line 2: is damaged and was skipped",
         "journal.jsonl: entry 2 is missing",
     )
 

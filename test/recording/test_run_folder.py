@@ -81,7 +81,7 @@ def test_no_parameters():
 def test_other_files_are_refused(tmp_path, content):
     (tmp_path / "mapper.yaml").write_text(content)
     assert read_parameters(tmp_path, "planner") == {}
-    with pytest.raises(InputError, match="is no file of node parameters") as caught:
+    with pytest.raises(InputError, match="is not a file of node parameters") as caught:
         read_parameters(tmp_path, "mapper")
     assert caught.value.mistakes[0].path == tmp_path / "mapper.yaml"
 

@@ -1,4 +1,4 @@
-"""Definitions of message types, from the files that every ROS installation has: no ROS is imported."""
+"""Definitions of message types, read from the files of a ROS installation; ROS is not imported."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _TYPE: Final = re.compile(r"(\w+)/msg/(\w+)")
 
 @dataclass(frozen=True)
 class Definition:
-    """What a reader needs to know of a message type.
+    """Definition of a message type, as a reader needs it.
 
     :param type_name: name as in ``std_msgs/msg/String``
-    :param text: definition, followed by those of all types in it
-    :param encoding: ``ros2msg``, or ``ros2idl`` in bags of others
+    :param text: definition, followed by the definitions of all types in it
+    :param encoding: ``ros2msg``; bags of other recorders may have ``ros2idl``
     :param type_hash: hash of the type (``RIHS01_...``), empty if unknown
     """
 
@@ -42,10 +42,10 @@ def search_prefixes() -> list[Path]:
 
 
 def find_definition(type_name: str, prefixes: Sequence[Path] | None = None) -> Definition:
-    """Definition of a message type, with those of all types in it.
+    """Definition of a message type, with the definitions of all types in it.
 
     :param type_name: name as in ``std_msgs/msg/String``
-    :param prefixes: where to look, :func:`search_prefixes` if left out
+    :param prefixes: where to look; :func:`search_prefixes` if ``None``
     :raises InputError: if the type, or one in it, is not installed
     """
     where = search_prefixes() if prefixes is None else prefixes
@@ -80,7 +80,7 @@ def _find(type_name: str, prefixes: Sequence[Path]) -> Path:
 
 
 def _used_types(text: str, type_name: str) -> list[str]:
-    """Full names of the types of a definition's fields; a name without package is of the same package."""
+    """Full names of the types of a definition's fields; a name without a package belongs to the same package."""
     package = type_name.split("/")[0]
     found = []
     for line in text.splitlines():

@@ -1,4 +1,4 @@
-"""What is in a bag, and whether anything is wrong with it."""
+"""The content of a bag, and its problems."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _MIN_GAP_S: Final = 1.0
 
 @dataclass(frozen=True)
 class Gap:
-    """A time in which a topic that is otherwise regular was silent.
+    """A silence of a topic that is regular otherwise.
 
-    :param start_s: time of the last message before [s since 1970-01-01 UTC]
+    :param start_s: time of the last message before it [s since 1970-01-01 UTC]
     :param duration_s: its length [s]
     """
 
@@ -64,8 +64,8 @@ class BagInfo:
     :param extent: all messages
     :param topics: its topics, by name
     :param recording: whether it is being recorded now
-    :param problems: what is wrong with it, in words
-    :param remedy: what to do about it, empty if nothing is to be done
+    :param problems: its problems, in words
+    :param remedy: what to do about them; empty without problems
     """
 
     path: Path
@@ -79,15 +79,18 @@ class BagInfo:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is wrong with it."""
+        """Whether it has no problems."""
         return not self.problems
+
+    def __repr__(self) -> str:
+        return f"<BagInfo {self.path}: {self.extent.messages} messages of {len(self.topics)} topics>"
 
 
 def bag_info(path: Path) -> BagInfo:
-    """Look into a bag; reads every message of it.
+    """Read every message of a bag, and summarise them.
 
-    :param path: folder of a bag, or a file of one; it may be cut, damaged, or still being recorded
-    :raises InputError: if there is none, or nothing can be read
+    :param path: folder of a bag, or one of its files; it may be incomplete, damaged, or still being recorded
+    :raises InputError: if there is no bag, or it cannot be read
     """
     files = _files(path)
     if files[0].suffix != ".mcap":
@@ -108,7 +111,13 @@ def bag_info(path: Path) -> BagInfo:
 
 
 def find_gaps(times_s: list[float]) -> tuple[Gap, ...]:
-    """Silences of a topic whose messages mostly come at one interval; none for one without such an interval.
+    """Silences of a topic with regular messages; none for an irregular topic.
+
+    A topic is regular if 80 % of its intervals are within half of the median. A silence is longer than 5 times
+    the median, and longer than 1 s.
+
+    >>> find_gaps([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 20])
+    (Gap(start_s=10, duration_s=10),)
 
     :param times_s: times of its messages, in order [s]
     """

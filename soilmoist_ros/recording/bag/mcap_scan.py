@@ -1,4 +1,4 @@
-"""Read every whole message of an MCAP file, however it ends and whatever is damaged in it."""
+"""Read every complete message of an MCAP file, even if the file is cut off or damaged."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Record = tuple[int, bytes]
 
 @dataclass(frozen=True, slots=True)
 class ScannedMessage:
-    """A message as it stands in a file.
+    """A message of a file.
 
     :param topic: its topic
     :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
@@ -51,10 +51,10 @@ class ScannedMessage:
 
 
 class McapScan:
-    """One pass over an MCAP file; its findings are complete once all messages have been read.
+    """One pass over an MCAP file. Its findings are complete after the last message.
 
-    Other readers need the index at the file's end, which a crash never writes. What fails its checksum is
-    left out: a lost message is better than a wrong one.
+    Other readers need the index at the file's end, which is missing after a crash. A message that fails its
+    checksum is skipped: a lost message is better than a wrong one.
 
     :param path: the file; only read
     """
@@ -62,19 +62,19 @@ class McapScan:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.finished = False
-        """Whether the file has its proper end."""
+        """Whether the file was closed."""
         self.cut_bytes = 0
-        """Bytes at the end that are no whole record [bytes]."""
+        """Size of the incomplete record at the end [bytes]."""
         self.damaged = 0
         """Places in the middle that cannot be read, or fail their checksum."""
         self.orphans = 0
-        """Whole messages of a topic whose description is lost."""
+        """Complete messages of topics whose description is lost."""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._topics: dict[int, Topic | None] = {}
 
     def messages(self) -> Iterator[ScannedMessage]:
-        """Every whole message, in the order of the file.
+        """Every complete message, in the order of the file.
 
         :raises OSError: if the file cannot be read
         """
@@ -89,7 +89,7 @@ class McapScan:
                         yield message
 
     def _records(self, data: mmap.mmap) -> Iterator[Record]:
-        """Records of the file and, in their place, those of its chunks."""
+        """Records of the file; a chunk is replaced by its records."""
         at, size = len(_MAGIC), len(data)
         if data[:at] != _MAGIC[: min(at, size)]:
             self.damaged += 1
@@ -121,7 +121,7 @@ class McapScan:
             yield from records or ()
 
     def _read_summary(self, data: mmap.mmap) -> None:
-        """Take over schemas and channels from the end of a finished file, in case a chunk with them is damaged."""
+        """Read schemas and channels from the end of a closed file, in case a chunk with them is damaged."""
         footer = len(data) - len(_MAGIC) - _FOOTER.size - _RECORD.size
         if data[-len(_MAGIC) :] != _MAGIC or footer < 0 or data[footer] != Opcode.FOOTER:
             return
@@ -166,7 +166,7 @@ class McapScan:
 
 
 def _split(data: bytes) -> tuple[list[Record], bool]:
-    """Whole records of a piece of data, and whether they fill it."""
+    """Complete records of a piece of data, and whether they fill it."""
     records: list[Record] = []
     at = 0
     while len(data) - at >= _RECORD.size:
@@ -201,7 +201,7 @@ def _whole_chunk(body: bytes) -> list[Record] | None:
 
 
 def _begun_chunk(body: bytes) -> bytes:
-    """What can be unpacked of a chunk that ends too early."""
+    """The part of an incomplete chunk that can be unpacked."""
     try:
         compression, packed, _ = _packed(body)
         if compression == b"zstd":
@@ -214,7 +214,7 @@ def _begun_chunk(body: bytes) -> bytes:
 
 
 def _packed(body: bytes) -> tuple[bytes, bytes, int]:
-    """Compression of a chunk, as much of its packed data as there is, and how much there should be."""
+    """Compression of a chunk, its packed data as far as they are there, and their full length."""
     (name_length,) = struct.unpack_from("<I", body, _CHUNK.size)
     name_at = _CHUNK.size + 4
     (length,) = struct.unpack_from("<Q", body, name_at + name_length)
@@ -223,7 +223,7 @@ def _packed(body: bytes) -> tuple[bytes, bytes, int]:
 
 
 def _next_chunk(data: mmap.mmap, start: int) -> int | None:
-    """Where the next chunk begins that is whole and passes its checksum."""
+    """Start of the next chunk that is complete and passes its checksum."""
     for match in _A_CHUNK.finditer(data, start):
         at = match.start()
         _, length = _RECORD.unpack_from(data, at)

@@ -13,7 +13,7 @@ from ruamel.yaml.error import YAMLError
 from soilmoist_ros.recording.bag.definitions import Definition
 
 INFINITE_NS: Final = 2**63 - 1
-"""How ROS writes a duration without end [ns]."""
+"""An infinite duration, as ROS writes it [ns]."""
 
 _VERSION: Final = 9
 _GIGA: Final = 1_000_000_000
@@ -29,9 +29,9 @@ class Qos:
     :param reliability: ``reliable``, ``best_effort``, ``system_default`` or ``unknown``
     :param durability: ``volatile``, ``transient_local``, ``system_default`` or ``unknown``
     :param deadline_ns: longest time between messages [ns]
-    :param lifespan_ns: age at which a message is worth nothing [ns]
+    :param lifespan_ns: age at which a message expires [ns]
     :param liveliness: ``automatic``, ``manual_by_topic``, ``system_default`` or ``unknown``
-    :param lease_ns: time without a sign of life after which a publisher counts as gone [ns]
+    :param lease_ns: silence after which a publisher counts as gone [ns]
     """
 
     history: str = "keep_last"
@@ -44,7 +44,7 @@ class Qos:
     lease_ns: int = INFINITE_NS
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data as rosbag2 stores them."""
+        """Plain data in the layout of rosbag2."""
         return {
             "history": self.history,
             "depth": self.depth,
@@ -74,7 +74,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much there is of something, and of when.
+    """Number of messages, and the time that they span.
 
     :param messages: number of messages
     :param start_ns: time of the earliest [ns since 1970-01-01 UTC], 0 without messages
@@ -137,7 +137,7 @@ def bag_metadata(file_name: str, extent: Extent, topics: Mapping[Topic, int], di
 
 
 def to_yaml(content: object) -> str:
-    """Plain data as YAML, without anchors as long as no part stands in it twice."""
+    """Plain data as YAML, without anchors if no part occurs twice."""
     yaml = YAML(typ="safe")
     yaml.default_flow_style = False
     yaml.width = 1000
@@ -158,10 +158,10 @@ def qos_from_yaml(text: str) -> tuple[Qos, ...]:
 
 @dataclass(frozen=True)
 class Request:
-    """What a recorder asks of the publishers of a topic.
+    """Quality of service that a recorder requests for a topic.
 
     :param reliable: whether lost messages are sent again
-    :param latched: whether messages from before are wanted too
+    :param latched: whether messages from before the subscription are requested
     :param depth: messages kept for a receiver that is busy
     """
 
@@ -170,7 +170,7 @@ class Request:
     depth: int
 
     def is_weaker(self, other: Request) -> bool:
-        """Whether the other asks for something that this one does not."""
+        """Whether the other requests something that this one does not."""
         return (other.reliable and not self.reliable) or (other.latched and not self.latched)
 
     def weakened(self, other: Request) -> Request:
@@ -184,7 +184,7 @@ class Request:
 
 
 def request_for(offered: Sequence[Qos]) -> Request:
-    """The most that all publishers of a topic can give; a request for more would get nothing from some.
+    """The strongest request that all publishers of a topic fulfil; a stronger one would get nothing from some.
 
     :param offered: what each offers, at least one
     """
@@ -229,5 +229,5 @@ def _nanoseconds(duration: Mapping[str, int]) -> int:
 
 
 def _copied(span: dict[str, dict[str, int]]) -> dict[str, dict[str, int]]:
-    """A copy of its own: YAML would write an anchor for the second occurrence."""
+    """A separate copy: YAML would write an anchor for a second occurrence."""
     return {key: dict(value) for key, value in span.items()}

@@ -1,4 +1,4 @@
-"""A bag played again: which of its messages, in which order, and when."""
+"""Playing a bag: which of its messages, in which order, and when."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ INPUTS: Final = (
     ".*/(counts|fix|pressure|temperature|relative_humidity|raw/logger|raw/gnss"
     "|topological_map_2|closest_node|current_node)"
 )
-"""What mapper and planner take in, and what it was made of; not what they publish themselves."""
+"""Inputs of mapper and planner, and the raw lines; not what the nodes publish themselves."""
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
 _MAX_STEP_S: Final = 0.1
 
 
 class Playback:
-    """Messages of a bag from some time on.
+    """Messages of a bag, from a given time on.
 
     :param reader: the bag
-    :param topics: pattern of the full names of the topics
+    :param topics: regular expression for the full names of the topics
     :param start_s: time after the beginning of the bag at which to start [s]
-    :raises InputError: if the pattern is none, fits no topic, or the bag ends before the start
+    :raises InputError: if the expression is invalid, no topic matches, or the bag ends before the start
     """
 
     def __init__(self, reader: BagReader, topics: str = INPUTS, start_s: float = 0.0) -> None:
@@ -40,7 +40,7 @@ class Playback:
         """Time of the last message of the bag [ns]."""
         if not chosen:
             there = ", ".join(sorted(reader.topics)) or "none"
-            raise InputError(f"no topic fits {topics!r}", f"there are: {there}", reader.path)
+            raise InputError(f"no topic matches {topics!r}", f"there are: {there}", reader.path)
         if self.start_ns > self.end_ns:
             lasts = f"the bag lasts {extent.duration_ns * 1e-9:.1f} s"
             raise InputError(f"there is nothing after {start_s:g} s", lasts, reader.path)
@@ -49,25 +49,25 @@ class Playback:
         """Names of the topics, and their types; recorded clocks are always among them."""
         self._offered = reader.offered
         self.has_clock = bool(clocks)
-        """Whether simulated time was recorded; else the recorded messages tell the time."""
+        """Whether simulated time was recorded; otherwise time comes from the messages."""
 
     def leave_out(self, topic: str) -> None:
-        """Do without a topic."""
+        """Skip a topic."""
         del self.topics[topic]
 
     def offered(self, topic: str) -> tuple[Qos, ...]:
-        """What the publishers of a topic offered."""
+        """Quality of service that the publishers of a topic offered."""
         return self._offered[topic]
 
     def share(self, now_ns: int) -> float:
-        """How much of the time has passed, from 0 to 1.
+        """Share of the time that has passed, from 0 to 1.
 
         :param now_ns: recorded time [ns since 1970-01-01 UTC]
         """
         return min(1.0, max(0.0, (now_ns - self.start_ns) / max(1, self.end_ns - self.start_ns)))
 
     def messages(self) -> Iterator[BagMessage]:
-        """Messages in the order of recording; first the last ones of latched topics from before the start.
+        """Messages in the order of recording. The last messages of latched topics before the start come first.
 
         :raises InputError: if the bag is damaged
         """
@@ -87,9 +87,16 @@ class Playback:
 
 
 class Pacer:
-    """Recorded time as it passes while a bag is played.
+    """Recorded time while a bag is played.
 
-    It never makes up for lost time: whoever listens would get too much at once.
+    After a delay it does not catch up, since the receivers would get too many messages at once.
+
+    >>> pacer = Pacer(0, speed=10.0)
+    >>> pacer.step(0.05)
+    >>> pacer.now_ns
+    500000000
+    >>> pacer.wait_s(1_500_000_000)
+    0.1
 
     :param start_ns: time at which it starts [ns since 1970-01-01 UTC]
     :param speed: recorded time per time
@@ -101,16 +108,16 @@ class Pacer:
         self._speed = speed
 
     def wait_s(self, due_ns: int) -> float:
-        """Time until something is due, infinite in a pause [s].
+        """Time until a message is due [s]; infinite in a pause.
 
-        :param due_ns: recorded time of it [ns]
+        :param due_ns: its recorded time [ns]
         """
         return math.inf if self.paused else max(0.0, (due_ns - self.now_ns) * 1e-9 / self._speed)
 
     def step(self, elapsed_s: float) -> None:
-        """Time has passed.
+        """Advance the recorded time.
 
-        :param elapsed_s: how much [s]
+        :param elapsed_s: time that has passed [s]
         """
         if not self.paused:
             self.now_ns += round(min(elapsed_s, _MAX_STEP_S) * self._speed * 1e9)

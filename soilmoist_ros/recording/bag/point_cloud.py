@@ -1,4 +1,4 @@
-"""Points of a sensor_msgs/PointCloud2, decoded without ROS."""
+"""Points of a sensor_msgs/PointCloud2, without ROS."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STAMP_OFFSET: Final = "stamp_offset_s"
 
 
 class PointCloud(Protocol):
-    """What is needed of a sensor_msgs/PointCloud2, whoever decoded it."""
+    """The fields of a sensor_msgs/PointCloud2, decoded by ROS or by rosbags."""
 
     header: Any
     height: int
@@ -32,14 +32,14 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
 
     :param cloud: the message
     :returns: array of shape (height, width) with the message's fields
-    :raises ValueError: if its data are shorter than announced, or a field is of no known type
+    :raises ValueError: if its data are shorter than announced, or the datatype of a field is unknown
     """
     order = ">" if cloud.is_bigendian else "<"
     names, formats, offsets = [], [], []
     for field in cloud.fields:
         kind = _TYPES.get(int(field.datatype))
         if kind is None:
-            raise ValueError(f"field {field.name!r} is of the unknown datatype {field.datatype}")
+            raise ValueError(f"field {field.name!r} has the unknown datatype {field.datatype}")
         names.append(field.name)
         formats.append((order + kind, (int(field.count),)) if int(field.count) > 1 else order + kind)
         offsets.append(int(field.offset))
@@ -59,7 +59,7 @@ def count_records(cloud: PointCloud) -> list[CountRecord]:
 
     Records of a message without ``stamp_offset_s`` get the stamp of the message.
 
-    :raises ValueError: if it has not all the fields of counted records
+    :raises ValueError: if a field of counted records is missing
     """
     table = points(cloud).ravel()
     missing = [name for name in _COUNTS if name not in (table.dtype.names or ())]

@@ -39,10 +39,10 @@ class BagMessage:
 
 
 class BagReader:
-    """A bag that is read; use as a context manager.
+    """Reader of a bag; use as a context manager.
 
     :param path: folder of a bag, or an MCAP or db3 file
-    :raises InputError: if it is none, was not closed, or cannot be read
+    :raises InputError: if it is not a bag, was not closed, or cannot be read
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,7 +68,7 @@ class BagReader:
 
     @property
     def offered(self) -> Mapping[str, tuple[Qos, ...]]:
-        """What the publishers of each topic offered, as far as the bag tells."""
+        """Quality of service that the publishers of each topic offered, as far as the bag has it."""
         found: dict[str, tuple[Qos, ...]] = {}
         for connection in self._reader.connections:
             profiles = getattr(connection.ext, "offered_qos_profiles", ())
@@ -78,7 +78,7 @@ class BagReader:
     def messages(self, topics: Sequence[str] | None = None) -> Iterator[BagMessage]:
         """Messages in the order in which they were received.
 
-        :param topics: full names; all topics if left out
+        :param topics: full names; all topics if ``None``
         :raises InputError: if the bag is damaged
         """
         wanted = [c for c in self._reader.connections if topics is None or c.topic in topics]
@@ -93,7 +93,7 @@ class BagReader:
     def decode(self, message: BagMessage) -> Any:
         """The message as an object with the fields of its type; arrays are numpy arrays.
 
-        :raises InputError: if its data do not fit its type
+        :raises InputError: if its data do not match its type
         """
         try:
             return self._reader.deserialize(message.data, message.type_name)
@@ -101,11 +101,11 @@ class BagReader:
             raise _damaged(self.path, error) from None
 
     def find_topic(self, name: str, type_name: str) -> str:
-        """Full name of a topic: as given, or in the only namespace that has it or that all others are below.
+        """Full name of a topic, in the outermost namespace that has it.
 
         :param name: full name, or one without namespace
         :param type_name: type that it should have
-        :raises InputError: if there is none, or more than one; lists the topics there are
+        :raises InputError: if there is no such topic, or more than one; lists the topics of the bag
         """
         named = [t for t in self.topics if t == name or t.rsplit("/", 1)[-1] == name]
         found = [t for t in named if self.topics[t] == type_name]
@@ -123,7 +123,7 @@ class BagReader:
         """Counted records, in the order of recording and exactly as the nodes had them.
 
         :param topic: full name, or one without namespace
-        :raises InputError: if there is no such topic, or its messages are no counts
+        :raises InputError: if there is no such topic, or its messages are not counts
         """
         name = self.find_topic(topic, "sensor_msgs/msg/PointCloud2")
         try:
@@ -136,7 +136,7 @@ class BagReader:
 
         :param topic: full name, or one without namespace
         :param robot: number of the robot, from 1
-        :raises InputError: if there is no such topic, or its messages are no visits
+        :raises InputError: if there is no such topic, or its messages are not visits
         """
         name = self.find_topic(topic, VISIT)
         try:
@@ -167,7 +167,7 @@ class BagReader:
 
 
 _FAULTS = (AnyReaderError, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError)
-"""What reading a damaged bag may raise: the reader checks less than everything."""
+"""Errors of reading a damaged bag: rosbags does not check everything."""
 
 
 def _qos(profile: Any) -> Qos:
@@ -192,9 +192,9 @@ def _open(path: Path) -> AnyReader:
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         if any(path.glob("*.mcap")):
             raise InputError("was not closed: its recorder was killed", "soilmoist bag recover", path)
-        raise InputError("is no bag: it has no metadata.yaml", "give the folder that holds metadata.yaml", path)
+        raise InputError("is not a bag: it has no metadata.yaml", "give the folder with metadata.yaml", path)
     if path.is_file() and path.suffix not in (".mcap", ".db3"):
-        raise InputError("is no bag", "give the folder of a bag, or an MCAP or db3 file", path)
+        raise InputError("is not a bag", "give the folder of a bag, or an MCAP or db3 file", path)
     try:
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
         reader.open()

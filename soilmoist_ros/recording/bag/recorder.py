@@ -1,4 +1,4 @@
-"""Record messages in a thread of its own: whoever delivers them never waits for the disk."""
+"""Record messages in a separate thread, so that a slow disk never blocks the node."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
 _LOG = logging.getLogger(__name__)
 _RETRY_S: Final = 2.0
 _NO_SPACE: Final = (errno.ENOSPC, errno.EDQUOT)
-_RECOVER: Final = "what it has is safe: soilmoist bag recover"
+_RECOVER: Final = "to restore what it has: soilmoist bag recover"
 
 
 @dataclass(frozen=True)
 class RecorderState:
-    """How a recording is going.
+    """State of a recorder.
 
-    :param recording: whether it has been started and not stopped
-    :param bag: folder of the bag, ``None`` while none could be made
-    :param messages: messages taken into the bag
+    :param recording: whether it was started and not stopped
+    :param bag: folder of the bag, ``None`` as long as none could be made
+    :param messages: messages written to the bag
     :param dropped: messages lost because the disk was too slow, full or gone
     :param waiting_bytes: size of messages that wait for the writer [bytes]
     :param size_bytes: size of the bag [bytes]
     :param topics: topics with messages in the bag
-    :param problem: what keeps it from writing now, empty if nothing does
+    :param problem: what prevents writing now, empty if nothing does
     """
 
     recording: bool = False
@@ -57,13 +57,13 @@ class _Message:
 
 
 class BagRecorder:
-    """Takes messages at any time and from any thread, and writes them to one bag after the other.
+    """Accepts messages at any time from any thread, and writes them to one bag after the other.
 
-    While the disk is full, read-only or gone, messages wait up to the capacity and writing is tried again and
-    again. A full disk that gets space goes on with the same bag; after another error a new bag is begun.
+    While the disk is full, read-only or gone, messages wait up to the capacity, and writing is retried. After a
+    full disk the same bag is continued; after another error a new bag is started.
 
     :param new_bag: makes the next bag; called in the writer's thread
-    :param flush_period_s: time between flushes to the disk [s]: what a crash can cost
+    :param flush_period_s: time between flushes to the disk [s]; a crash loses at most the messages of this time
     :param capacity_bytes: size of messages that may wait [bytes]
     :param retry_s: time between two attempts after an error [s]
     """
@@ -88,12 +88,12 @@ class BagRecorder:
 
     @property
     def state(self) -> RecorderState:
-        """How it is going now."""
+        """The state now."""
         with self._changed:
             return self._state
 
     def start(self) -> None:
-        """Begin to record; does nothing while it records."""
+        """Start to record; does nothing while it records."""
         with self._changed:
             if self._state.recording:
                 return
@@ -103,13 +103,13 @@ class BagRecorder:
             self._thread.start()
 
     def put(self, topic: Topic, log_ns: int, publish_ns: int, data: bytes) -> bool:
-        """Hand over a message; returns at once.
+        """Add a message to the queue; returns at once.
 
         :param topic: its topic
         :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
         :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
         :param data: the message in CDR
-        :returns: whether it was taken; not while stopped, nor when too much is waiting
+        :returns: whether it was accepted: not while stopped, nor when the capacity is exceeded
         """
         if log_ns <= 0:
             log_ns = time.time_ns()
@@ -130,14 +130,14 @@ class BagRecorder:
         """Wait until there is a bag.
 
         :param timeout_s: longest time to wait [s]
-        :returns: whether there is one; else :attr:`state` says why not
+        :returns: whether there is one; otherwise :attr:`state` has the problem
         """
         with self._changed:
             self._changed.wait_for(lambda: self._state.bag is not None or bool(self._state.problem), timeout_s)
             return self._state.bag is not None
 
     def stop(self) -> RecorderState:
-        """Write what waits, close the bag and stop; how it went. Does nothing while stopped."""
+        """Write what waits, close the bag and stop; returns the final state. Does nothing while stopped."""
         with self._changed:
             thread = self._thread
             self._stopping = True
@@ -173,23 +173,23 @@ class BagRecorder:
             self._thread = None
 
     def _turn(self, bag: BagWriter | None) -> BagWriter | None:
-        """Write what waits; the bag to go on with."""
+        """Write what waits, and return the bag for the next turn."""
         try:
             if bag is None:
                 bag = self._new_bag()
-                self._tell(bag=bag.folder, problem="")
+                self._report(bag=bag.folder, problem="")
                 _LOG.info("recording to %s", bag.folder)
             if self.state.problem:
-                bag.flush()  # what the disk did not take, before more is taken in
+                bag.flush()  # first what the disk refused
             self._write_waiting(bag)
             bag.flush()
         except InputError as error:
-            self._tell(problem=str(error))
+            self._report(problem=str(error))
             return None
         except OSError as error:
             return self._after_error(bag, error)
         self._unsafe = 0
-        self._tell(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts))
+        self._report(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts))
         return bag
 
     def _write_waiting(self, bag: BagWriter) -> None:
@@ -203,15 +203,15 @@ class BagRecorder:
                 try:
                     bag.write(message.topic, message.log_ns, message.publish_ns, message.data)
                 except OSError:
-                    self._took(batch[: index + 1])
+                    self._written(batch[: index + 1])
                     with self._changed:
                         self._queue.extendleft(reversed(batch[index + 1 :]))
                     raise
-            self._took(batch)
+            self._written(batch)
             if not batch or time.monotonic() >= due:
                 return
 
-    def _took(self, messages: list[_Message]) -> None:
+    def _written(self, messages: list[_Message]) -> None:
         with self._changed:
             self._state = replace(
                 self._state,
@@ -221,11 +221,11 @@ class BagRecorder:
 
     def _after_error(self, bag: BagWriter | None, error: OSError) -> BagWriter | None:
         if bag is not None and error.errno in _NO_SPACE:
-            self._tell(problem=f"the disk of {bag.folder} is full: make space; nothing is lost so far")
+            self._report(problem=f"the disk of {bag.folder} is full: make space; nothing is lost so far")
             return bag
         problem = f"cannot write: {error.strerror or error}"
         if bag is not None:
-            problem = f"{bag.folder} cannot be written any more: {error.strerror}; {_RECOVER}"
+            problem = f"{bag.folder} can no longer be written: {error.strerror}; {_RECOVER}"
             bag.abandon()
         with self._changed:
             self._state = replace(
@@ -239,7 +239,7 @@ class BagRecorder:
         _LOG.error("%s", problem)
         return None
 
-    def _tell(self, **changes: object) -> None:
+    def _report(self, **changes: object) -> None:
         with self._changed:
             problem = changes.get("problem", "")
             if problem and problem != self._state.problem:
@@ -249,19 +249,19 @@ class BagRecorder:
 
 
 def check_name(name: str) -> None:
-    """Refuse names of bags that are no plain names of folders.
+    """Check that the name of a bag is a plain name of a folder.
 
-    :raises InputError: if it is one
+    :raises InputError: if it is not
     """
     if not re.fullmatch(r"[\w.-]*", name) or name.strip(".") != name:
-        raise InputError(f"{name!r} is no good name for a bag", "use letters, digits, '_' and '-'")
+        raise InputError(f"{name!r} is not a valid name of a bag", "use letters, digits, '_' and '-'")
 
 
 def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
-    """The next bag of a recorder: of the name given, or of the time; with a number if there is one already.
+    """The next bag of a recorder. A number is added to the name if there is such a bag already.
 
     :param out: folder for bags
-    :param name: name of the bag; the time is taken if it is empty
+    :param name: name of the bag; the time of day if empty
     :param distribution: name of the ROS distribution
     :raises InputError: if another recorder is writing a bag of the name, or none can be made
     """

@@ -9,9 +9,9 @@ from soilmoist_ros.recording.bag.recorder import RecorderState
 def recorder_health(
     state: RecorderState, free_bytes: int | None, low_disk_bytes: float, skipped: int = 0
 ) -> Health:
-    """How the recorder is.
+    """Health of the recorder.
 
-    :param state: how the recording is going
+    :param state: its state
     :param free_bytes: space left on its disk [bytes], ``None`` if unknown
     :param low_disk_bytes: space below which to warn [bytes]
     :param skipped: topics that are not recorded because their type is not installed

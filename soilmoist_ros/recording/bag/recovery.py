@@ -1,4 +1,4 @@
-"""Make a valid bag of one that was cut or damaged; the original is never touched."""
+"""Rebuild a readable bag from an interrupted or damaged one; the original is only read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
 
 @dataclass(frozen=True)
 class RecoveredBag:
-    """What a recovery has found and written.
+    """Result of a recovery.
 
     :param source: the bag that was read
     :param folder: the bag that was written
@@ -34,10 +34,10 @@ class RecoveredBag:
 
 
 def mcap_files(path: Path) -> list[Path]:
-    """MCAP files of a bag in the order of recording; the file itself if it is one.
+    """MCAP files of a bag in the order of recording.
 
-    :param path: folder of a bag, or a file of one
-    :raises InputError: if there are none; says what to do with bags of other kinds
+    :param path: folder of a bag, or one of its files
+    :raises InputError: if there are none; the remedy depends on the kind of the bag
     """
     if path.is_file() and path.suffix == ".mcap":
         return [path]
@@ -48,14 +48,14 @@ def mcap_files(path: Path) -> list[Path]:
         if any(path.glob("*.db3")):
             raise InputError("is an SQLite bag, which needs no recovery", "use ros2 bag reindex", path)
         if any(path.glob("*.mcap.zstd")):
-            raise InputError("its files are compressed as a whole", "unpack them first with unzstd", path)
+            raise InputError("its files are compressed", "unpack them with unzstd first", path)
     if not path.exists():
         raise InputError("there is no such bag", "give the folder of a bag or an MCAP file", path)
     raise InputError("holds no MCAP file", "give the folder of a bag or an MCAP file", path)
 
 
 def recover_bag(path: Path, out: Path) -> RecoveredBag:
-    """Write every whole message of a bag into a new one that any reader accepts.
+    """Write every complete message of a bag into a new bag that any reader accepts.
 
     :param path: folder of a bag, or an MCAP file; only read
     :param out: folder to make; must not exist
@@ -65,7 +65,7 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     messages = chain.from_iterable(_readable(scan) for scan in scans)
     first = next(messages, None)
     if first is None:
-        raise InputError("holds no whole message", "there is nothing to recover: remove it", path)
+        raise InputError("holds no complete message", "nothing can be recovered: remove it", path)
     writer = BagWriter(out)
     try:
         with writer:
@@ -80,18 +80,18 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
 
 
 def findings(scan: McapScan) -> list[str]:
-    """What is wrong with a file that has been scanned, in words."""
+    """Problems of a scanned file, in words."""
     name = scan.path.name
     found = []
     if is_being_written(scan.path):
         found.append(f"{name} is still being recorded")
     elif not scan.finished:
-        cut = f"; its last {scan.cut_bytes} bytes are no whole message" if scan.cut_bytes else ""
+        cut = f"; its last {scan.cut_bytes} bytes are an incomplete message" if scan.cut_bytes else ""
         found.append(f"{name} was not closed{cut}")
     if scan.damaged:
         found.append(f"{name} is damaged in {scan.damaged} place{'s'[: scan.damaged > 1]}")
     if scan.orphans:
-        found.append(f"{name} holds {scan.orphans} messages whose topic was lost with a damaged place")
+        found.append(f"{name} holds {scan.orphans} messages of a topic whose description is damaged")
     return found
 
 

@@ -1,4 +1,4 @@
-"""What is in a bag, and what was recovered, for the terminal."""
+"""Tables for the terminal: the content of a bag, and what was recovered."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PLAIN_WIDTH: Final = 240
 
 
 def info_table(info: BagInfo) -> RenderableType:
-    """What :func:`bag_info` found."""
+    """The result of :func:`bag_info` as a table."""
     head = Text(
         f"{info.path}  {info.storage}, {size_text(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
     )
@@ -43,7 +43,7 @@ def info_table(info: BagInfo) -> RenderableType:
 
 
 def recovery_table(bag: RecoveredBag) -> RenderableType:
-    """What :func:`recover_bag` did."""
+    """The result of :func:`recover_bag` as a table."""
     table = Table("topic", box=None, pad_edge=False)
     table.add_column("messages", justify="right")
     for name, count in sorted(bag.counts.items()):
@@ -53,14 +53,18 @@ def recovery_table(bag: RecoveredBag) -> RenderableType:
 
 
 def print_plain(console: Console, content: RenderableType) -> None:
-    """Print without cutting off long names when the output is no terminal."""
+    """Print; long names are not cut off when the output is not a terminal."""
     if not console.is_terminal:
         console = Console(file=console.file, width=_PLAIN_WIDTH)
     console.print(content, highlight=False, crop=False)
 
 
 def size_text(size_bytes: int) -> str:
-    """A size for people."""
+    """A size for people.
+
+    >>> size_text(1234567)
+    '1.23 MB'
+    """
     size = float(size_bytes)
     for unit in ("B", "kB", "MB"):
         if size < 1000:

@@ -10,14 +10,17 @@ _ACTION_STATUS = "/_action/status"
 
 
 class TopicChoice:
-    """Topics chosen by patterns.
+    """Topics chosen by regular expressions.
 
-    Hidden topics (a part of the name begins with ``_``) are left out, but for the states of actions: they tell
-    what became of the goals.
+    Hidden topics, with a part of the name that begins with ``_``, are excluded. The states of actions are
+    included, since they show the outcome of the goals.
 
-    :param include: pattern that must match the full name
-    :param exclude: pattern that must not match it; excludes nothing if empty
-    :raises InputError: if one is no regular expression
+    >>> TopicChoice(exclude="/camera/.*").wanted("/camera/image")
+    False
+
+    :param include: expression that must match the full name
+    :param exclude: expression that must not match it; excludes nothing if empty
+    :raises InputError: if one is not a regular expression
     """
 
     def __init__(self, include: str = ".*", exclude: str = "") -> None:
@@ -41,5 +44,5 @@ def _compiled(what: str, pattern: str) -> re.Pattern[str]:
         return re.compile(pattern)
     except re.error as error:
         raise InputError(
-            f"{what}: {pattern!r} is no regular expression: {error}", "an example is '/robot1/.*|/diagnostics'"
+            f"{what}: {pattern!r} is not a regular expression: {error}", "an example is '/robot1/.*|/diagnostics'"
         ) from None

@@ -9,11 +9,12 @@ from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 
 
 def visit_of(message: Any, robot: int = 1) -> Visit:
-    """The visit of a message, whoever decoded it.
+    """The visit of a message.
 
-    :param message: a soilmoist_msgs/Visit; codes that are not known here become ``VisitEnd.UNKNOWN``
+    :param message: a soilmoist_msgs/Visit, decoded by ROS or by rosbags; a code that is not known here becomes
+        ``VisitEnd.UNKNOWN``
     :param robot: number of the robot, from 1
-    :raises ValueError: if it has not the fields of a visit
+    :raises ValueError: if a field of a visit is missing
     """
     try:
         return Visit(

@@ -1,4 +1,4 @@
-"""Write a bag in the rosbag2 layout, so that a crash costs no more than what came after the last flush."""
+"""Write a bag in the rosbag2 layout; a crash loses only the messages after the last flush."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _WRITE_AT: Final = 1 << 20
 
 
 class BagWriter:
-    """A bag: the folder ``NAME`` with ``NAME_0.mcap``, and ``metadata.yaml`` once it has been closed.
+    """A bag: the folder ``NAME`` with ``NAME_0.mcap``, and with ``metadata.yaml`` after it was closed.
 
-    After an error of the disk nothing is lost: what could not be written is kept, and the next :meth:`flush`
-    tries again. While it is open the file is locked, so that others see that it is still being written.
+    A disk error loses nothing: the unwritten data are kept, and the next :meth:`flush` tries again. The open file
+    is locked, so that other programs see that it is still being written.
 
     :param folder: folder to make; must not exist
     :param distribution: name of the ROS distribution, for the bag's metadata
@@ -58,7 +58,7 @@ class BagWriter:
         :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
         :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
         :param data: the message in CDR
-        :raises OSError: if the disk does not take it now; it is kept for the next :meth:`flush`
+        :raises OSError: if the disk refuses it now; it is kept for the next :meth:`flush`
         """
         channel = self._channels.get(topic)
         if channel is None:
@@ -71,9 +71,9 @@ class BagWriter:
             self._file.write_out()
 
     def flush(self) -> None:
-        """Bring everything written so far safely to the disk.
+        """Write everything so far to the disk.
 
-        :raises OSError: if the disk does not take it now; nothing is lost, call it again
+        :raises OSError: if the disk refuses it now; nothing is lost, call it again
         """
         if self._unflushed:
             self._mcap.flush()  # type: ignore[no-untyped-call]
@@ -83,7 +83,7 @@ class BagWriter:
     def close(self) -> None:
         """Finish the file and write ``metadata.yaml``.
 
-        :raises OSError: if the disk does not take it; what it took can be recovered
+        :raises OSError: if the disk refuses it; :func:`recover_bag` restores what is on the disk
         """
         metadata = bag_metadata(self.path.name, self.extent, self._counts, self._distribution)
         try:
@@ -96,7 +96,7 @@ class BagWriter:
             self._file.close()
 
     def abandon(self) -> None:
-        """Leave the file as it is, without its end."""
+        """Close the file without finishing it."""
         self._file.close()
 
     def __enter__(self) -> Self:
@@ -142,9 +142,9 @@ def is_being_written(path: Path) -> bool:
 
 
 class _AppendedFile:
-    """What the MCAP writer takes for its file; keeps what the disk does not take, and never writes it twice.
+    """The file of the MCAP writer. It keeps what the disk refuses, and never writes it twice.
 
-    Python's own buffered file leaves open how much of a failed write has reached the file.
+    With a buffered file of Python it is unknown how much of a failed write is in the file.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -165,7 +165,7 @@ class _AppendedFile:
         return self._written + len(self._waiting)
 
     def flush(self) -> None:
-        """Asked for by the MCAP writer at the end of each chunk; the disk's turn is :meth:`sync`."""
+        """Called by the MCAP writer at the end of each chunk; :meth:`sync` writes to the disk."""
 
     def write_out(self) -> None:
         while self._waiting:
@@ -186,7 +186,7 @@ class _AppendedFile:
 
 
 def _make(folder: Path, path: Path) -> int:
-    """Make a bag's folder and file; the descriptor of the file, locked."""
+    """Make a bag's folder and file, and return the descriptor of the locked file."""
     try:
         folder.mkdir(parents=True)
         try:
@@ -207,5 +207,7 @@ def _refusal(folder: Path, path: Path, error: OSError) -> InputError:
         message = f"no recording can be made here: {error.strerror}"
         return InputError(message, "choose a folder on a disk that is writable and has space", folder)
     if is_being_written(path):
-        return InputError("another recorder is writing to this folder", "stop it, or give another name", folder)
-    return InputError("this folder exists; a recording never overwrites", "give another name or remove it", folder)
+        return InputError("another recorder is writing to this folder", "stop it, or choose another name", folder)
+    return InputError(
+        "this folder exists; a recording never overwrites", "choose another name or remove it", folder
+    )

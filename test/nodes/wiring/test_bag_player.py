@@ -151,7 +151,7 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
     ("options", "said"),
     [
         (["--start", 50], "there is nothing after 50 s -> the bag lasts 39.0 s"),
-        (["--topics", "/nots"], "no topic fits '/nots' -> there are: /r/notes, /r/samples, /topological_map_2"),
+        (["--topics", "/nots"], "no topic matches '/nots' -> there are: /r/notes, /r/samples, /topological_map_2"),
         (["--topics", "*"], "no regular expression"),
     ],
 )

@@ -180,7 +180,7 @@ def test_a_disk_that_is_gone_is_left_for_a_new_bag(make, tmp_path, monkeypatch):
     recorder = make(retry_s=0.1)
     recorder.start()
     recorder.put(NOTES, START_NS, START_NS, DATA)
-    wait_for(lambda: "cannot be written any more" in recorder.state.problem)
+    wait_for(lambda: "can no longer be written" in recorder.state.problem)
     healed.set()
     wait_for(lambda: recorder.state.bag is not None and not recorder.state.problem)
     recorder.put(NOTES, START_NS + 1, START_NS, DATA)
@@ -226,7 +226,7 @@ def test_a_second_recorder_of_the_same_name_is_refused_while_the_first_records(m
 
 @pytest.mark.parametrize("name", ["../x", "a/b", ".", "..", ".hidden", "a b"])
 def test_names_that_are_no_folder_names_are_refused(name):
-    with pytest.raises(InputError, match="no good name"):
+    with pytest.raises(InputError, match="not a valid name"):
         check_name(name)
 
 
@@ -274,5 +274,5 @@ def test_topics_are_chosen(name, wanted):
 
 
 def test_a_bad_pattern_is_told():
-    with pytest.raises(InputError, match=r"include: '\*' is no regular expression"):
+    with pytest.raises(InputError, match=r"include: '\*' is not a regular expression"):
         TopicChoice(include="*")

@@ -75,7 +75,7 @@ def test_a_bag_cut_at_every_chunk_and_around_is_recovered(bag, tmp_path):
                 recovered = recover_bag(folder, tmp_path / f"recovered_{cut}")
                 assert read_by_rosbags(recovered.folder) == bag.messages[:expected]
             else:
-                with pytest.raises(InputError, match="no whole message"):
+                with pytest.raises(InputError, match="no complete message"):
                     recover_bag(folder, tmp_path / f"recovered_{cut}")
                 assert not (tmp_path / f"recovered_{cut}").exists()
 
@@ -164,7 +164,7 @@ def test_the_bag_of_a_recorder_that_loses_everything_says_so(tmp_path):
     writer = RosbagsWriter(tmp_path / "lost", version=9, storage_plugin=StoragePlugin.MCAP)
     writer.open()
     writer.abort()
-    with pytest.raises(InputError, match="no whole message"):
+    with pytest.raises(InputError, match="no complete message"):
         recover_bag(tmp_path / "lost", tmp_path / "recovered")
 
 
@@ -172,7 +172,7 @@ def test_the_bag_of_a_recorder_that_loses_everything_says_so(tmp_path):
     ("name", "message"),
     [
         ("a.db3", "SQLite"),
-        ("a.mcap.zstd", "compressed as a whole"),
+        ("a.mcap.zstd", "files are compressed"),
         ("a.txt", "holds no MCAP file"),
         ("", "no such bag"),
     ],
