@@ -108,8 +108,8 @@ def combine_tubes(record: LoggerRecord, shares: Sequence[float] | NDArray[np.flo
 class RunningShares:
     """Shares of the tubes in the rate of the whole sensor, estimated from the records so far [-].
 
-    They matter only for a record in which a tube is missing: then the exposure is that of the tubes present, and
-    the rate remains that of *all* tubes, even if one tube has been missing from the start.
+    They matter only for a record in which a tube is missing: then the exposure is that of the tubes present. The
+    rate remains that of *all* tubes, even if one tube has been missing from the start.
     """
 
     def __init__(self) -> None:

@@ -34,9 +34,10 @@ def open_source(
 ) -> LineSource:
     """The source of lines at an address; it connects when it is first read.
 
-    ``tcp://host:port`` connects to a server, ``udp://0.0.0.0:port`` listens for datagrams,
-    ``serial:///dev/ttyUSB0?baud=115200`` opens a port, ``file:///path?speed=10`` plays a recording at ten
-    times its speed, or with ``speed=0`` as fast as possible.
+    * ``tcp://host:port`` connects to a server,
+    * ``udp://0.0.0.0:port`` listens for datagrams,
+    * ``serial:///dev/ttyUSB0?baud=115200`` opens a port,
+    * ``file:///path?speed=10`` plays a recording at ten times its speed, with ``speed=0`` as fast as possible.
 
     :param uri: the address
     :param retry: pauses between attempts
