@@ -94,6 +94,19 @@ class FieldAccess:
         raise InputError(f"there is no stop {name!r} to return to", remedy)
 
 
+STREAMS_PER_ROBOT = 3
+"""Random streams of each robot of a mission: those of its sensor, of its strategy and of its GNSS receiver."""
+
+
+def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
+    """Random choices of a strategy: planner and simulator draw the same stops with the same seed.
+
+    :param seed: seed of the mission
+    :param robot: number of the robot, from 0
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(STREAMS_PER_ROBOT * robot + 1,)))
+
+
 def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
     """An explorer for one mission.
 
@@ -108,8 +121,7 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
         make_strategy(settings.strategy, settings.preset),
         warm_up(settings.strategy, settings.preset)[1],
         settings.dwell,
-        # The same stream as in a simulation without ROS: the same seed draws the same stops.
-        np.random.default_rng(np.random.SeedSequence(settings.seed).spawn(2)[1]),
+        strategy_stream(settings.seed),
         rules.min_dwell_s,
         home=rules.home,
         kept_for_home_s=rules.way_home_s,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.control.mission_setup import strategy_stream
 from soilmoist_ros.exploration.control.team import PendingMeasurement, pending_measurement
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
@@ -56,7 +57,7 @@ from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.streams import gnss_stream, sensor_stream, strategy_stream
+from soilmoist_ros.simulation.mission.streams import gnss_stream, sensor_stream
 from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 

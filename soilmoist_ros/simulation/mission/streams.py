@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-_SENSOR, _STRATEGY, _GNSS = range(3)
-_PER_ROBOT = 3
+from soilmoist_ros.exploration.control.mission_setup import STREAMS_PER_ROBOT
+
+_SENSOR, _GNSS = 0, 2  # between them is the stream of the strategy
 
 
 def field_stream(seed: int, number: int) -> np.random.Generator:
@@ -27,23 +28,18 @@ def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -
     :param robot: number of the robot, from 0
     :param robots: number of robots of the mission
     """
-    keys = ((_PER_ROBOT * robot + _SENSOR,), (_PER_ROBOT * robots + robot,))
+    keys = ((STREAMS_PER_ROBOT * robot + _SENSOR,), (STREAMS_PER_ROBOT * robots + robot,))
     return _stream(seed, *(keys[number] if number < len(keys) else (number, robot)))
-
-
-def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
-    """Choices of the strategy of one robot, numbered from 0."""
-    return _stream(seed, _PER_ROBOT * robot + _STRATEGY)
 
 
 def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:
     """Errors of the positions of one robot, numbered from 0."""
-    return _stream(seed, _PER_ROBOT * robot + _GNSS)
+    return _stream(seed, STREAMS_PER_ROBOT * robot + _GNSS)
 
 
 def device_stream(seed: int, device: int) -> np.random.Generator:
     """What is random in a device of the simulated system, numbered from 0."""
-    return _stream(seed, _PER_ROBOT + 1 + device)
+    return _stream(seed, STREAMS_PER_ROBOT + 1 + device)
 
 
 def _stream(seed: int, *key: int) -> np.random.Generator:

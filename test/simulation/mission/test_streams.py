@@ -1,0 +1,78 @@
+"""Each source of randomness of a mission has its own stream, the same as in earlier releases and on a robot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.control.mission_setup import (
+    ExplorerSettings,
+    FieldAccess,
+    make_explorer,
+    strategy_stream,
+)
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field
+from soilmoist_ros.simulation.mission.streams import device_stream, field_stream, gnss_stream, sensor_stream
+
+SETTINGS = MissionSettings(
+    strategy="lattice", dwell="fmi:60", hours=0.2, cell_m=5.0, seed=11, travel="graph", weather=False
+)
+
+
+def counts(settings):
+    return [record.raw_counts for record in simulate_mission(settings).records]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2026])
+def test_a_seed_means_what_it_meant(seed):
+    """The first three children of the seed are the streams of sensor, strategy and receiver."""
+    children = np.random.SeedSequence(seed).spawn(8)
+    streams = (
+        sensor_stream(seed), strategy_stream(seed), gnss_stream(seed), sensor_stream(seed, 1),
+        *(device_stream(seed, device) for device in range(4)),
+    )  # fmt: skip
+    for child, stream in zip(children, streams, strict=True):
+        np.testing.assert_array_equal(stream.random(4), np.random.default_rng(child).random(4))
+
+
+def test_no_two_sources_share_a_stream():
+    seed, robots = 5, 3
+    streams = [field_stream(seed, number) for number in range(3)]
+    for robot in range(robots):
+        streams += [strategy_stream(seed, robot), gnss_stream(seed, robot)]
+        streams += [sensor_stream(seed, number, robot, robots) for number in range(4)]
+    first = [float(stream.random()) for stream in streams]
+    assert len(set(first)) == len(streams)
+    devices = [float(device_stream(seed, device).random()) for device in range(9)]
+    alone = [float(sensor_stream(seed, number).random()) for number in range(4)]
+    others = [float(strategy_stream(seed).random()), float(gnss_stream(seed).random())]
+    assert len({*devices, *alone, *others}) == 15
+
+
+def test_counts_do_not_depend_on_the_noise_of_the_receiver():
+    noisy, exact = (counts(replace(SETTINGS, position_sd_m=sd)) for sd in (0.05, 0.0))
+    assert noisy == exact
+
+
+def test_the_first_records_do_not_depend_on_the_strategy():
+    """Both robots are still at the start: their sensors draw the same, their strategies choose other stops."""
+    cadence = {"cadence_s": 1.0, "speed_mps": 1e-3, "hours": 0.02}
+    drawn, planned = (replace(SETTINGS, strategy=name, **cadence) for name in ("random", "lattice"))
+    assert counts(drawn) == counts(planned)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_planner_on_a_robot_draws_the_stop_that_the_simulator_draws(seed):
+    settings = replace(SETTINGS, strategy="random", travel="free", seed=seed)
+    visit = simulate_mission(settings).visits[0]
+    access = FieldAccess(surrogate_field(settings.field).field, RobotMotion(), None, cell_m=settings.cell_m)
+    dwell = parse_dwell(settings.dwell)
+    chosen = ExplorerSettings(
+        strategy="random", preset="recommended", seed=seed, dwell=dwell, motion=RobotMotion()
+    )
+    explorer = make_explorer(access, chosen, MissionRules(budget_s=720.0, dwell=dwell))
+    choice = explorer.plan(RequestPlan(1, PlanKind.EXPLORE, (), 720.0, 720.0), (0.5, 0.5)).choice
+    assert choice.stop.name == visit.name
