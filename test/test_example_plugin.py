@@ -1,5 +1,6 @@
 """The example package of the documentation, installed by pip and used through the real ``soilmoist`` command."""
 
+import csv
 import json
 import os
 import shutil
@@ -53,3 +54,11 @@ def test_a_log_is_mapped_with_its_logger_and_variogram_model(soilmoist, tmp_path
     assert summary["logger_format"] == "Acme neutron logger"
     assert 2.5 < summary["map"]["rate_cps"]["mean"] < 3.5
     assert summary["variogram"]["model"] == "cauchy"
+
+
+def test_a_mission_is_simulated_with_its_strategy(soilmoist, tmp_path):
+    settings = ("--strategy", "farthest", "--dwell", "fmi:120", "--hours", "0.5", "--cell", "4")
+    soilmoist("simulate", *settings, "--out", tmp_path / "out")
+    visits = list(csv.DictReader((tmp_path / "out" / "visits.csv").read_text().splitlines()))
+    chosen = [visit for visit in visits if visit["reason"].startswith("farthest from what was measured")]
+    assert len(visits) > len(chosen) > 2  # the first ones, before there is a map, are drawn at random
