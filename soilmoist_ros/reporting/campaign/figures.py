@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from soilmoist_ros.reporting.campaign.data import (
     CampaignData,
     Case,
-    dwell_text,
     strategies_in,
-    strategy_text,
-    strategy_traits,
 )
+from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text, strategy_traits
 from soilmoist_ros.reporting.page.maps import RATE, RATE_SD, colours
 from soilmoist_ros.reporting.page.style import (
     BLUE,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.campaign.data import CampaignData, dwell_text, strategy_text
+from soilmoist_ros.reporting.campaign.data import CampaignData
+from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import percent
 from soilmoist_ros.simulation.campaign.campaign_file import FindingKey
 

@@ -29,6 +29,9 @@ from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
 from soilmoist_ros.simulation.mission.settings import PropertySettings
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult
     from soilmoist_ros.simulation.mission.settings import MissionSettings
 
@@ -169,42 +172,25 @@ def settings_summary(settings: MissionSettings) -> dict[str, Any]:
 
 
 def _property(mapped: MappedProperty) -> dict[str, Any]:
-    """The map of a further property."""
-    about: dict[str, Any] = {
-        "name": mapped.name,
-        "field": mapped.title,
-        "weight": mapped.weight,
-        "n_records": len(mapped.records),
-        "map": None,
-    }
-    soil_map = mapped.soil_map
-    if soil_map is None:
-        return about
-    truth = mapped.known_truth
-    score = None if truth is None else truth_score(soil_map, truth)
-    return {
-        **about,
-        "variogram": model_parameters(soil_map),
-        "map": {
-            "rate_cps": asdict(band_statistics(soil_map.rate)),
-            "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
-        },
-        "truth": None if score is None else _score(score),
-    }
+    """A property that a mission mapped after the first."""
+    about = {"name": mapped.name, "field": mapped.title, "weight": mapped.weight, "n_records": len(mapped.records)}
+    if mapped.soil_map is None:
+        return {**about, "map": None}
+    return {**about, **_rate_map(mapped.soil_map, mapped.known_truth)}
 
 
 def _property_run(run: MapRun) -> dict[str, Any]:
     """A property of a run."""
-    score = None if run.truth_rate is None else truth_score(run.soil_map, run.truth_rate)
+    about = {"name": run.name, "label": run.label, "n_records": len(run.track)}
+    return {**about, "n_samples": len(run.soil_map.samples), **_rate_map(run.soil_map, run.truth_rate)}
+
+
+def _rate_map(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str, Any]:
+    bands = {"rate_cps": soil_map.rate, "rate_sd_cps": soil_map.rate_sd}
     return {
-        "name": run.name,
-        "label": run.label,
-        "n_records": len(run.track),
-        "n_samples": len(run.soil_map.samples),
-        "variogram": model_parameters(run.soil_map),
-        "rate_cps": asdict(band_statistics(run.soil_map.rate)),
-        "rate_sd_cps": asdict(band_statistics(run.soil_map.rate_sd)),
-        "truth": None if score is None else _score(score),
+        "variogram": model_parameters(soil_map),
+        "map": {name: asdict(band_statistics(values)) for name, values in bands.items()},
+        "truth": None if truth is None else _score(truth_score(soil_map, truth)),
     }
 
 

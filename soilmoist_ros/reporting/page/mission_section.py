@@ -13,6 +13,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.geometry import map_extent
 from soilmoist_ros.reporting.page import maps
+from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import duration, length, number, percent
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.style import (
@@ -101,7 +102,7 @@ def mission_part(run: MapRun) -> MissionPart | None:
 def _text(mission: MissionResult) -> str:
     settings, sentences = mission.settings, []
     sentences.append(
-        f"Strategy {settings.strategy.replace('_', ' ')}, counting interval {settings.dwell}, "
+        f"Strategy {strategy_text(settings.strategy)}, dwell rule {dwell_text(settings.dwell)}, "
         f"{settings.hours:g} h, seed {settings.seed}: {len(mission.visits)} measurements"
     )
     if mission.series:
