@@ -31,17 +31,6 @@ PRIOR_COUNTS = 100.0
 """Counts of each tube that the assumption of equal tubes is worth: 10 % before any record has come."""
 
 
-def equal_shares(number_of_tubes: int) -> NDArray[np.float64]:
-    """Shares of equal tubes.
-
-    :param number_of_tubes: number of tubes, > 0
-    :raises ValueError: if it is not positive
-    """
-    if number_of_tubes <= 0:
-        raise ValueError(f"there must be at least one tube, got {number_of_tubes}")
-    return np.full(number_of_tubes, 1.0 / number_of_tubes)
-
-
 def tube_shares(records: Sequence[LoggerRecord]) -> NDArray[np.float64]:
     """Share of each tube in the rate of the whole sensor, estimated from its records [-].
 

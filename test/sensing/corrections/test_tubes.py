@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.corrections.tubes import RunningShares, combine_tubes, equal_shares, tube_shares
+from soilmoist_ros.sensing.corrections.tubes import RunningShares, combine_tubes, tube_shares
 from soilmoist_ros.sensing.records import LoggerRecord
 
 NAN = math.nan
@@ -55,12 +55,6 @@ def test_a_tube_without_a_share_is_left_out() -> None:
 def test_nothing_usable(counts, live, shares) -> None:
     with pytest.raises(ValueError, match="tube"):
         combine_tubes(record(counts, live), shares)
-
-
-def test_equal_shares() -> None:
-    assert equal_shares(4).tolist() == [0.25] * 4
-    with pytest.raises(ValueError, match="at least one"):
-        equal_shares(0)
 
 
 def test_shares_of_complete_records_are_the_tubes_parts_of_all_counts() -> None:
