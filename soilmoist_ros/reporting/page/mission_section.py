@@ -100,9 +100,9 @@ def mission_part(run: MapRun) -> MissionPart | None:
 
 
 def _text(mission: MissionResult) -> str:
-    settings, sentences = mission.settings, []
+    settings, named, sentences = mission.settings, mission.settings.as_dict(), []
     sentences.append(
-        f"Strategy {strategy_text(settings.strategy)}, dwell rule {dwell_text(settings.dwell)}, "
+        f"Strategy {strategy_text(named['strategy'])}, dwell rule {dwell_text(named['dwell'])}, "
         f"{settings.hours:g} h, seed {settings.seed}: {len(mission.visits)} measurements"
     )
     if mission.series:

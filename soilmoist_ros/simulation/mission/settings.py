@@ -17,6 +17,8 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
 if TYPE_CHECKING:
+    from soilmoist_ros.exploration.planning.dwell import DwellRule
+    from soilmoist_ros.exploration.strategies.strategy import Strategy
     from soilmoist_ros.mapping.variogram.correlation import ModelName
     from soilmoist_ros.mapping.variogram.fit import FitMethod
 
@@ -48,6 +50,7 @@ class Setting:
     :param choices: values allowed; any if empty
     :param registered: function that returns the registered names; these are read when a value is checked
     :param check: function that returns a value in its plain form, and raises :class:`InputError`
+    :param method: from Python an object with this method is allowed, too, instead of its name; empty for none
     """
 
     name: str
@@ -60,6 +63,7 @@ class Setting:
     choices: tuple[str, ...] = ()
     registered: Callable[[], Sequence[str]] | None = None
     check: Callable[[Any], Any] | None = None
+    method: str = ""
 
     @property
     def option(self) -> str:
@@ -95,6 +99,8 @@ class Setting:
         value: Any = given
         if value is None and self.default is None:
             return None
+        if self.method and callable(getattr(value, self.method, None)):
+            return value
         if self.kind is float and type(value) is int:
             value = float(value)
         if self.kind is not tuple and not _is_of(value, self.kind):
@@ -227,16 +233,17 @@ class MissionSettings:
     """
 
     field: str = _setting("synthetic-high", "Field to explore: a built-in one, or a field file with a truth.")
-    strategy: str = _setting(
+    strategy: str | Strategy | type[Strategy] = _setting(
         None,
         "How the next stop is chosen: greedy, monte_carlo, adaptive_sampling, random, lattice, ivr, gcb, or the "
         "strategy of a plug-in.",
         str,
         registered=_strategies,
+        method="choose",
     )
-    dwell: str = _setting(
+    dwell: str | DwellRule = _setting(
         None, "Time at a stop: fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) falls to it) or optimal. "
-        "Thresholds take the counts of --field.", str, check=_plain_dwell,
+        "Thresholds take the counts of --field.", str, check=_plain_dwell, method="enough",
     )  # fmt: skip
     hours: float = _setting(
         2.0, "Mission time; on the command line the field's usual time by default.", unit="h", low=0, above=True
@@ -326,14 +333,20 @@ class MissionSettings:
         if mistakes:
             raise InputError(mistakes)
 
+    @property
+    def _named(self) -> dict[str, str]:
+        """Names of what may be an object."""
+        strategy, kind = self.strategy, self.strategy if isinstance(self.strategy, type) else type(self.strategy)
+        return {"strategy": strategy if isinstance(strategy, str) else kind.__name__, "dwell": str(self.dwell)}
+
     def as_dict(self) -> dict[str, Any]:
         """All settings by name, as plain values."""
-        values = {name: getattr(self, name) for name in SETTINGS}
+        values = {name: getattr(self, name) for name in SETTINGS} | self._named
         return {**values, "properties": [{"field": one.field, "weight": one.weight} for one in self.properties]}
 
     def as_texts(self) -> dict[str, Any]:
         """All settings by name, as cells of a table: numbers, truth values and texts."""
-        values = {name: getattr(self, name) for name in SETTINGS}
+        values = {name: getattr(self, name) for name in SETTINGS} | self._named
         return {
             **values,
             "graph": self.graph or "default",

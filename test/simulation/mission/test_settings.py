@@ -4,14 +4,18 @@ import dataclasses
 import math
 
 import click
+import numpy as np
 import pytest
 
 from soilmoist_ros.cli.main import main
+from soilmoist_ros.exploration.planning.dwell import FixedInterval
 from soilmoist_ros.exploration.strategies.rules import PRESETS as CONSTANTS
+from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation import MissionSettings, PropertySettings
 from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 NAMES = [item.name for item in dataclasses.fields(MissionSettings)]
 
@@ -113,3 +117,21 @@ def test_a_text_of_settings_has_what_differs_from_the_preset():
     assert str(MissionSettings()) == "field=synthetic-high strategy=gcb dwell=optimal seed=1"
     text = str(MissionSettings(preset="paper", hours=1.0, properties=("rough:2",)))
     assert text == "field=synthetic-high strategy=greedy dwell=ami:0.03 hours=1.0 seed=1 properties=rough:2"
+
+
+class First:
+    """Chooses the first candidate that can be reached."""
+
+    def choose(self, situation, rng):
+        near = np.flatnonzero(np.isfinite(situation.travel_s))
+        return Choice(situation.candidates[near[0]], "the first") if len(near) else None
+
+
+@pytest.mark.parametrize("strategy", [First, First()])
+def test_a_strategy_and_a_dwell_rule_may_be_objects(strategy):
+    settings = MissionSettings(strategy=strategy, dwell=FixedInterval(60.0), hours=0.25, cell_m=8.0)
+    result = simulate_mission(settings)
+    assert "the first" in {visit.reason for visit in result.visits}
+    assert {visit.dwell for visit in result.visits} == {"fmi:60"}
+    assert (settings.as_dict()["strategy"], settings.as_dict()["dwell"]) == ("First", "fmi:60")
+    assert "strategy=First dwell=fmi:60" in str(settings)
