@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.replay.statuses import Status
-from soilmoist_ros.replay.visits import estimate_visits
+from soilmoist_ros.replay.visits import estimate_visits, mission_visits
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -53,3 +54,13 @@ def test_a_stop_without_a_sample_is_no_visit():
     ]  # fmt: skip
     (visit,) = estimate_visits(statuses, [record(30.5, 9)])
     assert (visit.name, visit.raw_counts) == ("n2", 9)
+
+
+def test_published_visits_of_this_mission_are_taken_as_they_are():
+    statuses = [status(1.0, "travelling"), status(12.0, "counting"), status(22.8, "planning", samples=1)]
+    earlier = Visit("n0", 1.0, 1.0, 500.0, 60.0, 99, "", arrival_stamp_s=-500.0)
+    own = Visit("n1", 5.1, 6.1, 12.0, 10.8, 27, "largest variance", arrival_stamp_s=12.0)
+    records = [record(22.0, 40)]
+    assert mission_visits(statuses, [earlier, own], records) == [own]
+    assert mission_visits(statuses, [], records) == []
+    assert [visit.raw_counts for visit in mission_visits(statuses, None, records)] == [40]
