@@ -225,7 +225,7 @@ class Explorer:
         return weights
 
     def _few_stops(self) -> NDArray[np.bool_]:
-        """Stops that are weighed: all, or so many that lie evenly."""
+        """Stops that are compared: all, or an even selection of them."""
         if self._stops_are_cells:
             return self._cells
         if len(self.stops) <= MAX_STOPS:
@@ -244,7 +244,7 @@ class Explorer:
     def _way_home_s(self, kept_s: Callable[[tuple[float, float]], float] | None) -> Array:
         if self.home is None:
             return np.zeros(len(self.stops))
-        # Ways are taken to be as long back as forth.
+        # The way back is assumed to be as long as the way there.
         times = self.travel.travel_s((self.home.x_m, self.home.y_m), self.stops)
         if kept_s is not None:
             times = np.maximum(times, [kept_s((stop.x_m, stop.y_m)) for stop in self.stops])

@@ -268,10 +268,10 @@ class MissionControl:
         self._plan_if_due()
 
     def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
-        """Another robot has told how its mission stands.
+        """The status of another robot's mission has come.
 
         :param name: which robot
-        :param status: of its mission, ``None`` while nothing has been heard of it
+        :param status: of its mission, ``None`` while none has come
         :param goes_first: whether it keeps the stop when both have chosen the same at the same time
         """
         self._others[name] = status
@@ -345,7 +345,7 @@ class MissionControl:
         unheard = [name for name, status in self._others.items() if status is None]
         return [
             *([Health("journal", Level.ERROR, problem)] if problem else []),
-            *([Health("others", Level.WARN, f"nothing has come of {', '.join(unheard)}")] if unheard else []),
+            *([Health("others", Level.WARN, f"no status of {', '.join(unheard)} yet")] if unheard else []),
             *([Health("properties", Level.WARN, "; ".join(faults))] if faults else known if weighed else []),
             there,
             self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),

@@ -30,14 +30,14 @@ _log = logging.getLogger(__name__)
 
 
 class MissionFeed:
-    """The way into a mission.
+    """Passes events into a mission, one after the other.
 
     Events that actions set off in turn (a goal that fails at once) wait until all actions of the event before
     have been carried out.
 
     :param mission: the mission
     :param carry_out: carries out an action; :class:`Answer` is left out, :meth:`command` gives it
-    :param note: is told each event before it is acted on, for a journal
+    :param note: called with each event before it is acted on, for a journal
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Several robots on one field: what the others are about to count is taken for counted when one plans.
+"""Several robots on one field: when one plans, pending measurements of the others count as done.
 
 The kriging variance does not depend on the data, only on where was counted and for how long. So samples that are
 still to come can be put into the kriging as they are expected, and their worth is taken off every place around.
@@ -20,7 +20,7 @@ from soilmoist_ros.mapping.samples.samples import as_samples
 Array = NDArray[np.float64]
 
 SAME_CELLS = 0.5
-"""Stops nearer to another robot's than this are taken for the same place [cells]."""
+"""Stops nearer than this to that of another robot count as the same stop [cells]."""
 
 
 @dataclass(frozen=True, slots=True)

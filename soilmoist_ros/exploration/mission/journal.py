@@ -1,4 +1,4 @@
-"""A mission that survives the end of its process: written down as it goes, and taken up again."""
+"""A mission that survives the end of its process: a journal of its events, and how to resume from it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Journal(Protocol):
 
 
 class MissionJournal:
-    """Writes a mission down. A disk that fails does not stop the mission; it is told once.
+    """Writes a mission down. A disk that fails does not stop the mission; it is logged once.
 
     :param journal: where to; nowhere if ``None``
     """
@@ -113,7 +113,7 @@ def interrupted_mission(
 def interrupted_records(
     snapshot: str | None, events: Iterable[Mapping[str, Any]], name: str = ""
 ) -> list[CountRecord]:
-    """What the mission that was under way when its process ended had counted, so that its map can go on.
+    """What the mission that was under way when its process ended had counted, so that its map can be continued.
 
     :param snapshot: the last state written down, if any. Without one it is what came after the last start, unless
         that was aborted

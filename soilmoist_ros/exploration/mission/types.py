@@ -79,22 +79,22 @@ class MissionRules:
     :param dwell: when to end counting at a stop
     :param home: where to go at the end, ``None`` to stay at the last stop
     :param warm_up_stops: samples that are asked for as ``warm_up`` before the map guides the choice
-    :param min_dwell_s: a stop is not gone to if less than this is left for counting there [s]
+    :param min_dwell_s: minimum useful dwell; stops that leave less are skipped [s]
     :param speed_mps: speed, to estimate travel [m/s]
-    :param stop_overhead_s: time that each trip takes beside driving [s]
-    :param detour: driven distance over straight distance, where the planner does not tell the travel time [-]
+    :param stop_overhead_s: time of each trip that is not driving [s]
+    :param detour: driven distance over straight distance, where the planner gives no travel time [-]
     :param arrival_radius_m: the robot is at a stop within this distance; keep it above the positions' noise [m]
     :param goal_time_factor: a trip may take this many times the expected time ... [-]
     :param goal_time_margin_s: ... plus this [s]
     :param return_margin_s: reserve kept for the way home [s]
-    :param cancel_limit_s: a cancelled goal is taken for ended after this time [s]
+    :param cancel_limit_s: time after which a cancelled goal counts as ended [s]
     :param plan_limit_s: a plan request that is not answered in this time has failed [s]
     :param retries: how often a goal that failed is sent again before its stop is ruled out
     :param blacklist_s: how long a stop is ruled out after it failed or was skipped [s]
-    :param failures_to_pause: after so many failures without a sample in between the operator is asked
+    :param failures_to_pause: failures without a visit in between after which the operator is asked
     :param silence_limit_s: time without a record of the stop, while counting, that counts as silence [s]
     :param on_silence: what to do then; ``wait`` ends with the dwell rule's longest time
-    :param odometer_step_m: moves shorter than this are taken for noise of the position [m]
+    :param odometer_step_m: moves shorter than this count as noise of the position [m]
     :raises ValueError: if a value is out of its range
     """
 

@@ -186,7 +186,7 @@ class Optimal:
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
         """What was reached, in words."""
-        return f"{raw_counts} counts in {live_s:.0f} s, without a map to tell what is worth more"
+        return f"{raw_counts} counts in {live_s:.0f} s, the dwell without a map"
 
     def __str__(self) -> str:
         return "optimal"

@@ -1,7 +1,7 @@
 """What counting somewhere would be worth: the posterior covariance, and how hypothetical counts lower it.
 
 The kriging variance does not depend on the data, only on where was counted, for how long, and at about which
-rate. So the integrated variance ``IV = sum_g omega_g Var(g)`` after any plan can be told beforehand. With the
+rate. So the integrated variance ``IV = sum_g omega_g Var(g)`` after any plan is known beforehand. With the
 posterior covariance C and a sample of t seconds at x, whose noise is ``rate / t``::
 
     IV falls by  A t / (B t + rate),    A = sum_g omega_g C(g, x)^2,    B = C(x, x) + nugget
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MIN_RATE_CPS = 1e-3
-"""Rates predicted lower than this are taken for this [counts/s]: kriging may undershoot."""
+"""Lower limit of predicted rates [counts/s]: kriging may undershoot."""
 _SAME_M = 1e-9
 _NO_TIME_S = 1e-15
 _HALVINGS = 50

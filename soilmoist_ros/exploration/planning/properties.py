@@ -1,6 +1,6 @@
 """Several properties of one field: how much the map of each leaves to be explained, and what that is worth.
 
-Each property p has a map of its own, of counts of its own. A planner that weighs them lowers::
+Each property p has its own counts and its own map. A planner that weighs them lowers::
 
     sum_p w_p IV_p / V_p,    V_p = sum_g omega_g (1 - mean correlation between the cells) sill_p
 

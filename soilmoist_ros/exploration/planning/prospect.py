@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MAX_CELLS = 400
-"""About so many cells stand for the field: the variance is smooth over the range of the variogram."""
+"""Approximate number of cells that represent the field: the variance is smooth over the variogram's range."""
 MAX_STOPS = 500
-"""At most so many nodes of a graph are weighed."""
+"""Largest number of nodes of a graph that are compared."""
 MAX_PLACES = 12
-"""At most so many places stand for a way."""
+"""Largest number of places that represent a route."""
 _ROUNDING = 1e-9
 
 
@@ -44,7 +44,7 @@ class Prospect:
 
     :param model: posterior covariance, with exactly these candidates as its stops
     :param stops: the candidates
-    :param travel: ways and times
+    :param travel: routes and times
     :param position_xy: where the robot is [m]
     :param travel_s: travel times to the candidates, shape (k,) [s]; inf where none is possible
     :param budget_s: time left for a trip and counting at its end, shape (k,) [s]

@@ -25,9 +25,9 @@ Indices = NDArray[np.intp]
 HORIZON = 0.5
 """The tour looks ahead for this share of the time used so far, times the share of the mission that it is."""
 MAX_ON_DETOUR_S = 60.0
-"""At most so long does the robot count near a stop while it drives there and away [s]."""
+"""Longest time that the robot counts near a stop while it drives there and away [s]."""
 MAX_STOPS = 12
-"""A tour has at most so many stops: it is planned anew long before the last."""
+"""Largest number of stops of a tour: it is planned anew long before the last."""
 
 
 @dataclass
@@ -35,8 +35,8 @@ class CostBenefitTour:
     """The first stop of the tour that lowers the integrated variance most within a horizon.
 
     The tour begins as that of ``ivr``, and the horizon grows with the square of the time used. Early in a mission
-    the two are one: each trip tells much, and what comes after it cannot be foreseen. Later many trips are worth
-    about the same, and the tour makes of them one with little driving.
+    the two are one: each trip lowers the variance much, and what comes after it cannot be foreseen. Later many
+    trips are worth about the same, and the tour makes of them one with little driving.
     """
 
     begun_s: float | None = None

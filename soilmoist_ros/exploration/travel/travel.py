@@ -64,7 +64,7 @@ def polyline_turn_rad(polyline: Array) -> float:
 
 
 class TravelModel(Protocol):
-    """Knows ways and times. The way is the shortest one; turning only adds to its time."""
+    """Routes and travel times. A route is the shortest one; turning only adds to its time."""
 
     motion: RobotMotion
 

@@ -1,4 +1,4 @@
-"""The travel graph: places the robot knows and the ways between them."""
+"""The travel graph: nodes that the robot knows and the edges between them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ALL_PAIRS_UP_TO = 2000
 
 @dataclass(frozen=True, eq=False)
 class TravelGraph:
-    """Named places and directed ways between them. Made by :meth:`from_edges`.
+    """Named nodes and directed edges between them. Made by :meth:`from_edges`.
 
     :param names: names of the nodes, unique
     :param xy: their places, shape (n, 2) [m]
