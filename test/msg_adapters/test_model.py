@@ -81,7 +81,7 @@ def test_a_real_fit_has_the_promised_keys_and_is_strict_json(method):
     assert_equal(model_from_message(message).fit, fit)
 
 
-def test_no_model_is_told_too():
+def test_no_model_is_sent_too():
     message = model_to_message(Model(None, 3.5, 2.0))
     assert json.loads(message.data) == {"model": None, "n_samples": 0, "stamp_s": 3.5, "cell_m": 2.0}
     assert model_from_message(message) == Model(None, 3.5, 2.0)

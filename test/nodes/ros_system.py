@@ -1,4 +1,4 @@
-"""A private ROS system for one test: a domain of its own on loopback, real processes, an observer."""
+"""A private ROS system for one test: a private domain on loopback, real processes, an observer."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class RosSystem:
         remaps: Sequence[str] = (),
         extra: Sequence[str] = (),
     ) -> NodeProcess:
-        """Start a node as a process of its own.
+        """Start a node as a process.
 
         :param executable: name of the node; a path is started as it is
         :param params: parameters, written to a file
@@ -132,7 +132,7 @@ class RosSystem:
 
 
 class NodeProcess:
-    """A node in a process of its own."""
+    """A node in a separate process."""
 
     def __init__(self, command: list[str], environment: dict[str, str], output: Path) -> None:
         self.command = command

@@ -1,4 +1,4 @@
-"""Killed at any moment: what was measured is on the disk, and the mission goes on where it stopped."""
+"""Killed at any moment: what was measured is on the disk, and the mission continues where it stopped."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Business:
         return LOST_S + 5 * self.longest_s
 
 
-class Heard:
+class Received:
     """Records as they were published, with the time of that."""
 
     def __init__(self, ros):
@@ -151,14 +151,14 @@ def test_a_recorder_loses_half_a_second_at_most(ros, tmp_path, seed):
 @pytest.mark.parametrize("seed", range(2))
 def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
     rng = np.random.default_rng(seed)
-    heard, folder, stops = Heard(ros), tmp_path / "journal", rng.integers(0, 2)
+    received, folder, stops = Received(ros), tmp_path / "journal", rng.integers(0, 2)
     with World(ros, rate=RATE) as world, VirtualNavigation(ros, world) as navigation:
         first = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)
         first.wait(lambda status: status.samples >= stops and status.phase is Phase.TRAVELLING)
         time.sleep(rng.uniform(0, 1.5))
         first.process.kill()
         world.rate = SLOW_RATE  # it takes a moment to come back
-        heard.require(in_journal(folder))
+        received.require(in_journal(folder))
 
         asking = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)
         asking.wait_phase(Phase.PAUSED)
@@ -186,12 +186,12 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
         assert navigation.most_at_once == 1
     stamps = in_journal(folder)
     assert stamps == sorted(set(stamps)), "no record twice"
-    assert set(stamps) <= set(heard.stamps)
+    assert set(stamps) <= set(received.stamps)
 
 
 def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
     rng = np.random.default_rng(5)
-    heard, folder = Heard(ros), tmp_path / "journal"
+    received, folder = Received(ros), tmp_path / "journal"
     bags = {"out": str(tmp_path / "bags"), "name": "run"}
     samples = ros.collect(PointCloud2, "samples", LATCHED)
     with (
@@ -211,13 +211,13 @@ def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
             process.kill()
         safe_s = time.monotonic() - business.allowed_s
         world.rate = SLOW_RATE
-        heard.require(in_journal(folder))
+        received.require(in_journal(folder))
 
         recovered = recover(tmp_path / "bags" / "run", tmp_path / "recovered")
         with BagReader(recovered) as reader:
             records = reader.read_counts()
-        missing = heard.require([record.stamp_s for record in records])
-        assert missing <= sum(time_s >= safe_s for time_s in heard.times_s)
+        missing = received.require([record.stamp_s for record in records])
+        assert missing <= sum(time_s >= safe_s for time_s in received.times_s)
         replay = replay_bag(recovered)
         assert replay.run.mission.series[-1].samples >= 1
         in_bag = sum(record.raw_counts for record in replay.run.track)
@@ -246,12 +246,12 @@ def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
 def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
     folder = tmp_path / "journal"
     maps = {name: ros.collect(PointCloud2, f"{name}/samples", LATCHED) for name in ("", "salt")}
-    beside = ros.node.create_publisher(PointCloud2, "salt/counts", RECORDS)
-    told = []
+    salt = ros.node.create_publisher(PointCloud2, "salt/counts", RECORDS)
+    counted = []
 
-    def count_beside(message):
-        told.extend(replace(record, raw_counts=1000 + len(told)) for record in counts_from_message(message))
-        beside.publish(counts_to_message(told[-1:]))
+    def count_salt(message):
+        counted.extend(replace(record, raw_counts=1000 + len(counted)) for record in counts_from_message(message))
+        salt.publish(counts_to_message(counted[-1:]))
 
     def mapped(name):
         return maps[name] and samples_from_message(maps[name][-1]).counts.sum()
@@ -260,16 +260,16 @@ def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
         planner = Planning(ros, tmp_path, journal_dir=str(folder), properties=["salt:0.5"], **MISSION)
         field = {"field": str(tmp_path / "field.yaml"), "use_sim_time": True}
         mappers = [ros.start("mapper", params=field, namespace=name) for name in ("/salt", "")]
-        ros.wait_for(lambda: beside.get_subscription_count() >= 2, message="mapper and planner")
+        ros.wait_for(lambda: salt.get_subscription_count() >= 2, message="mapper and planner")
         planner.wait_phase(Phase.TRAVELLING)
-        ros.node.create_subscription(PointCloud2, "counts", count_beside, RECORDS)
-        ros.wait_for(lambda: mapped("salt") and len(told) > 8, message="its map")
+        ros.node.create_subscription(PointCloud2, "counts", count_salt, RECORDS)
+        ros.wait_for(lambda: mapped("salt") and len(counted) > 8, message="its map")
         for process in (*mappers, planner.process):
             process.kill()
         world.sensor, world.rate = False, SLOW_RATE
         written = in_journal(folder, "salt")
-        heard = [record.stamp_s for record in told]
-        assert written == heard[: len(written)], "all from the first on"
+        received = [record.stamp_s for record in counted]
+        assert written == received[: len(written)], "all from the first on"
         assert len(written) > 3
 
         for samples in maps.values():
@@ -279,7 +279,7 @@ def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
         ros.start("mapper", params={**field, **start})
         ros.wait_for(lambda: mapped("salt") and mapped(""), message="both maps so far")
         expected = open_survey(field["field"]).map
-        for one in told[: len(written)]:
+        for one in counted[: len(written)]:
             expected.add(one)
         assert mapped("salt") == expected.state.samples.counts.sum() > 1000
         assert mapped("") < 1000, "what a record of the first has is 40"

@@ -55,8 +55,8 @@ rclpy.spin(node)
 """
     script.write_text(f"#!{sys.executable}\n{code}")
     script.chmod(0o755)
-    heard = ros.collect(String, "greeting", LATCHED)
+    received = ros.collect(String, "greeting", LATCHED)
     talker = ros.start(str(script))
-    ros.wait_for(lambda: heard, message="a message of the other process")
-    assert heard[0].data == "hello"
+    ros.wait_for(lambda: received, message="a message of the other process")
+    assert received[0].data == "hello"
     assert "/dev/shm/fastrtps" not in Path(f"/proc/{talker.process.pid}/maps").read_text()

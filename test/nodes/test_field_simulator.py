@@ -130,8 +130,8 @@ class Goal:
         self._client = ActionClient(field.ros.node, GotoNode, "topological_navigation")
         field.ros.wait_for(self._client.server_is_ready, message="the navigation")
         goal = GotoNode.Goal(target=target, no_orientation=True)
-        heard = lambda message: self.routes.append(message.feedback.route)  # noqa: E731
-        self.handle = self._wait(self._ask(lambda: self._client.send_goal_async(goal, feedback_callback=heard)))
+        received = lambda message: self.routes.append(message.feedback.route)  # noqa: E731
+        self.handle = self._wait(self._ask(lambda: self._client.send_goal_async(goal, feedback_callback=received)))
         self._result = self._ask(self.handle.get_result_async) if self.handle.accepted else None
 
     def _ask(self, request):
@@ -175,13 +175,13 @@ def test_time_stands_still_until_somebody_listens(ros, field):
 
 def test_a_second_property_is_counted_like_by_a_driver_of_its_own(ros, field):
     simulated = field(properties=["rough"])
-    assert not simulated.clock or simulated.now_s <= 0, "nobody listens to its records"
-    heard = ros.collect(PointCloud2, "/rough/counts", RECORDS)
-    ros.wait_for(lambda: len(heard) > 5 and len(simulated.logger.found) > 5, message="records of both")
-    stamps = [record.stamp_s for message in list(heard) for record in counts_from_message(message)]
+    assert not simulated.clock or simulated.now_s <= 0, "its records have no receiver"
+    received = ros.collect(PointCloud2, "/rough/counts", RECORDS)
+    ros.wait_for(lambda: len(received) > 5 and len(simulated.logger.found) > 5, message="records of both")
+    stamps = [record.stamp_s for message in list(received) for record in counts_from_message(message)]
     assert stamps == [START_S + 10.0 * number for number in range(1, len(stamps) + 1)]
-    assert {message.header.frame_id for message in heard} == {"map"}
-    (record,) = counts_from_message(heard[0])
+    assert {message.header.frame_id for message in received} == {"map"}
+    (record,) = counts_from_message(received[0])
     assert (record.x_m, record.y_m) == pytest.approx(simulated.place(), abs=0.2)
     assert 1.0 < record.corrected_rate < 10.0
     assert record.raw_counts != sum(simulated.logger.found[0].tube_counts)
@@ -343,7 +343,7 @@ def test_it_survives_clients_that_come_and_go(ros, field):
     assert simulated.process.stop(signal.SIGINT) == 0
 
 
-def test_bad_input_is_told_plainly(ros):
+def test_bad_input_is_reported_without_a_traceback(ros):
     process = ros.start("field_simulator", params={"field": "synthetic-hihg", "logger_port": 0, "gnss_port": 0})
     assert process.wait() == 2
     assert "did you mean 'synthetic-high'" in process.output()

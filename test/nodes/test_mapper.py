@@ -141,7 +141,7 @@ def test_who_comes_late_gets_the_last_map(ros, start):
     assert len(late.soil_map) == 1
 
 
-def test_bad_records_do_no_harm_and_are_told_by_reason(ros, start):
+def test_bad_records_do_no_harm_and_are_counted_by_reason(ros, start):
     good = survey_records(4)
     outputs = Outputs(ros)
     _, publisher = start()

@@ -1,4 +1,4 @@
-"""Both navigators against a virtual robot: every rule that the real navigation teaches its clients."""
+"""The navigators (goto_node.py, route_feedback.py, goal_pose.py) against a virtual robot and its faults."""
 
 import threading
 import time
@@ -87,7 +87,7 @@ def test_arrival_and_what_is_said_on_the_way(ros, world, navigation, drive):
     driver.navigator.go(1, FAR)
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
-    # the plain topic is best effort here, so it is heard only if the subscription adapts
+    # the plain topic is best effort here, so it arrives only if the subscription adapts
     driver.navigator.go(2, OTHER)
     ros.wait_for(lambda: driver.navigator.on_the_way == OTHER.name, message="feedback of the plain topic")
 

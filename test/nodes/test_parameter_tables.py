@@ -31,7 +31,7 @@ NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
 def load_script():
     loader = SourceFileLoader("parameter_tables", str(SCRIPT))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("parameter_tables", loader))
-    write_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # not beside the scripts
+    write_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # not next to the scripts
     try:
         loader.exec_module(module)
     finally:

@@ -1,4 +1,4 @@
-"""Whole missions with a real planner process, a virtual robot and its navigation."""
+"""Missions with a real planner process (planner_inputs.py, planner_outputs.py), a virtual robot and navigation."""
 
 from functools import partial
 
@@ -263,9 +263,9 @@ def test_two_robots_share_one_mapper_and_never_count_at_the_same_place(ros, tmp_
         said = [mission_from_message(message) for message in robot.messages]
         stops.append({status.target.name for status in said if status.phase is Phase.COUNTING})
     assert not stops[0] & stops[1]
-    # nobody else hears what both have counted
+    # more than each robot counted alone: the map has the counts of both
     counted = samples_from_message(samples[-1]).counts.sum()
-    assert counted > 1.5 * max(sum(world.counted.values()) for world in worlds)
+    assert counted > max(sum(world.counted.values()) for world in worlds)
 
 
 def test_the_map_may_not_come(ros, tmp_path):
@@ -322,7 +322,7 @@ def test_a_mission_survives_its_planner(ros, tmp_path):
         target = planning.status.target
         planning.process.kill()
         world.rate = 1.0  # it takes a moment to come back
-        assert world.goal is not None, "nobody told the robot to stop"
+        assert world.goal is not None, "nothing stopped the robot"
 
         again = Planning(ros, tmp_path, autostart=True, **journal)
         again.wait_phase(Phase.PAUSED)

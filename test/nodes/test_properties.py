@@ -1,4 +1,4 @@
-"""A planner and two mappers: a second property is counted beside, and what is unknown of it draws the robot."""
+"""A planner and two mappers: unknown parts of a further property change the choice of stops."""
 
 import pytest
 
@@ -48,7 +48,7 @@ def test_planner_and_mapper_have_one_grid(ros, tmp_path):
     assert (stop.x_m % 5.0, stop.y_m % 5.0) == (2.5, 2.5)
 
 
-def test_what_is_unknown_of_a_second_property_changes_the_choice(ros, tmp_path):
+def test_unknown_parts_of_a_further_property_change_the_choice(ros, tmp_path):
     (tmp_path / "field.yaml").write_text(FIELD)
     common = {"use_sim_time": True, "field": str(tmp_path / "field.yaml")}
     diagnostics = ros.collect(DiagnosticArray, "/diagnostics", 10)
@@ -102,7 +102,7 @@ def test_what_is_unknown_of_a_second_property_changes_the_choice(ros, tmp_path):
         assert alone.x_m < 15.0, "the south-west is unknown"
         feed("/compaction", [place for place in CORNERS if place[0] < 25], 40.0)
         diagnostics.clear()
-        ros.wait_for(lambda: health("navigation") and not health("properties"), message="the second map")
-        assert chosen().x_m > 25.0, "the second property is unknown in the east"
+        ros.wait_for(lambda: health("navigation") and not health("properties"), message="the other map")
+        assert chosen().x_m > 25.0, "the further property is unknown in the east"
         assert ros.call(Trigger, "compaction/mapper/save").success
     assert (tmp_path / "mapcompaction").is_dir()

@@ -1,4 +1,4 @@
-"""The recorder as a process of its own: what is published is in the bag, whatever happens to it."""
+"""The recorder as a process: published messages are in the bag, whatever happens to the process."""
 
 import signal
 import sys
@@ -112,7 +112,7 @@ def test_services_start_and_stop_in_a_namespace(ros, tmp_path):
     assert (tmp_path / "bags" / "run_2" / "metadata.yaml").is_file()
 
 
-def test_a_folder_that_cannot_be_written_is_told_and_tried_again(ros, tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported_and_retried(ros, tmp_path):
     (tmp_path / "bags").write_text("in the way")
     found = ros.collect(DiagnosticArray, "/diagnostics")
     process = ros.start("recorder", params=params(tmp_path))
@@ -180,7 +180,7 @@ def test_what_the_nodes_of_its_robot_were_set_up_with_is_with_the_bag(ros, tmp_p
     assert (values["fit"], values["use_sim_time"], values["merge_radius_m"]) == ("soft_l1", False, 0.0)
     assert values["field"] == str(folder / "field.yaml")
     assert (folder / "field.yaml").read_text() == SQUARE
-    # Whoever dies is no obstacle, and the next bag gets all of it, too.
+    # A node that has ended is no obstacle, and the next bag gets the whole configuration as well.
     mapper.kill()
     assert ros.call(Trigger, "/robot1/recorder/stop").success
     assert ros.call(Trigger, "/robot1/recorder/start").success
@@ -222,7 +222,7 @@ main()
 """
 
 
-def test_a_topic_whose_type_is_unknown_is_told_once_and_the_others_are_recorded(ros, tmp_path, published):
+def test_a_topic_whose_type_is_unknown_is_reported_once_and_the_others_are_recorded(ros, tmp_path, published):
     shared = tmp_path / "prefix" / "share"
     shared.mkdir(parents=True)
     for folder in (Path(sys.prefix) / "share").iterdir():
@@ -244,7 +244,7 @@ def test_a_topic_whose_type_is_unknown_is_told_once_and_the_others_are_recorded(
     path = tmp_path / "bags" / "run" / "run_0.mcap"
     ros.wait_for(lambda: on_disk(path).count("/notes") == 20)
     ros.wait_for(lambda: health and skipped(health[-1]) in ("1", "2"), message="the number of topics skipped")
-    # What comes first decides whether one of the types is recorded; it is told in both cases.
+    # The first type decides whether one is recorded; both cases are reported.
     ros.wait_for(lambda: "several types: " in process.output(), message="a word on /mixed")
     said = "/plan_markers is not recorded: the definition of visualization_msgs/msg/MarkerArray is not installed"
     assert process.output().count(said) == 1

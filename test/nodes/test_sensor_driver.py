@@ -129,7 +129,7 @@ class Outputs:
         found = [part for message in self.diagnostics for part in diagnostics_from_message(message)]
         return next((part for part in reversed(found) if part.name.endswith(f": {name}")), None)
 
-    def told(self, name, key):
+    def diagnosed(self, name, key):
         """What the last diagnostics of a part say of something, empty without any."""
         part = self.health(name)
         return part.values.get(key, "") if part else ""
@@ -160,20 +160,20 @@ def start(ros, field, logger, outputs):
             )
             receiver.send(*no_fix(-1))
             ros.wait_for(lambda: outputs.raw_gnss and line_from_message(outputs.raw_gnss[-1]) == no_fix(-1)[-1])
-        for heard in (outputs.raw_logger, outputs.raw_gnss, outputs.fix):
-            heard.clear()
+        for received in (outputs.raw_logger, outputs.raw_gnss, outputs.fix):
+            received.clear()
         return process
 
     return make
 
 
-def repeat_until(ros, send, heard):
-    """Send until it is heard: what is sent before two parties know of each other is lost."""
+def repeat_until(ros, send, received):
+    """Send until it arrives: messages before discovery are lost."""
 
     def tried():
         send()
         time.sleep(0.05)
-        return heard()
+        return received()
 
     ros.wait_for(tried, message="an answer")
 
@@ -217,16 +217,16 @@ def test_records_go_out_at_their_places_with_all_that_belongs_to_them(ros, start
     assert first.f_pressure == pytest.approx(math.exp(0.0077 * (1000 - 1013.25)))
     assert outputs.counts[0].header.frame_id == "map"
     ros.wait_for(lambda: outputs.fix and outputs.humidity and len(outputs.raw_logger) >= 2 + len(HEADER))
-    heard = [line_from_message(message) for message in outputs.raw_logger]
-    assert [text for text in heard if text != b"# hello"] == [*HEADER, line(1), line(2)]
+    received = [line_from_message(message) for message in outputs.raw_logger]
+    assert [text for text in received if text != b"# hello"] == [*HEADER, line(1), line(2)]
     ros.wait_for(lambda: sum(b"GST" in line_from_message(message) for message in outputs.raw_gnss) == 23)
     assert weather_from_message(outputs.pressure[-1]) == pytest.approx(1000.0)
     assert weather_from_message(outputs.temperature[-1]) == pytest.approx(20.0)
     assert weather_from_message(outputs.humidity[-1]) == pytest.approx(0.5)
     fix = fix_from_message(outputs.fix[-1])
     assert (fix.status, fix.covariance_m2[0][0]) == (FixStatus.RTK, pytest.approx(0.02**2))
-    ros.wait_for(lambda: outputs.told("records", "records") == "2")
-    assert outputs.told("records", "serial number") == "CRS-0007"
+    ros.wait_for(lambda: outputs.diagnosed("records", "records") == "2")
+    assert outputs.diagnosed("records", "serial number") == "CRS-0007"
     assert "the logger's clock differs" in outputs.health("records").message
     assert {status.hardware_id for status in outputs.diagnostics[-1].status} == {"CRS-0007"}
     for link in ("logger link", "GNSS link"):
@@ -247,7 +247,7 @@ def test_a_receiver_without_a_fix_says_so_and_records_have_no_place(ros, start, 
     assert math.isnan(one.x_m)
     assert math.isnan(one.y_m)
     assert one.raw_counts == 60
-    ros.wait_for(lambda: outputs.told("records", "records without a position") == "1")
+    ros.wait_for(lambda: outputs.diagnosed("records", "records without a position") == "1")
     assert outputs.health("GNSS").level is Level.ERROR
 
 
@@ -268,8 +268,8 @@ def test_it_survives_what_connections_do(ros, start, outputs, logger):
     ros.wait_for(lambda: logger.connections >= 3, message="a new connection after silence")
     logger.send(line(9))
     ros.wait_for(lambda: outputs.numbers == [1, 3, 4, 8, 9])
-    ros.wait_for(lambda: outputs.told("logger link", "lines too long") == "1")
-    assert outputs.told("records", "dropped: wrong checksum") == "3"
+    ros.wait_for(lambda: outputs.diagnosed("logger link", "lines too long") == "1")
+    assert outputs.diagnosed("records", "dropped: wrong checksum") == "3"
     assert process.stop() == 0
     assert "Traceback" not in process.output()
 
@@ -323,13 +323,13 @@ def test_it_uses_simulated_time(ros, start, outputs, logger):
     start(use_sim_time=True, fix_wait_s=0.0)
     ros.wait_for(clock.get_subscription_count)
 
-    def told():
+    def diagnosed():
         clock.publish(Clock(clock=to_time(T0 + 17.0)))
         return outputs.diagnostics and to_seconds(outputs.diagnostics[-1].header.stamp) == T0 + 17.0
 
-    ros.wait_for(told, message="diagnostics in simulated time")
+    ros.wait_for(diagnosed, message="diagnostics in simulated time")
     logger.send(line(1))
-    ros.wait_for(lambda: outputs.told("records", "logger clock minus ours [s]") == "-7.0")
+    ros.wait_for(lambda: outputs.diagnosed("records", "logger clock minus ours [s]") == "-7.0")
     assert outputs.health("records").level is Level.WARN
 
 

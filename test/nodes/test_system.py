@@ -33,7 +33,7 @@ LIMIT_S = 150.0
 
 
 class Robot:
-    """A simulated robot with all its nodes, and what is heard of it."""
+    """A simulated robot with all its nodes, and its messages."""
 
     def __init__(self, ros, folder, namespace="", *, field="synthetic-high", simulator=(), record=True, **mission):
         self.ros, self.folder, self.namespace = ros, folder, namespace
@@ -93,9 +93,13 @@ class Robot:
         return [one for one in self.records() if one.stamp_s <= stamp_s + 1e-6 and np.isfinite(one.x_m)]
 
     def check_samples(self):
-        """See that the samples hold what was heard, and at most the few records before we listened."""
-        heard = [record.raw_counts for record in self.mapped()]
-        assert sum(heard) <= samples_from_message(self.samples[-1]).counts.sum() <= sum(heard) + 3 * max(heard)
+        """Check that the samples hold the received records, and at most a few from before the subscription."""
+        received = [record.raw_counts for record in self.mapped()]
+        assert (
+            sum(received)
+            <= samples_from_message(self.samples[-1]).counts.sum()
+            <= sum(received) + 3 * max(received)
+        )
 
     def stop(self):
         """End all nodes, the last started first, and see that nothing of them is left."""

@@ -1,3 +1,5 @@
+"""The journal survives every cut and flipped bit: journal.py and journal_lines.py."""
+
 import errno
 import json
 import os
@@ -185,7 +187,7 @@ def test_a_full_disk_leaves_the_journal_whole(tmp_path, monkeypatch):
     assert not loaded.problems
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written here") as caught:
         Journal.open(tmp_path / "file" / "journal")

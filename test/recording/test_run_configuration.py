@@ -104,7 +104,7 @@ def test_names_of_files_of_another_computer_are_kept_as_they_are(tmp_path):
     assert read_parameters(tmp_path / "configuration", "mapper") == values
 
 
-def test_what_cannot_be_written_is_told_and_tried_again(files, tmp_path):
+def test_what_cannot_be_written_is_reported_and_retried(files, tmp_path):
     configuration = RunConfiguration()
     configuration.take("mapper", {"field": str(files / "other.yaml")})
     (tmp_path / "configuration").write_text("in the way")

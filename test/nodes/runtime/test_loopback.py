@@ -1,4 +1,4 @@
-"""Domains of their own, on loopback."""
+"""Private domains on loopback."""
 
 import signal
 import subprocess
@@ -92,7 +92,7 @@ def test_a_lock_of_another_user_is_passed_over(locks, monkeypatch):
         assert domain == 2
 
 
-def test_a_disk_that_takes_no_lock_is_told_as_it_is(locks, monkeypatch):
+def test_a_disk_without_locks_is_reported(locks, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(locks / "none"))
     with pytest.raises(InputError, match="no lock can be made: No such file"), free_domain():
         pass

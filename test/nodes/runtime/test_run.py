@@ -75,7 +75,7 @@ def test_a_failing_callback_does_not_end_it(ros, example):
     assert "RuntimeError: a mistake" in process.output()
 
 
-def test_bad_input_is_told_plainly(example):
+def test_bad_input_is_reported_without_a_traceback(example):
     process = example("refuses")
     assert process.wait() == 2
     assert process.output().strip() == "the field has no corners -> draw some"

@@ -1,4 +1,4 @@
-"""The demonstration as a user starts it, with a second property beside the first."""
+"""The demonstration as a user starts it, with a further property."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
         np.isfinite(cells["/rough/soil_map"]["rate"]).sum() == np.isfinite(cells["/soil_map"]["rate"]).sum() > 1000
     )
     assert np.isnan(cells["/rough/soil_map"]["vwc"]).all(), "it is no moisture"
-    told = {status.message for status in said if status.name == "/planner: properties"}
-    assert "the last stop was chosen with the map of rough" in told
+    shown = {status.message for status in said if status.name == "/planner: properties"}
+    assert "the last stop was chosen with the map of rough" in shown
     assert any("most variance less per second" in text and "of the maps'" in text for text in statuses)
     assert read_parameters(out / "configuration", "rough/mapper")["save_dir"] == str(out / "map_rough")
 

@@ -59,7 +59,7 @@ def publisher(ros, kind, topic, profile=qos.LATCHED):
     return ros.node.create_publisher(kind, topic, profile)
 
 
-def test_it_hears_everything(ros, live):
+def test_it_shows_every_topic(ros, live):
     survey = live.survey
     for number in range(4):
         survey.map.add(CountRecord(1e9 + number, 10.0 * number + 5, 20.0, 30.0, 400, 100.0, 95.0))

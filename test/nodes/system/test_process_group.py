@@ -220,7 +220,7 @@ with ProcessGroup({"PYTHONPATH": sys.argv[1]}, Path(sys.argv[1]) / "log") as nod
 
 @contextmanager
 def program(folder, *arguments):
-    """A process of its own with a group."""
+    """A separate process with a group."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(folder), *arguments],
@@ -235,7 +235,7 @@ def program(folder, *arguments):
         process.communicate()
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not tell of a parent's death")
+@pytest.mark.skipif(sys.platform != "linux", reason="other kernels send no signal when the parent ends")
 def test_nodes_end_when_their_parent_is_killed(journal, tmp_path):
     with program(tmp_path, "good,plain") as process:
         ready(journal, 2)

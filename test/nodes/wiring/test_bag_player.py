@@ -104,11 +104,11 @@ def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, n
     player = play(notes_bag, "--topics", "/r/notes|/topo.*", "--start", 20, "--time-factor", 12)
     assert ros.call(Trigger, "bag_player/pause").success
     clock = ros.collect(Clock, "/clock", CLOCK)
-    ros.wait_for(lambda: len(clock) > 20, message="the clock, which tells its time also in a pause")
+    ros.wait_for(lambda: len(clock) > 20, message="the clock, which is published in a pause as well")
     assert len({to_seconds(one.clock) for one in clock[-10:]}) == 1
-    heard = len(notes)
+    received = len(notes)
     ros.wait_for(lambda: len(clock) > 60)
-    assert len(notes) == heard < 20
+    assert len(notes) == received < 20
     ros.wait_for(lambda: "paused" in player.output())
     assert ros.call(Trigger, "bag_player/resume").success
     assert player.wait(60) == 0, player.output()
@@ -137,12 +137,12 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
                 clock_topic, stamp_ns, stamp_ns, serialize_message(Clock(clock=to_time(START_S + number)))
             )
         writer.write(note, stamp_ns, stamp_ns, serialize_message(String(data="end")))
-    heard = ros.collect(Clock, "/clock", CLOCK)
+    received = ros.collect(Clock, "/clock", CLOCK)
     ends = ros.collect(String, "/fix")
     player = play(tmp_path / "bag")
     assert player.wait(60) == 0, player.output()
     assert [one.data for one in ends] == ["end"]
-    times = [to_seconds(one.clock) for one in heard]
+    times = [to_seconds(one.clock) for one in received]
     assert len(times) > 10
     assert set(times) <= {START_S + number for number in range(60)}
 

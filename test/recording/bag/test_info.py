@@ -100,7 +100,7 @@ def test_sizes(size, text):
     assert size_text(size) == text
 
 
-def test_what_is_no_bag_is_told(tmp_path):
+def test_what_is_no_bag_is_reported(tmp_path):
     with pytest.raises(InputError, match="no such bag"):
         bag_info(tmp_path / "none")
     with pytest.raises(InputError, match="holds no MCAP file"):

@@ -164,7 +164,7 @@ def test_an_unclosed_bag_says_how_to_recover_it(unclosed):
 
 
 @pytest.mark.parametrize("path", ["none", "empty", "text.txt", "text.mcap", "bad"])
-def test_what_is_no_bag_is_told(tmp_path, path):
+def test_what_is_no_bag_is_reported(tmp_path, path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "text.txt").write_text("text")
     (tmp_path / "text.mcap").write_text("text")

@@ -191,7 +191,7 @@ def test_a_disk_that_is_gone_is_left_for_a_new_bag(make, tmp_path, monkeypatch):
     assert stamps(state.bag) == [START_NS + 1]
 
 
-def test_a_bag_that_cannot_be_closed_is_told(make, monkeypatch):
+def test_a_bag_that_cannot_be_closed_is_reported(make, monkeypatch):
     fail_with(monkeypatch, errno.ENOSPC)
     recorder = make()
     recorder.start()
@@ -273,6 +273,6 @@ def test_topics_are_chosen(name, wanted):
     assert not TopicChoice(include="/nothing").wanted(name)
 
 
-def test_a_bad_pattern_is_told():
+def test_a_bad_pattern_is_reported():
     with pytest.raises(InputError, match=r"include: '\*' is not a regular expression"):
         TopicChoice(include="*")

@@ -1,3 +1,5 @@
+"""Recovery of bags that are cut or damaged at any place: recovery.py and mcap_scan.py."""
+
 import random
 
 import pytest
@@ -177,7 +179,7 @@ def test_the_bag_of_a_recorder_that_loses_everything_says_so(tmp_path):
         ("", "no such bag"),
     ],
 )
-def test_what_cannot_be_recovered_is_told(tmp_path, name, message):
+def test_what_cannot_be_recovered_is_reported(tmp_path, name, message):
     folder = tmp_path / "bag"
     if name:
         folder.mkdir()

@@ -83,7 +83,7 @@ def test_a_bag_without_messages_is_a_bag(tmp_path):
         assert reader.message_count == 0
 
 
-def test_a_second_recorder_is_told_who_is_there(tmp_path):
+def test_a_second_recorder_is_refused_with_the_reason(tmp_path):
     with BagWriter(tmp_path / "run") as writer:
         assert is_being_written(writer.path)
         with pytest.raises(InputError, match="another recorder is writing"):
@@ -93,14 +93,14 @@ def test_a_second_recorder_is_told_who_is_there(tmp_path):
         BagWriter(tmp_path / "run")
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="no recording can be made here") as caught:
         BagWriter(tmp_path / "file" / "run")
     assert caught.value.mistakes[0].path == tmp_path / "file" / "run"
 
 
-def test_a_read_only_folder_is_told():
+def test_a_read_only_folder_is_reported():
     with pytest.raises(InputError, match="no recording can be made here"):
         BagWriter(Path("/sys/run"))  # where not even root may make a folder
 
