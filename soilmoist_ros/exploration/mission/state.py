@@ -62,7 +62,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal that the navigation works on; ``cancelled_s`` is when it was told to stop."""
+    """A goal that the navigation works on; ``cancelled_s`` is when it was cancelled."""
 
     goal_id: int
     stop: Stop

@@ -20,7 +20,7 @@ from soilmoist_ros.mapping.field import Field
 Array = NDArray[np.float64]
 
 MAX_NODES = 100_000
-"""Nodes beyond which a spacing is taken for a mistake."""
+"""Largest number of nodes; a smaller spacing is a mistake."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,8 +240,8 @@ def test_a_further_property_guides_once_it_has_a_map_and_is_missed_until_then(ca
     around.control.fit(replace(fit, variogram=variogram, mean_rate=35.0), around.time_s, "/compaction")
     around.map()
     around.planned()
-    (told,) = [part for part in around.control.health() if part.name == "properties"]
-    assert (told.level, told.message) == (Level.OK, "the last stop was chosen with the map of /compaction")
+    (part,) = [each for each in around.control.health() if each.name == "properties"]
+    assert (part.level, part.message) == (Level.OK, "the last stop was chosen with the map of /compaction")
     assert around.status.target.x_m > 12.0
     assert around.status.target.y_m > 12.0
 
@@ -291,7 +291,7 @@ def test_no_stop_of_another_robot_is_chosen():
     there = replace(around.status, phase=Phase.TRAVELLING)
     for number, stop in enumerate(stop for _, stop in list(around.goals)):
         around.control.other(f"/robot_{number}", replace(there, target=stop))
-    beside = Around(budget_s=3600.0)
-    beside.control.other("/robot_1", there)
-    beside.begin()
-    assert beside.status.target != there.target, "the same seed draws the same stop, if it is free"
+    with_others = Around(budget_s=3600.0)
+    with_others.control.other("/robot_1", there)
+    with_others.begin()
+    assert with_others.status.target != there.target, "the same seed draws the same stop, if it is free"

@@ -127,8 +127,8 @@ def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(e
 def test_the_answer_keeps_away_from_other_robots(explorer):
     alone = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
     there = PendingMeasurement(alone.x_m, alone.y_m, 600.0)
-    beside = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,), False, (there,)), True).choice.stop
-    assert np.hypot(beside.x_m - alone.x_m, beside.y_m - alone.y_m) > 2.0
+    with_others = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,), False, (there,)), True).choice.stop
+    assert np.hypot(with_others.x_m - alone.x_m, with_others.y_m - alone.y_m) > 2.0
 
 
 def held(queue, kind=PlanKind.EXPLORE, now_s=101.0):

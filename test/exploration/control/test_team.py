@@ -1,4 +1,4 @@
-"""What other robots are about to count is taken for counted, and nobody goes where another one is."""
+"""Pending measurements of other robots count as done, and no robot goes where another one is."""
 
 from dataclasses import replace
 
@@ -107,8 +107,8 @@ def test_no_strategy_goes_where_another_robot_is(strategy, kind, targets, exposu
 
 def test_the_static_lattice_passes_over_a_place_that_is_taken():
     alone = explorer("lattice").plan(request(), (2.5, 2.5)).choice
-    beside = explorer("lattice")
-    stop = beside.plan(
+    with_others = explorer("lattice")
+    stop = with_others.plan(
         request(), (2.5, 2.5), [PendingMeasurement(alone.stop.x_m, alone.stop.y_m, 120.0)]
     ).choice.stop
     assert stop != alone.stop
@@ -118,11 +118,11 @@ def test_the_static_lattice_passes_over_a_place_that_is_taken():
 def test_a_second_robot_keeps_away_from_what_the_first_will_know(strategy):
     first = explorer(strategy).plan(request(), (15.0, 10.0)).choice.stop
     there = PendingMeasurement(first.x_m, first.y_m, 600.0)
-    alone, beside = (
+    alone, with_others = (
         explorer(strategy).plan(request(blacklisted=(first.name,)), (15.0, 10.0), others).choice.stop
         for others in ((), (there,))
     )
-    nearness = [np.hypot(stop.x_m - first.x_m, stop.y_m - first.y_m) for stop in (alone, beside)]
+    nearness = [np.hypot(stop.x_m - first.x_m, stop.y_m - first.y_m) for stop in (alone, with_others)]
     assert nearness[1] >= nearness[0]
     assert nearness[1] > 4.0
 

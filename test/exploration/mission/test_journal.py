@@ -95,8 +95,8 @@ def test_the_records_of_the_interrupted_mission_and_no_others():
         mission.step(event)
         journal.keep(mission)
         pages.events = []
-        beside = interrupted_records(pages.state, every, "salt")
-        assert [one.raw_counts for one in beside] == [7] * len(interrupted_records(pages.state, every))
+        of_salt = interrupted_records(pages.state, every, "salt")
+        assert [one.raw_counts for one in of_salt] == [7] * len(interrupted_records(pages.state, every))
         found = [r.stamp_s for r in interrupted_records(pages.state, every)]
         assert found == [2.0] * {3.0: 1, 7.0: 1, 8.0: 2}.get(event.now_s, 0)
         assert interrupted_records(None, every) == interrupted_records(pages.state, every), "a damaged snapshot"
@@ -149,7 +149,7 @@ def test_a_full_disk_does_not_stop_the_mission(caplog):
         journal.note(mission, Moved(mission.state.now_s, 0.0, 0.0))
         journal.keep(mission)
     assert "No space left" in journal.problem
-    assert len(caplog.records) == 1, "told once"
+    assert len(caplog.records) == 1, "logged once"
     pages.full = False
     journal.note(mission, Moved(mission.state.now_s, 0.0, 0.0))
     assert not journal.problem

@@ -126,18 +126,18 @@ EVENTS = st.one_of(
 @settings(deadline=None)
 def test_whatever_happens_every_goal_ends_once_and_one_runs_at_a_time(events):
     client, now_s = GoalClient(3.0, GoalLimits()), 0.0
-    asked, open_goals, accepted, told = 0, [], set(), []
+    asked, open_goals, accepted, asked_to_cancel = 0, [], set(), []
 
     def take(requests):
         for request in requests:
             if isinstance(request, SendGoal):
                 assert not open_goals, "another goal may still be at work"
                 assert request.goal_id == asked
-                assert request.goal_id not in told
+                assert request.goal_id not in asked_to_cancel
                 open_goals.append(request.goal_id)
             elif isinstance(request, Ended):
-                assert request.goal_id not in told
-                told.append(request.goal_id)
+                assert request.goal_id not in asked_to_cancel
+                asked_to_cancel.append(request.goal_id)
 
     for (kind, *values), pause_s in events:
         now_s += pause_s
@@ -145,7 +145,7 @@ def test_whatever_happens_every_goal_ends_once_and_one_runs_at_a_time(events):
             asked += 1
             values = [asked, (A, B)[asked % 2]]
         elif kind == "cancel":
-            if asked in told or not asked:
+            if asked in asked_to_cancel or not asked:
                 continue
             values = [asked]
         elif kind in ("answered", "ended", "cancel_answered"):
@@ -161,4 +161,4 @@ def test_whatever_happens_every_goal_ends_once_and_one_runs_at_a_time(events):
     for _ in range(200):
         now_s += 1.0
         take(client.tick(False, now_s))
-    assert sorted(told) == list(range(1, asked + 1))
+    assert sorted(asked_to_cancel) == list(range(1, asked + 1))
