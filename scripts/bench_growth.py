@@ -28,7 +28,7 @@ def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> di
     """Merge, krige; time of each [s] and peak memory of this process [MB]."""
     import resource
 
-    from soilmoist_ros.cli.map_workers import tile_workers
+    from soilmoist_ros.foundation.workers import shared_work
     from soilmoist_ros.mapping import FieldGrid, Variogram, make_soil_map
     from soilmoist_ros.mapping.samples.samples import merge_records
 
@@ -43,7 +43,7 @@ def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> di
     clock.append(time.perf_counter())
     corners = np.array([[0, 0], [side, 0], [side, side], [0, side]])
     grid = FieldGrid.from_polygon(corners, side / np.sqrt(cells))
-    with tile_workers(workers, scheduler) as compute:
+    with shared_work(workers, scheduler) as compute:
         soil_map = make_soil_map(merged, grid, Variogram("matern32", 0.01, RANGE_M, 0.3), compute=compute)
     clock.append(time.perf_counter())
     merging_s, kriging_s = (after - before for before, after in pairwise(clock))

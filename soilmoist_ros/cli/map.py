@@ -68,8 +68,8 @@ def command(
 
     Writes summary.json, map.tif, samples.geojson and report.html to the folder --out.
     """
-    from soilmoist_ros.cli.map_workers import tile_workers
     from soilmoist_ros.foundation.configuration import resource
+    from soilmoist_ros.foundation.workers import shared_work
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
     from soilmoist_ros.reporting import write_outputs
 
@@ -79,7 +79,7 @@ def command(
         keep_nugget=nugget == "keep",
         **choices,
     )
-    with progress_bar() as progress, tile_workers(workers, scheduler) as compute:
+    with progress_bar() as progress, shared_work(workers, scheduler) as compute:
         run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
         written = write_outputs(out, run, crs)

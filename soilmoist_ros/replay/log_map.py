@@ -72,7 +72,7 @@ def map_logs(
     :param paths: log files of one probe
     :param settings: choices
     :param progress: called as the work goes on
-    :param compute: computes the tiles of a large map, see :func:`tile_workers`; it is
+    :param compute: computes the tiles of a large map, see :func:`shared_work`; it is
         needed again when the outputs are written
     :raises InputError: if a file cannot be used; with all mistakes that were found
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.workers import cores
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
 from soilmoist_ros.simulation.campaign.mission_store import (
     DamagedMissionError,
@@ -180,11 +180,6 @@ def _computed(todo: list[Mission], simulate: Simulate, workers: int | None, sche
         return on_cluster(todo, simulate, scheduler)
     count = cores() if workers is None else workers
     return in_processes(todo, simulate, count) if count else in_this_process(todo, simulate)
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Clock:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import importlib
 import multiprocessing
-import os
-import re
 import signal
 import threading
 import traceback
@@ -21,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.workers import connect, one_thread_each
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.mission_store import pack
 from soilmoist_ros.simulation.mission.result import MissionResult
@@ -32,17 +30,6 @@ if TYPE_CHECKING:
 
 Simulate = Callable[[MissionSettings, Callable[[float], None] | None], MissionResult]
 
-THREADS = (
-    "OPENBLAS_NUM_THREADS",
-    "OMP_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
-CONNECT_S = 10.0
-"""Time that a Dask scheduler, and then its first worker, may take to answer [s]."""
-
-_KEYS = "set ca-file, client.key and client.cert below distributed.comm.tls in ~/.config/dask/distributed.yaml"
 _stop: Event | None = None
 
 
@@ -152,21 +139,6 @@ def _stop_if_asked(_share: float) -> None:
         raise _Stopped("the campaign was stopped")
 
 
-@contextmanager
-def one_thread_each() -> Iterator[None]:
-    """Processes started meanwhile use one thread each: it must be set before they load numpy."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
 def on_cluster(todo: Iterable[Mission], simulate: Simulate, scheduler: str) -> Flow:
     """On the workers of a Dask cluster, which must have the same version of this package.
 
@@ -191,55 +163,6 @@ def on_cluster(todo: Iterable[Mission], simulate: Simulate, scheduler: str) -> F
         finally:
             if futures:
                 client.cancel(list(futures), force=True)
-
-
-def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
-    """A client of a Dask cluster that has a worker.
-
-    :raises InputError: as :func:`on_cluster`
-    """
-    try:
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise InputError(
-            "a cluster needs Dask, which is not installed", "pip install 'distributed>=2024.1'"
-        ) from None
-    _check_address(scheduler, distributed)
-    try:
-        client = distributed.Client(scheduler, timeout=timeout_s, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at {scheduler!r} within {timeout_s:g} s ({type(error).__name__})",
-            "start one with 'dask scheduler', workers with 'dask worker ADDRESS', and give tcp://HOST:8786",
-        ) from None
-    try:
-        client.wait_for_workers(1, timeout=timeout_s)
-    except TimeoutError:
-        client.close()
-        raise InputError(
-            f"the Dask scheduler at {scheduler!r} has no worker", f"start some with 'dask worker {scheduler}'"
-        ) from None
-    return client
-
-
-def _check_address(scheduler: str, distributed: Any) -> None:
-    """Refuse an address that Dask would not understand: it would hang in the attempt to take the client down.
-
-    :raises InputError: if it is not that of a scheduler, or an encrypted one without keys
-    """
-    form = re.fullmatch(r"((?P<scheme>tcp|tls)://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):(?P<port>\d{1,5})", scheduler)
-    if form is None or not 0 < int(form["port"]) < 65536:
-        raise InputError(
-            f"{scheduler!r} is not the address of a Dask scheduler",
-            "give tcp://HOST:PORT, such as tcp://127.0.0.1:8786, or tls://HOST:PORT",
-        )
-    if form["scheme"] == "tls":
-        try:
-            keys = distributed.Security().get_connection_args("client")["ssl_context"]
-        except (OSError, ValueError) as error:
-            raise InputError(f"Dask's keys cannot be used: {error}", _KEYS) from None
-        if keys is None:
-            raise InputError(f"{scheduler!r} needs keys, and Dask has none", _KEYS)
 
 
 def _lost(error: BaseException) -> str:

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.workers import connect
 from soilmoist_ros.simulation.campaign import mission_store
-from soilmoist_ros.simulation.campaign import workers as campaign_workers
 from soilmoist_ros.simulation.campaign.campaign import (
     CampaignInterrupted,
     load_campaign,
@@ -382,10 +382,10 @@ def test_a_cluster_gives_the_same(campaign, tmp_path, fake):
 def test_a_cluster_that_is_not_there(monkeypatch):
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
-        campaign_workers.connect("tcp://127.0.0.1:9", timeout_s=0.3)
+        connect("tcp://127.0.0.1:9", timeout_s=0.3)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match="pip install 'distributed>="):
-        campaign_workers.connect("tcp://127.0.0.1:9")
+        connect("tcp://127.0.0.1:9")
 
 
 @pytest.mark.parametrize(
@@ -402,7 +402,7 @@ def test_an_address_that_is_none_is_refused_before_dask_sees_it(address, message
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("a client was made"))
     with pytest.raises(InputError, match=message):
-        campaign_workers.connect(address)
+        connect(address)
 
 
 def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path, fake, monkeypatch):

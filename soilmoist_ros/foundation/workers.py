@@ -1,0 +1,164 @@
+"""Work that is shared: by local processes with one thread of linear algebra each, or by a Dask cluster."""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from soilmoist_ros.foundation.errors import InputError
+
+Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
+"""Like ``map``: applies a function to items, in their order."""
+
+THREADS = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+CONNECT_S = 10.0
+"""Time that a Dask scheduler, and then its first worker, may take to answer [s]."""
+
+_KEYS = "set ca-file, client.key and client.cert below distributed.comm.tls in ~/.config/dask/distributed.yaml"
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile use one thread each: it must be set before they load numpy."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
+    """A client of a Dask cluster that has a worker.
+
+    :param scheduler: address of the scheduler, such as ``tcp://head:8786``
+    :param timeout_s: time that the scheduler, and then its first worker, may take to answer [s]
+    :raises InputError: if Dask is not installed, or the scheduler or a worker does not answer in time
+    """
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise InputError(
+            "a cluster needs Dask, which is not installed", "pip install 'distributed>=2024.1'"
+        ) from None
+    _check_address(scheduler, distributed)
+    try:
+        client = distributed.Client(scheduler, timeout=timeout_s, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(
+            f"no Dask scheduler answers at {scheduler!r} within {timeout_s:g} s ({type(error).__name__})",
+            "start one with 'dask scheduler', workers with 'dask worker ADDRESS', and give tcp://HOST:8786",
+        ) from None
+    try:
+        client.wait_for_workers(1, timeout=timeout_s)
+    except TimeoutError:
+        client.close()
+        raise InputError(
+            f"the Dask scheduler at {scheduler!r} has no worker", f"start some with 'dask worker {scheduler}'"
+        ) from None
+    return client
+
+
+def _check_address(scheduler: str, distributed: Any) -> None:
+    """Refuse an address that Dask would not understand: it would hang in the attempt to take the client down.
+
+    :raises InputError: if it is not that of a scheduler, or an encrypted one without keys
+    """
+    form = re.fullmatch(r"((?P<scheme>tcp|tls)://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):(?P<port>\d{1,5})", scheduler)
+    if form is None or not 0 < int(form["port"]) < 65536:
+        raise InputError(
+            f"{scheduler!r} is not the address of a Dask scheduler",
+            "give tcp://HOST:PORT, such as tcp://127.0.0.1:8786, or tls://HOST:PORT",
+        )
+    if form["scheme"] == "tls":
+        try:
+            keys = distributed.Security().get_connection_args("client")["ssl_context"]
+        except (OSError, ValueError) as error:
+            raise InputError(f"Dask's keys cannot be used: {error}", _KEYS) from None
+        if keys is None:
+            raise InputError(f"{scheduler!r} needs keys, and Dask has none", _KEYS)
+
+
+@contextmanager
+def shared_work(workers: int | None = None, scheduler: str | None = None) -> Iterator[Compute]:
+    """A ``map`` that computes elsewhere; processes and connections last from the first item to the end.
+
+    :param workers: local processes; one per core if ``None``, 0 or 1 computes in this process
+    :param scheduler: address of a Dask scheduler to compute on instead, whose workers have the same version of
+        this package
+    :raises InputError: when used, if the cluster cannot be reached, or a worker dies
+    """
+    count = cores() if workers is None else workers
+    with ExitStack() as stack:
+        if scheduler is not None:
+            yield _Cluster(scheduler, stack)
+        elif count > 1:
+            yield _Processes(count, stack)
+        else:
+            yield map
+
+
+class _Processes:
+    """Fresh local processes, each with one thread of linear algebra."""
+
+    def __init__(self, count: int, stack: ExitStack) -> None:
+        self._count, self._stack = count, stack
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __call__(self, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        if self._pool is None:
+            self._stack.enter_context(one_thread_each())
+            pool = ProcessPoolExecutor(self._count, multiprocessing.get_context("spawn"))
+            self._pool = self._stack.enter_context(pool)
+        try:
+            yield from self._pool.map(function, items)
+        except BrokenProcessPool:
+            raise InputError(
+                "a process that computed the map died", "free some memory, or give --workers 1"
+            ) from None
+
+
+class _Cluster:
+    """The workers of a Dask cluster."""
+
+    def __init__(self, scheduler: str, stack: ExitStack) -> None:
+        self._scheduler, self._stack = scheduler, stack
+        self._client: Any = None
+
+    def __call__(self, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        if self._client is None:
+            self._client = self._stack.enter_context(connect(self._scheduler))
+        shared = self._client.scatter(function, broadcast=True, hash=False)
+        futures = [self._client.submit(_apply, shared, item, pure=False) for item in items]
+        try:
+            for number, future in enumerate(futures):
+                yield future.result()
+                futures[number] = None
+        finally:
+            self._client.cancel([future for future in futures if future is not None])
+
+
+def _apply(function: Callable[[Any], Any], item: Any) -> Any:
+    return function(item)
