@@ -1,1 +1,28 @@
 """Errors with a remedy, configuration files, geodesy, health: needed by all, knows nobody."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.foundation.lazy import load_on_use
+
+if TYPE_CHECKING:
+    from soilmoist_ros.foundation.configuration import load_model
+    from soilmoist_ros.foundation.errors import IllConditionedError, InputError, Mistake, SoilmoistError
+    from soilmoist_ros.foundation.geodesy import LocalFrame
+    from soilmoist_ros.foundation.health import Health, Level
+    from soilmoist_ros.foundation.registry import Registry
+
+__all__ = [
+    "Health",
+    "IllConditionedError",
+    "InputError",
+    "Level",
+    "LocalFrame",
+    "Mistake",
+    "Registry",
+    "SoilmoistError",
+    "load_model",
+]
+
+__getattr__ = load_on_use(__name__, __file__)

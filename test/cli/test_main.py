@@ -1,4 +1,4 @@
-"""The command as a user runs it: real files, exit codes, messages."""
+"""The command as a user runs it: map.py, simulate.py, replay.py, demo.py, mission_options.py and the others."""
 
 import json
 import subprocess

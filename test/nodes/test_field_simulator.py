@@ -1,4 +1,4 @@
-"""The simulated field as a real process: simulated time, devices on TCP, and the navigation."""
+"""The simulated field as a real process: simulated time, devices on TCP, and virtual_navigation.py."""
 
 from __future__ import annotations
 

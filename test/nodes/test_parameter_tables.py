@@ -1,4 +1,4 @@
-"""The parameter files and tables that people read, held together with the tables that the nodes obey."""
+"""Parameter files and tables that people read against those that nodes obey: parameters/planner.py and others."""
 
 from __future__ import annotations
 

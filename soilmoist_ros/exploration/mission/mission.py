@@ -254,7 +254,7 @@ class _Turn(Moves):
         dwell = dwell_rule(self.rules, self.state)
         if dwell.enough(counting.raw_counts, counting.exposure_s):
             longest = counting.exposure_s >= dwell.longest_s
-            code = VisitEnd.LONGEST_DWELL if longest else VisitEnd.ENOUGH
+            code = VisitEnd.MAX_DWELL if longest else VisitEnd.ENOUGH
             self.complete(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
 
     # Commands ------------------------------------------------------------------------------------------------

@@ -413,7 +413,7 @@ class Moves:
 
     def dwell_late(self) -> None:
         """The dwell rule did not end counting in time."""
-        self.complete(VisitEnd.LONGEST_DWELL, f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
+        self.complete(VisitEnd.MAX_DWELL, f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
 
     def silence(self) -> None:
         """No record counted for this stop for some time."""

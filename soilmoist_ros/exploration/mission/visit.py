@@ -12,7 +12,7 @@ class VisitEnd(StrEnum):
 
     ENOUGH = "enough"
     """The dwell rule was met."""
-    LONGEST_DWELL = "longest_dwell"
+    MAX_DWELL = "max_dwell"
     """The longest dwell was over before the dwell rule was met."""
     TIME_UP = "time_up"
     """The rest of the budget was needed for the way home, or there was none."""

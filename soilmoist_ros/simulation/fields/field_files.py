@@ -38,7 +38,7 @@ def write_site_file(field: SurrogateField, path: Path) -> None:
 
 
 def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
-    """Write a field file with the truth, to be read as a surrogate field again, and its grid as CSV beside it.
+    """Write a field file with the truth, readable as a surrogate field, and its grid as CSV in the same folder.
 
     :param field: the field
     :param grid: the truth is written at the centres of its cells, those outside the field included

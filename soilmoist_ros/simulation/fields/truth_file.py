@@ -159,7 +159,7 @@ def _from_points(section: TruthSection, file: Path, path: Path, extent: Extent) 
         )
     if (table.xy.max(axis=0) < extent.low).any() or (table.xy.min(axis=0) > extent.high).any():
         raise InputError(
-            "all points lie beside the field",
+            "all points lie outside the field",
             "x_m and y_m are metres east and north of the field's datum; check both",
             file,
         )

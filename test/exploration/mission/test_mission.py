@@ -1,4 +1,4 @@
-"""The mission, path by path: events in, actions out."""
+"""The mission, path by path: events in, actions out (mission.py and its moves.py)."""
 
 import json
 import math
@@ -495,9 +495,9 @@ def test_a_mission_has_a_code_for_its_end(end, rules, act):
     ("end", "rules", "act"),
     [
         (VisitEnd.ENOUGH, {"dwell": parse_dwell("fmi:20")}, lambda driver: driver.record()),
-        (VisitEnd.LONGEST_DWELL, {"dwell": parse_dwell("ami:3%", 20.0)}, lambda driver: driver.record()),
+        (VisitEnd.MAX_DWELL, {"dwell": parse_dwell("ami:3%", 20.0)}, lambda driver: driver.record()),
         (
-            VisitEnd.LONGEST_DWELL,
+            VisitEnd.MAX_DWELL,
             {"dwell": parse_dwell("ami:3%", 40.0)},
             lambda driver: driver.send(Tick, after=30.0),
         ),

@@ -1,3 +1,5 @@
+"""Travel times and routes, around no-go areas too: travel.py and drivable_area.py."""
+
 from itertools import pairwise
 
 import numpy as np

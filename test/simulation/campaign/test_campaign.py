@@ -1,3 +1,5 @@
+"""Campaigns from file to tables: campaign.py with its workers.py, table.py and mission_store.py."""
+
 from __future__ import annotations
 
 import os

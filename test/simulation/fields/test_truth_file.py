@@ -1,3 +1,5 @@
+"""Field files with a truth: truth_file.py, its tables and rasters (truth_table.py) and rate_formula.py."""
+
 import os
 import re
 
@@ -128,7 +130,7 @@ def test_the_variogram_can_be_chosen(tmp_path):
         ("x_m,y_m,rate_cps\n0,0,3\n1,0,3\n", ["truth.csv: has 2 points, but at least 3 are needed -> add more"]),
         (
             "x_m,y_m,rate_cps\n500,0,3\n501,0,3\n502,0,4\n",
-            ["truth.csv: all points lie beside the field -> x_m and"],
+            ["truth.csv: all points lie outside the field -> x_m and"],
         ),
         (
             "x_m,y_m,vwc\n0,0,0.1\n1,0,0.2\n2,0,0.2\n",

@@ -1,3 +1,5 @@
+"""Simulated missions and what they leave: simulator.py and result.py."""
+
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
