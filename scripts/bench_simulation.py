@@ -44,11 +44,11 @@ FITS = {
 
 
 PARTS = {
-    "fit of the variogram": ("variogram_fit.py", "estimate_variogram"),
+    "fit of the variogram": ("fit.py", "estimate_variogram"),
     "kriging": ("soil_map.py", "make_soil_map"),
     "planning": ("explorer.py", "plan"),
     "mission logic": ("mission.py", "step"),
-    "records": ("mission_simulator.py", "record"),
+    "records": ("simulator.py", "record"),
     "map errors": ("map_errors.py", "map_errors"),
 }
 """Where the time of a mission may go: file and function."""
@@ -119,7 +119,7 @@ def where(settings: MissionSettings) -> str:
     cumulative: dict[tuple[str, str], float] = {}
     for (file, _, function), (*_, seconds, _) in pstats.Stats(profiler).strip_dirs().stats.items():
         cumulative[file, function] = max(seconds, cumulative.get((file, function), 0.0))
-    total = cumulative["mission_simulator.py", "simulate_mission"]
+    total = cumulative["simulator.py", "simulate_mission"]
     return ", ".join(f"{name} {cumulative.get(part, 0.0) / total:.0%}" for name, part in PARTS.items())
 
 

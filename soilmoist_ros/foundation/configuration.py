@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Mapping, Sequence
 from io import StringIO
@@ -14,6 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.suggestions import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[int | str, ...]
@@ -67,7 +67,7 @@ def resource(kind: str, name: str) -> Path:
         raise InputError(message, f"give the path of a YAML file or one of: {', '.join(known)}")
     raise InputError(
         f"there is no file and no shipped {kind.removesuffix('s')} of the name {name!r}",
-        f"give the path of a YAML file or one of: {', '.join(known)}{_suggestion(name, known)}",
+        f"give the path of a YAML file or one of: {', '.join(known)}{did_you_mean(name, known)}",
     )
 
 
@@ -150,7 +150,7 @@ def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -
     if detail["type"] == "extra_forbidden":
         known = _known_keys(model, location[:-1])
         unknown = str(location[-1])
-        remedy = f"remove it or use one of: {', '.join(known)}{_suggestion(unknown, known)}"
+        remedy = f"remove it or use one of: {', '.join(known)}{did_you_mean(unknown, known)}"
         return Mistake(f"unknown key {unknown!r}", remedy, path, line, column)
     if detail["type"] == "missing":
         return Mistake(f"the key {location[-1]!r} is missing", "add it", path, line, column)
@@ -204,11 +204,6 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [found for argument in get_args(annotation) for found in _models_in(argument)]
-
-
-def _suggestion(word: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def _kind(content: Any) -> str:

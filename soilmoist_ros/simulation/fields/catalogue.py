@@ -12,7 +12,6 @@ range that is long against the distance of points, so that beyond the outermost 
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from functools import cache, lru_cache
 from pathlib import Path
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -102,10 +102,9 @@ def _field_file(name: str, or_path: str = "the path of a field file with a truth
     if name in shipped:
         return config_folder() / "fields" / f"{name}.yaml"
     known = [*BUILT_IN, *shipped]
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     raise InputError(
         f"there is no surrogate field and no field file of the name {name!r}",
-        f"give one of: {', '.join(known)}; or {or_path}" + (f" (did you mean {close[0]!r}?)" if close else ""),
+        f"give one of: {', '.join(known)}; or {or_path}{did_you_mean(name, known)}",
     )
 
 

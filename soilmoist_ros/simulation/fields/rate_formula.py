@@ -6,7 +6,6 @@ Angles are counted from east, anticlockwise; the middle is that of the field's b
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -16,6 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from soilmoist_ros.foundation.configuration import Section
+from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.simulation.fields.random_field import random_field
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
@@ -269,7 +269,7 @@ def parse_formula(content: Any) -> RateFormula:
     if family is None:
         raise _refusal(
             ("family",),
-            f"unknown family {name!r}; known are {', '.join(FAMILIES)}{_suggestion(str(name), FAMILIES)}",
+            f"unknown family {name!r}; known are {', '.join(FAMILIES)}{did_you_mean(str(name), FAMILIES)}",
         )
     known = family.model_fields
     for key in content:
@@ -277,7 +277,7 @@ def parse_formula(content: Any) -> RateFormula:
             raise _refusal(
                 (str(key),),
                 f"the family {name!r} has no parameter {key!r}; it has {', '.join(known)}"
-                f"{_suggestion(str(key), known)}",
+                f"{did_you_mean(str(key), known)}",
             )
     return family.model_validate(dict(content))
 
@@ -289,8 +289,3 @@ def _refusal(location: tuple[str, ...], message: str) -> ValidationError:
     # The message is passed as a value: PydanticCustomError would take braces in it for placeholders.
     error = PydanticCustomError("formula", "{message}", {"message": message})
     return ValidationError.from_exception_data("formula", [InitErrorDetails(type=error, loc=location, input=None)])
-
-
-def _suggestion(word: str, known: Mapping[str, Any]) -> str:
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f" (did you mean {close[0]!r}?)" if close else ""
