@@ -15,7 +15,6 @@ import pandas as pd
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.workers import connect
 from soilmoist_ros.simulation.campaign import mission_store
 from soilmoist_ros.simulation.campaign.campaign import (
     CampaignInterrupted,
@@ -378,33 +377,6 @@ def test_a_cluster_gives_the_same(campaign, tmp_path, fake):
     assert len(failing.failures) == 5
     run_campaign(campaign, tmp_path / "here", fake, workers=0)
     assert folder(tmp_path / "there") == folder(tmp_path / "here")
-
-
-@pytest.mark.slow
-def test_a_cluster_that_is_not_there(monkeypatch):
-    pytest.importorskip("distributed")
-    with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
-        connect("tcp://127.0.0.1:9", timeout_s=0.3)
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match="pip install 'distributed>="):
-        connect("tcp://127.0.0.1:9")
-
-
-@pytest.mark.parametrize(
-    ("address", "message"),
-    [
-        ("nonsense", "not the address of a Dask scheduler -> give tcp://HOST:PORT"),
-        ("nonsense://x:8786", "not the address"),
-        ("tcp://host", "not the address"),
-        ("tcp://host:99999", "not the address"),
-        ("tls://127.0.0.1:9", "needs keys"),
-    ],
-)
-def test_an_address_that_is_none_is_refused_before_dask_sees_it(address, message, monkeypatch):
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("a client was made"))
-    with pytest.raises(InputError, match=message):
-        connect(address)
 
 
 def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path, fake, monkeypatch):
