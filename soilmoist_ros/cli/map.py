@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
+from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun
@@ -22,14 +23,20 @@ if TYPE_CHECKING:
     "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
 )
 @click.option(
-    "--model",
-    type=VariogramModel(),
-    default="matern32",
+    "--preset",
+    type=click.Choice(tuple(PRESETS)),
+    default="recommended",
     show_default=True,
-    help="Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in.",
+    help="Model and fit where none are given: the recommended ones, or the published ones.",
 )
 @click.option(
-    "--fit", type=click.Choice(["reml", "soft_l1"]), default="reml", show_default=True, help="Variogram fit."
+    "--model",
+    type=VariogramModel(),
+    help="Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in. "
+    "Default: matern32 or gaussian, by --preset.",
+)
+@click.option(
+    "--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: reml or soft_l1, by --preset."
 )
 @click.option(
     "--nugget",
@@ -57,6 +64,9 @@ def command(
     logs: tuple[Path, ...],
     site: str | None,
     field: str | None,
+    preset: str,
+    model: str | None,
+    fit: str | None,
     nugget: str,
     workers: int | None,
     scheduler: str | None,
@@ -77,6 +87,8 @@ def command(
         site=resource("sites", site) if site else None,
         field=resource("fields", field) if field else None,
         keep_nugget=nugget == "keep",
+        model=model or PRESETS[preset]["model"],
+        fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:

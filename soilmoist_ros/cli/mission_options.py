@@ -118,6 +118,6 @@ def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
         choices = {**choices, "travel": "graph", "graph": None if graph == "lattice" else graph}
     settings = MissionSettings(**choices)
     if "hours" not in choices:
-        settings = MissionSettings(**choices, hours=surrogate_field(settings.field).hours)
+        settings = MissionSettings(**choices, hours=surrogate_field(settings.field_name).hours)
     settings.check()
     return settings

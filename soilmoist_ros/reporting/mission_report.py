@@ -86,7 +86,7 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
         created_utc=created_utc,
         track=result.records,
         title="Simulated soil moisture mission",
-        field_name=result.field_title or settings.field,
+        field_name=result.field_title or settings.field_name,
         losses=list(_left_out(result)),
         simulated=True,
         version=__version__,
@@ -94,8 +94,8 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
         truth_rate=result.truth_rate,
         footprint_radius_m=settings.footprint_m,
         mission=result,
-        name=property_name(settings.field),
-        label=result.field_title or settings.field,
+        name=property_name(settings.field_name),
+        label=result.field_title or settings.field_name,
     )
     others = [
         replace(

@@ -107,6 +107,10 @@ def test_without_a_calibration_there_is_a_rate_map_and_a_plain_word(survey, tmp_
     result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--out", out)
     assert result.exit_code == 0, result.output
     assert "moisture   not mapped" in result.output
+    result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--preset", "paper", "--out", out)
+    assert result.exit_code == 0, result.output
+    settings = json.loads((out / "summary.json").read_text())["settings"]
+    assert (settings["variogram_model"], settings["variogram_fit"]) == ("gaussian", "soft_l1")
 
 
 def test_every_mistake_of_bad_files_is_named_with_exit_code_2(tmp_path):

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.parameter import Parameter
+from soilmoist_ros.nodes.parameters.parameter import Parameter, of_setting
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 
 PARAMETERS = (
-    Parameter(name="field", default="synthetic-high",
-              description="surrogate field: a name, or a field file with a truth"),
+    of_setting("field", description="surrogate field: a name, or a field file with a truth"),
     Parameter(name="properties", default=[], old_names=("also",),
               description="surrogate fields whose rates are the truth of further properties, on the same ground; "
               "the records of each are published on NAME/counts with the NAME of the field"),
-    Parameter(name="seed", default=1, description="seed of all randomness", low=0),
+    of_setting("seed"),
     Parameter(name="speed", default=60.0, description="simulated time per wall time", low=0.01, high=10000.0),
     Parameter(name="start_time", default="2026-06-01T06:00:00Z",
               description="simulated time at the start, ISO 8601"),
@@ -28,19 +27,15 @@ PARAMETERS = (
               description="TCP port of the receiver; 0 for a free one", low=0, high=65535),
     Parameter(name="ports_file", default="",
               description="file to which the actual ports are written, as JSON; empty for none"),
-    Parameter(name="speed_mps", default=0.6, description="speed of the robot", unit="m/s", low=0.01, high=100.0),
-    Parameter(name="stop_overhead_s", default=12.0, description="time for stopping and starting at each "
-        "stop", unit="s", low=0.0),
-    Parameter(name="turn_s_per_rad", default=0.0,
-              description="time for each radian turned", unit="s/rad", low=0.0),
-    Parameter(name="cadence_s", default=10.0, description="duration of a record", unit="s", low=1.0, high=3600.0),
+    of_setting("speed_mps", low=0.01, high=100.0),
+    of_setting("stop_overhead_s"),
+    of_setting("turn_s_per_rad"),
+    of_setting("cadence_s", low=1.0, high=3600.0),
     Parameter(name="gnss_period_s", default=1.0,
               description="time between epochs of the receiver", unit="s", low=0.05, high=60.0),
-    Parameter(name="position_sd_m", default=0.02,
-              description="standard deviation of each coordinate of the receiver", unit="m", low=0.0),
-    Parameter(name="footprint_m", default=0.0,
-              description="radius of the sensor's footprint; 0 for a point", unit="m", low=0.0),
-    Parameter(name="weather", default=True, description="whether weather changes, and the counts with it"),
+    of_setting("position_sd_m"),
+    of_setting("footprint_m"),
+    of_setting("weather"),
     Parameter(name="scenario", default="", description="faults of navigation and links: a name or a file; "
         "empty for none"),
     Parameter(name="field_file", default="",

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Final, get_args
+from typing import Final
 
-from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
-from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.nodes.parameters.parameter import Parameter
+from soilmoist_ros.nodes.parameters.parameter import Parameter, of_setting
 
 PARAMETERS: Final = (
     Parameter(name="field", default="", description="field file, or the name of a shipped one"),
@@ -20,12 +18,8 @@ PARAMETERS: Final = (
         unit="m",
         low=0,
     ),
-    Parameter(
-        name="model", default="matern32", description="variogram model", choices=(*VARIOGRAM_MODELS.names(),)
-    ),
-    Parameter(
-        name="fit", default="reml", description="method that fits the variogram", choices=get_args(FitMethod)
-    ),
+    of_setting("model", description="variogram model"),
+    of_setting("fit"),
     Parameter(
         name="keep_nugget",
         default=True,

@@ -11,6 +11,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 
 from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
 
 Value = bool | int | float | str | list[str]
 
@@ -102,6 +103,23 @@ class Parameter:
             high_whole = _MAX_WHOLE if self.high is None else int(self.high)
             descriptor.integer_range = [IntegerRange(from_value=low_whole, to_value=high_whole, step=1)]
         return descriptor
+
+
+def of_setting(name: str, **changes: Any) -> Parameter:
+    """The row of a setting that simulated missions have as well, from its one declaration.
+
+    :param name: name of the setting, see :data:`SETTINGS`
+    :param changes: what differs on a robot
+    """
+    setting = SETTINGS[name]
+    about: dict[str, Any] = {
+        "default": PRESETS["recommended"].get(name, setting.default),
+        "description": (setting.help[:1].lower() + setting.help[1:]).rstrip("."),
+        "unit": setting.unit,
+        "low": setting.low,
+        "choices": tuple(setting.registered()) if setting.registered else setting.choices,
+    }
+    return Parameter(name=name, **(about | changes))
 
 
 def current_names(

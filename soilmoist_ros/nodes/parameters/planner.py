@@ -7,13 +7,12 @@ from typing import Final
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
 from soilmoist_ros.exploration.mission.types import MissionRules, OnSilence
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy
-from soilmoist_ros.exploration.strategies.rules import PRESETS
+from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.parameter import Parameter, Value
+from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, of_setting
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.site import load_site
 
@@ -26,14 +25,14 @@ def _row(
 
 PARAMETERS: Final = (
     _row("field", "", "field file, or name of a shipped one"),
-    _row("strategy", "gcb", "how the next stop is chosen", choices=tuple(STRATEGIES.names())),
-    _row("preset", "paper", "constants of the strategies", choices=tuple(PRESETS)),
-    _row("seed", 0, "seed of the strategies' randomness", low=0),
-    _row("dwell", "optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
-    _row("target", "rate", "what the map is to be good for", choices=("rate", "vwc")),
+    of_setting("strategy", description="how the next stop is chosen"),
+    of_setting("preset", description="constants of the strategies"),
+    of_setting("seed", default=0, description="seed of the strategies' randomness"),
+    of_setting("dwell", description="time at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
+    of_setting("target"),
     _row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     _row("longest_dwell_s", 3600.0, "longest time at a stop", "s", 1.0),
-    _row("hours", 2.0, "time of the mission, the way home and pauses included", "h", 0.01),
+    of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01),
     _row(
         "others",
         [],
@@ -57,8 +56,8 @@ PARAMETERS: Final = (
     _row("action_name", "topological_navigation", "name of the navigation's action"),
     _row("action_type", "topological_navigation_msgs/action/GotoNode", "type of the navigation's action"),
     _row("feedback_topic", "topological_navigation/feedback", "plain topic of the navigation's feedback"),
-    _row("speed_mps", 0.6, "speed of the robot, to estimate times", "m/s", 0.01),
-    _row("stop_overhead_s", 12.0, "time lost at each stop", "s", 0.0),
+    of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
+    of_setting("stop_overhead_s"),
     _row("arrival_radius_m", 3.0, "the robot is at a stop within this distance", "m", 0.01),
     _row(
         "settle_s",

@@ -64,7 +64,10 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
                     path = _with_ports(path, out, group)
                 group.start(name, path)
             _watch(group, live, show)
-    fields: dict[str | int, str] = {0: mission.field, **{one.name: one.field for one in mission.properties}}
+    fields: dict[str | int, str] = {
+        0: mission.field_name,
+        **{one.name: one.field_name for one in mission.properties},
+    }
     return replay_bag(out / "bag", ReplaySettings(truths=fields))
 
 

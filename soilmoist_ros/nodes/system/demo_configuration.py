@@ -69,8 +69,8 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
             **simulated,
         },
         "field_simulator": {
-            "field": _absolute(mission.field),
-            **({"properties": [_absolute(one.field) for one in mission.properties]} if mappers else {}),
+            "field": _absolute(mission.field_name),
+            **({"properties": [_absolute(one.field_name) for one in mission.properties]} if mappers else {}),
             "seed": mission.seed,
             "speed": settings.time_factor,
             "scenario": settings.scenario,

@@ -241,7 +241,7 @@ def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None
     values = settings.as_dict()
     digests = {} if digests is None else digests
     paths = {
-        "field": _field_file(settings.field),
+        "field": _field_file(settings.field_name),
         "graph": Path(settings.graph) if settings.graph else None,
     }
 
@@ -365,7 +365,7 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
 def _property_field(text: str) -> str:
     """The field of a property; the text itself if it is not one, which is a mistake elsewhere."""
     with suppress(InputError):
-        return PropertySettings.parse(text).field
+        return PropertySettings.parse(text).field_name
     return text
 
 

@@ -120,12 +120,17 @@ def mission_fields(settings: MissionSettings) -> list[SurrogateField]:
     fields, names = list[SurrogateField](), set[str]()
     for number, wanted in enumerate(mission_properties(settings)):
         rng = field_stream(settings.seed, number) if settings.random_field else None
-        fields.append(surrogate_field(wanted.field, rng))
+        if isinstance(wanted.field, str):
+            fields.append(surrogate_field(wanted.field, rng))
+        elif rng is None:
+            fields.append(wanted.field)
+        else:
+            raise InputError(f"the field {wanted.field_name!r} is given as it is", "leave out random_field")
         if number == 0:
             continue
         if not _covers(fields[-1].field, fields[0].field):
             raise InputError(
-                f"the field {wanted.field!r} of a property does not cover the field {settings.field!r}",
+                f"the field {wanted.field_name!r} of a property does not cover the field {fields[0].name!r}",
                 "choose one with the same datum, and a boundary that is the same or lies around it",
             )
         if wanted.name in names:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.extras import optional_module
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 
 if TYPE_CHECKING:
@@ -155,6 +156,13 @@ class MissionResult:
     def columns(self) -> dict[str, NDArray[Any]]:
         """The series as columns, see :func:`series_columns`."""
         return series_columns(self.series, [mapped.name for mapped in self.properties])
+
+    def to_dataframe(self) -> Any:
+        """The series as a :class:`pandas.DataFrame`, a row per entry.
+
+        :raises InputError: if pandas is not installed
+        """
+        return optional_module("pandas", "frames").DataFrame(self.columns)
 
     def __repr__(self) -> str:
         end_h = self.series[-1].time_s / 3600 if self.series else 0.0

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.strategies.strategy import Strategy
     from soilmoist_ros.mapping.variogram.correlation import ModelName
     from soilmoist_ros.mapping.variogram.fit import FitMethod
+    from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Preset = Literal["recommended", "paper", "authors"]
 
@@ -178,12 +179,12 @@ def _setting(default: Any, help: str, kind: type | None = None, **about: Any) ->
 class PropertySettings:
     """A further property that the robots count and map.
 
-    :param field: surrogate field whose rate is its truth: a built-in name, or the path of a field file
+    :param field: surrogate field whose rate is its truth: a built-in name, the path of a field file, or the field
     :param weight: value of a share of its variation to the planner, that of the mission's own field being 1; with
         0 it is mapped, but not planned for
     """
 
-    field: str
+    field: str | SurrogateField
     weight: float = 1.0
 
     @classmethod
@@ -211,10 +212,15 @@ class PropertySettings:
     @property
     def name(self) -> str:
         """Its name in topics and files."""
-        return property_name(self.field)
+        return property_name(self.field_name)
+
+    @property
+    def field_name(self) -> str:
+        """Name or path of its field."""
+        return self.field if isinstance(self.field, str) else self.field.name
 
     def __str__(self) -> str:
-        return self.field if self.weight == 1 else f"{self.field}:{self.weight:g}"
+        return self.field_name if self.weight == 1 else f"{self.field_name}:{self.weight:g}"
 
 
 @dataclass(frozen=True)
@@ -232,7 +238,9 @@ class MissionSettings:
     The meaning of each is in :data:`SETTINGS`, for instance ``SETTINGS["dwell"].help``.
     """
 
-    field: str = _setting("synthetic-high", "Field to explore: a built-in one, or a field file with a truth.")
+    field: str | SurrogateField = _setting(
+        "synthetic-high", "Field to explore: a built-in one, or a field file with a truth.", method="rate_at"
+    )
     strategy: str | Strategy | type[Strategy] = _setting(
         None,
         "How the next stop is chosen: greedy, monte_carlo, adaptive_sampling, random, lattice, ivr, gcb, or the "
@@ -334,15 +342,27 @@ class MissionSettings:
             raise InputError(mistakes)
 
     @property
+    def field_name(self) -> str:
+        """Name or path of the field."""
+        return PropertySettings(self.field).field_name
+
+    @property
     def _named(self) -> dict[str, str]:
         """Names of what may be an object."""
         strategy, kind = self.strategy, self.strategy if isinstance(self.strategy, type) else type(self.strategy)
-        return {"strategy": strategy if isinstance(strategy, str) else kind.__name__, "dwell": str(self.dwell)}
+        return {
+            "field": self.field_name,
+            "strategy": strategy if isinstance(strategy, str) else kind.__name__,
+            "dwell": str(self.dwell),
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """All settings by name, as plain values."""
         values = {name: getattr(self, name) for name in SETTINGS} | self._named
-        return {**values, "properties": [{"field": one.field, "weight": one.weight} for one in self.properties]}
+        return {
+            **values,
+            "properties": [{"field": one.field_name, "weight": one.weight} for one in self.properties],
+        }
 
     def as_texts(self) -> dict[str, Any]:
         """All settings by name, as cells of a table: numbers, truth values and texts."""

@@ -12,7 +12,7 @@ from soilmoist_ros.exploration.planning.dwell import FixedInterval
 from soilmoist_ros.exploration.strategies.rules import PRESETS as CONSTANTS
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation import MissionSettings, PropertySettings
+from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
 from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
@@ -135,3 +135,35 @@ def test_a_strategy_and_a_dwell_rule_may_be_objects(strategy):
     assert {visit.dwell for visit in result.visits} == {"fmi:60"}
     assert (settings.as_dict()["strategy"], settings.as_dict()["dwell"]) == ("First", "fmi:60")
     assert "strategy=First dwell=fmi:60" in str(settings)
+
+
+def test_a_field_may_be_an_object():
+    named = MissionSettings(field="patches", properties=["rough:0.5"], hours=0.1)
+    given = MissionSettings(
+        field=surrogate_field("patches"), properties=[PropertySettings(surrogate_field("rough"), 0.5)], hours=0.1
+    )
+    assert given.as_dict() == named.as_dict()
+    assert str(given) == str(named)
+    with pytest.raises(InputError, match="'patches' is given as it is"):
+        simulate_mission(dataclasses.replace(given, random_field=True))
+
+
+def test_a_given_field_is_simulated_as_it_is():
+    named, given = (
+        simulate_mission(MissionSettings(field=field, strategy="random", dwell="fmi:60", hours=0.2, cell_m=8.0))
+        for field in ("half-wet", surrogate_field("half-wet"))
+    )
+    np.testing.assert_array_equal(named.soil_map.rate, given.soil_map.rate)
+    frame = given.to_dataframe()
+    assert list(frame.columns) == list(given.columns)
+    np.testing.assert_array_equal(frame["mse"], [row.mse for row in given.series])
+
+
+def test_rows_of_node_tables_are_made_from_the_declaration():
+    pytest.importorskip("rclpy")
+    from soilmoist_ros.nodes.parameters.parameter import of_setting
+
+    row = of_setting("stop_overhead_s")
+    assert (row.default, row.unit, row.low) == (12.0, "s", 0)
+    assert of_setting("strategy").default == "gcb"
+    assert of_setting("hours", low=0.01).low == 0.01
