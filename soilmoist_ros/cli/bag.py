@@ -1,4 +1,4 @@
-"""``soilmoist bag``: look into recordings, play them, recover them."""
+"""``soilmoist bag``: inspect, play and recover recordings."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from soilmoist_ros.foundation.errors import InputError
 
 @click.group("bag")
 def command() -> None:
-    """Look into recordings, play them, and recover interrupted ones."""
+    """Inspect recordings, play them, and recover interrupted ones."""
 
 
 @command.command("info")
 @click.argument("bag", type=FILE)
 @report_errors
 def bag_info_command(bag: Path) -> None:
-    """Show the content of a BAG. Exit code 1 if it is damaged or unfinished."""
+    """Show the content of a BAG. Exit code 1 if the bag is damaged or unfinished."""
     from rich.console import Console
 
     from soilmoist_ros.recording.bag.info import bag_info
@@ -39,7 +39,7 @@ def bag_info_command(bag: Path) -> None:
 @click.option("--out", type=FILE, required=True, help="Folder for the recovered bag; must not exist.")
 @report_errors
 def bag_recover_command(bag: Path, out: Path) -> None:
-    """Rebuild a readable bag from an interrupted BAG. The original stays as it is."""
+    """Rebuild a readable bag from an interrupted BAG. The original is not changed."""
     from rich.console import Console
 
     from soilmoist_ros.recording.bag.recovery import recover_bag
@@ -53,16 +53,16 @@ def bag_recover_command(bag: Path, out: Path) -> None:
 
 @command.command("play")
 @click.argument("bag", type=FILE)
-@click.option("--topics", help="Pattern of the full names to publish. Default: the inputs of mapper and planner.")
+@click.option("--topics", help="Pattern of topic names to publish. Default: the inputs of mapper and planner.")
 @click.option("--time-factor", type=click.FloatRange(min=0.01, max=200), default=1.0, show_default=True,
-              help="Recorded time per real time.")  # fmt: skip
+              help="Recorded seconds per real second.")  # fmt: skip
 @click.option("--start", "start_s", type=click.FloatRange(min=0), default=0.0, show_default=True,
-              help="Start after this time of the bag [s].")  # fmt: skip
+              help="Time after the begin of the bag at which to start [s].")  # fmt: skip
 @report_errors
 def bag_play_command(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
     """Publish a BAG to running nodes, with /clock.
 
-    Nodes with use_sim_time receive the records, positions and raw lines again. The space bar pauses.
+    Nodes with use_sim_time receive the records, positions and raw lines again. The space bar pauses and resumes.
     """
     play(bag, topics, time_factor, start_s)
 
@@ -71,10 +71,10 @@ def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> N
     """Play a bag to the nodes of this ROS system.
 
     :param bag: folder of a run or bag, or a file
-    :param topics: pattern of the full names to publish, ``None`` for the inputs of mapper and planner
-    :param time_factor: recorded time per real time
-    :param start_s: start after this time of the bag [s]
-    :raises InputError: if ROS is not installed, or nothing of the bag can be played
+    :param topics: pattern of the full topic names to publish, ``None`` for the inputs of mapper and planner
+    :param time_factor: recorded seconds per real second
+    :param start_s: time after the begin of the bag at which to start [s]
+    :raises InputError: if ROS is not installed, or the bag has no message that can be played
     """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
@@ -91,7 +91,7 @@ def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> N
         on_space(player.toggle),
         progress_bar() as progress,
     ):
-        progress("waiting for nodes that listen", 0.0)
+        progress("waiting for subscribers", 0.0)
         player.wait_for_listeners()
         count = player.play(progress)
     click.echo(f"played {count} messages")

@@ -1,4 +1,4 @@
-"""``soilmoist calibrate``: soil cores to the calibration of a site."""
+"""``soilmoist calibrate``: the calibration of a site from soil cores."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
 @click.command("calibrate")
 @click.argument("cores", type=FILE)
-@click.option("--site", type=FILE, required=True, help="Site file to read and to write N0 into.")
+@click.option("--site", type=FILE, required=True, help="Site file to read; N0 is written to it.")
 @click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the calibration. Repeatable.")
-@click.option("--logger", help="Logger format of the logs. Default: told from the header.")
-@click.option("--counts", type=click.IntRange(min=1), help="Instead of logs: raw counts of all tubes ...")
+@click.option("--logger", help="Logger format of the logs. Default: detected from the header.")
+@click.option("--counts", type=click.IntRange(min=1), help="Instead of --log: raw counts of all tubes.")
 @click.option(
     "--exposure",
     "exposure_s",
     type=click.FloatRange(min=0, min_open=True),
-    help="... and their effective exposure (live time over the product of the factors) [s].",
+    help="Effective exposure of --counts: live time divided by the product of the correction factors [s].",
 )
-@click.option("--date", help="Day of the calibration, for the site file.")
-@click.option("--dry-run", is_flag=True, help="Print the result, but leave the site file as it is.")
+@click.option("--date", help="Date of the calibration; written to the site file.")
+@click.option("--dry-run", is_flag=True, help="Print the result; do not write the site file.")
 @report_errors
 def command(
     cores: Path,
@@ -41,8 +41,8 @@ def command(
 ) -> None:
     """Find N0 from soil CORES (a CSV file) and the counts at the calibration.
 
-    CORES has one row per core and names its columns in the first line: vwc [m3/m3], or gravimetric_water
-    [g/g] and bulk_density_gcm3 [g/cm3]; optionally weight.
+    CORES has one row per core. Its first line names the columns: vwc [m3/m3], or gravimetric_water [g/g] and
+    bulk_density_gcm3 [g/cm3]; weight is optional.
     """
     from soilmoist_ros.sensing.moisture.calibration import estimate_n0, read_soil_cores, write_calibration
     from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site
@@ -52,7 +52,7 @@ def command(
     soil = known.soil
     if soil is None:
         if sampled.bulk_density_gcm3 is None:
-            remedy = "add 'soil: {bulk_density_gcm3: ...}' to it, or a column bulk_density_gcm3 to the cores"
+            remedy = "add 'soil: {bulk_density_gcm3: ...}' to the file, or a column bulk_density_gcm3 to the cores"
             raise InputError("has no soil properties", remedy, site)
         soil = Soil(bulk_density_gcm3=round(sampled.bulk_density_gcm3, 4))
     rate, rate_sd = _calibration_rate(known, logs, logger, counts, exposure_s)
@@ -60,7 +60,7 @@ def command(
         estimate = estimate_n0(rate, rate_sd, sampled.vwc, sampled.vwc_sd, soil)
     except ValueError as error:
         raise InputError(
-            f"the calibration has no solution: {error}", "check the cores and the soil", cores
+            f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
         ) from None
     click.echo(f"cores      {sampled.count}, mean VWC {sampled.vwc:.4f} m3/m3 +- {sampled.vwc_sd:.4f}")
     click.echo(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected")
@@ -69,7 +69,7 @@ def command(
         f"of which   {estimate.from_counting_cps:.4f} from counting, {estimate.from_cores_cps:.4f} from cores"
     )
     if dry_run:
-        click.echo(f"dry run: {site} is left as it is")
+        click.echo(f"dry run: {site} is not changed")
         return
     result = Calibration(
         n0_cps=round(estimate.n0_cps, 5),
@@ -89,7 +89,7 @@ def _calibration_rate(
     from soilmoist_ros.sensing.survey.logs import corrected_counts
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
-        raise click.UsageError("give the counts of the calibration either by --log or by --counts and --exposure")
+        raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")
     if counts is not None and exposure_s is not None:
         return pooled_rate([counts], [exposure_s])
     raw_counts, effective_s = corrected_counts(read_logs(logs, logger, site), site)

@@ -1,4 +1,4 @@
-"""``soilmoist campaign``: many missions and their comparison."""
+"""``soilmoist campaign``: simulate and compare many missions."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from soilmoist_ros.cli.console import FILE, progress_bar, report_errors
 @click.command("campaign")
 @click.argument("campaign")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
-@click.option("--scheduler", help="Address of a Dask scheduler to run on instead, such as tcp://host:8786.")
+@click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")
 @click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
 @report_errors
 def command(campaign: str, workers: int | None, scheduler: str | None, out: Path) -> None:
     """Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
 
-    Finished missions are kept in the folder --out: run the same command again to go on after an interruption.
+    The folder --out keeps finished missions: run the same command again to resume after an interruption.
     Writes results.parquet, results.csv and report.html.
     """
     from soilmoist_ros.reporting.campaign.report import write_campaign_report
@@ -43,7 +43,7 @@ def command(campaign: str, workers: int | None, scheduler: str | None, out: Path
     for remark in outcome.remarks:
         click.echo(f"note: {remark}")
     click.echo(
-        f"missions   {outcome.computed} simulated, {outcome.reused} taken over, {len(outcome.failures)} failed"
+        f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed"
     )
     for failure in outcome.failures:
         click.echo(f"failed: {failure}", err=True)

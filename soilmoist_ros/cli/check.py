@@ -1,4 +1,4 @@
-"""``soilmoist check``: mistakes in configuration files."""
+"""``soilmoist check``: report mistakes in configuration files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 @click.option("--field", multiple=True, help="Field file: a shipped name or a YAML file. Repeatable.")
 @report_errors
 def command(logger: tuple[str, ...], site: tuple[str, ...], field: tuple[str, ...]) -> None:
-    """Check configuration files; name every mistake in all of them."""
+    """Check configuration files and report every mistake in them."""
     from soilmoist_ros.foundation.configuration import read_yaml, resource
     from soilmoist_ros.mapping.field import load_field
     from soilmoist_ros.sensing.corrections.neutron_monitor import read_neutron_monitor

@@ -1,4 +1,4 @@
-"""How commands speak to people: errors in plain words, and progress."""
+"""Error messages, exit codes and progress bars of the commands."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FILE = click.Path(path_type=Path)
 
 
 class VariogramModel(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """Name of a registered variogram model; the registry is read when the option is used, as it needs numpy."""
+    """Name of a registered variogram model. The registry needs numpy, so only a given option loads it."""
 
     name = "model"
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The name itself, if there is such a model."""
+        """Return the name if a model has it; fail otherwise."""
         from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
 
         try:
@@ -32,12 +32,12 @@ class VariogramModel(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         return value
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """No names: to read the registry would make the help slow."""
+        """A placeholder: reading the names from the registry would make the help slow."""
         return "MODEL"
 
 
 def report_errors(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn bad input into a message and exit code 2, other trouble into 1, and an interrupt into 130."""
+    """Report errors as messages and exit codes: 2 for bad input, 1 for other errors, 130 for an interrupt."""
 
     @wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
@@ -58,13 +58,13 @@ def report_errors(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def rate_error(mse: float, coverage95: float) -> str:
-    """How good a map of a rate is: mean squared error [(counts/s)^2], and share of the cells in their interval."""
+    """Error of a rate map: mean squared error [(counts/s)^2] and share of the cells within their interval."""
     return f"MSE {mse:.4f} (counts/s)2, {100 * coverage95:.0f} % of the cells within their 95 % interval"
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Report steps: a bar with the time left on a terminal, a plain line per step and tenth otherwise."""
+    """Report progress: a bar with the remaining time on a terminal, otherwise a line per step and tenth."""
     if not sys.stderr.isatty():
         last = ("", 0)
 

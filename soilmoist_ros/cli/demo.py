@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 _SHOW_S = 0.5
 DEMO = ("field", "strategy", "dwell", "hours", "seed", "model", "fit", "preset", "properties")
-"""Settings of a mission that the demo has as options."""
+"""Mission settings that are options of the demo."""
 DEMO_HOURS = 1.0
-"""Mission time of a demo if none is given [h]: a minute with the default time factor."""
+"""Default mission time of a demo [h]; lasts a minute with the default time factor."""
 
 
 @click.command("demo")
 @mission_options(DEMO)
 @click.option("--time-factor", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
-              help="Simulated time per real time.")  # fmt: skip
+              help="Simulated seconds per real second.")  # fmt: skip
 @click.option("--speed", "old_speed", type=float, hidden=True)
 @click.option("--navigator", type=click.Choice(["goto_node", "goal_pose"]),
-              help="How goals are sent. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
-@click.option("--scenario", default="", help="What goes wrong: thorvald, bad_link, or a file. Default: nothing.")
+              help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
+@click.option("--scenario", default="", help="Simulated faults: thorvald, bad_link, or a file. Default: none.")
 @click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
 @report_errors
 def command(
@@ -47,8 +47,8 @@ def command(
 ) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
-    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out, and
-    there the recording (bag/), the configuration of the nodes (configuration/) and their output (log/).
+    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
+    The folder also gets the recording (bag/), the configuration (configuration/) and the node output (log/).
     """
     for module, remedy in (("rclpy", "scripts/demo sets it up; on a robot, source /opt/ros/jazzy/setup.bash"),):
         if importlib.util.find_spec(module) is None:
@@ -66,7 +66,7 @@ def command(
             mission = chosen_settings({"hours": DEMO_HOURS, **choices})
             replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario), show)
     except KeyboardInterrupt:
-        click.echo(f"interrupted: the nodes have ended; soilmoist replay {out} maps what was recorded", err=True)
+        click.echo(f"interrupted: all nodes have stopped; map the recording with soilmoist replay {out}", err=True)
         sys.exit(130)
     written = write_outputs(out, replay.run)
     print_replay(replay)
@@ -76,7 +76,7 @@ def command(
 
 @contextmanager
 def _live_view() -> Iterator[Callable[[LiveMission], None]]:
-    """Show a mission: a picture that is kept up to date on a terminal, a line per change of state otherwise."""
+    """Show a mission: a live picture on a terminal, otherwise a line per change of state."""
     from rich.console import Console
 
     from soilmoist_ros.reporting.live.terminal import render

@@ -1,4 +1,4 @@
-"""``soilmoist graph``: a travel graph for a field."""
+"""``soilmoist graph``: build a travel graph for a field."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from soilmoist_ros.foundation.errors import InputError
 @click.command("graph")
 @click.argument("field")
 @click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
-              help="Distance of the nodes [m]; in crop rows, along the row.")  # fmt: skip
-@click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Crop rows at this distance [m].")
+              help="Distance between nodes [m]; with --rows, along the row.")  # fmt: skip
+@click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Distance between crop rows [m].")
 @click.option(
     "--heading", type=float, default=0.0, show_default=True, help="Direction of the rows from north [deg]."
 )
 @click.option("--headland", type=click.FloatRange(min=0, min_open=True), default=5.0, show_default=True,
               help="Width of the headlands at the ends of the rows [m].")  # fmt: skip
 @click.option("--margin", type=click.FloatRange(min=0), default=0.0, show_default=True,
-              help="Distance to keep from the border and from no-go areas [m].")  # fmt: skip
-@click.option("--name", help="Name of the map. Default: the field's.")
+              help="Minimum distance of nodes from the border and from no-go areas [m].")  # fmt: skip
+@click.option("--name", help="Name of the map. Default: the name of the field.")
 @click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
 @report_errors
 def command(
@@ -35,9 +35,9 @@ def command(
     name: str | None,
     out: Path,
 ) -> None:
-    """Lay a travel graph over a FIELD and write it as a topological map.
+    """Build a travel graph for a FIELD and write it as a topological map.
 
-    An open lattice, or with --rows crop rows that can be left at their ends only.
+    The graph is an open lattice. With --rows, it consists of crop rows that are connected at their ends only.
     """
     from datetime import UTC, datetime
 

@@ -1,4 +1,4 @@
-"""A key pressed on the terminal while something runs."""
+"""Reacts to the space bar while a command runs in a terminal."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def on_space(call: Callable[[], None]) -> Iterator[None]:
-    """Call back, in a thread, each time the space bar is pressed; never without a terminal.
+    """Call a function, in a thread, each time the space bar is pressed; never without a terminal.
 
-    :param call: what to call
+    :param call: function to call
     """
     if sys.stdin is None or not sys.stdin.isatty():
         yield
@@ -32,7 +32,7 @@ def on_space(call: Callable[[], None]) -> Iterator[None]:
                 pressed = os.read(descriptor, 1)
                 if pressed == b" ":
                     call()
-                elif not pressed:  # the terminal has gone
+                elif not pressed:  # the terminal is closed
                     return
 
     thread = threading.Thread(target=listen, daemon=True)

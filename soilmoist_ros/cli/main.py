@@ -1,6 +1,6 @@
-"""The ``soilmoist`` command. Exit code 0: all was done; 1: not all of it; 2: bad input; 130: interrupted.
+"""The ``soilmoist`` command. Exit code 0: success; 1: incomplete or failed; 2: bad input; 130: interrupted.
 
-Each subcommand stands in the file of its name and is loaded when it is used, so that ``--help`` answers at once.
+Each subcommand is in the file of its name. It is loaded when it is used, which keeps ``--help`` fast.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ COMMANDS = {
     "demo": "Run the whole ROS system on a simulated field: all nodes as processes, with a live view.",
     "campaign": "Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).",
     "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.",
-    "bag": "Look into recordings, play them, and recover interrupted ones.",
+    "bag": "Inspect recordings, play them, and recover interrupted ones.",
     "calibrate": "Find N0 from soil CORES (a CSV file) and the counts at the calibration.",
-    "graph": "Lay a travel graph over a FIELD and write it as a topological map.",
-    "check": "Check configuration files; name every mistake in all of them.",
+    "graph": "Build a travel graph for a FIELD and write it as a topological map.",
+    "check": "Check configuration files and report every mistake in them.",
 }
 """Subcommands with the first sentence of their help."""
 
@@ -30,18 +30,18 @@ class _Commands(click.Group):
     """Loads a subcommand when it is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names."""
+        """Names of all subcommands."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """A subcommand; ends with a message if there is none of the name."""
+        """Load a subcommand; an unknown name is a usage error."""
         if cmd_name not in COMMANDS:
             ctx.fail(f"there is no command {cmd_name!r}{did_you_mean(cmd_name, COMMANDS)}")
         command: click.Command = import_module(f"soilmoist_ros.cli.{cmd_name}").command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The names and their texts, without a subcommand loaded."""
+        """Write the names and texts without loading a subcommand."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 

@@ -1,4 +1,4 @@
-"""Options of ``simulate`` and ``demo``, made from the declarations of the settings of a mission."""
+"""Options of ``simulate`` and ``demo``, derived from the declared settings of a mission."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Command = Callable[..., None]
 
 
 class _Value(click.ParamType):  # type: ignore[type-arg]
-    """Type of an option with the checks of its setting."""
+    """Option type that applies the checks of a setting."""
 
     def __init__(self, setting: Setting) -> None:
         self.name = {int: "integer", float: "number"}.get(setting.kind, "text")
@@ -30,14 +30,14 @@ class _Value(click.ParamType):  # type: ignore[type-arg]
             self.fail(str(error), param, ctx)
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """The values allowed, or the kind of them."""
+        """The permitted values, or their type."""
         return f"[{self._setting.limits}]" if self._setting.choices else self.name.upper()
 
 
 def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command], Command]:
-    """The options of settings; the command receives those that were given as ``choices``.
+    """Add an option per setting; the command receives the given ones as ``choices``.
 
-    :param names: settings that the command has
+    :param names: settings that become options
     """
     chosen = [SETTINGS[name] for name in names]
 
@@ -60,7 +60,7 @@ def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command
 
 
 def _option(setting: Setting) -> Callable[[Command], Command]:
-    """The option of a setting; it is ``None`` if it is not given."""
+    """The option of a setting; ``None`` unless given."""
     if setting.kind is bool:
         stem = setting.option.removeprefix("--")
         names = f"--{stem}/--no-{stem}"
@@ -83,7 +83,7 @@ def _option(setting: Setting) -> Callable[[Command], Command]:
 
 
 def _default(setting: Setting) -> str:
-    """The default in words, empty if the help says it."""
+    """The default as text; empty if the help states it already."""
     if setting.name in PRESETS["recommended"]:
         of_preset = dict.fromkeys(values[setting.name] for values in PRESETS.values())
         return f"Default: {' or '.join(of_preset)}, by --preset."
@@ -95,7 +95,7 @@ def _default(setting: Setting) -> str:
 
 
 def _read_old(choices: dict[str, Any], given: dict[str, Any]) -> None:
-    """Options of earlier releases, read with a warning."""
+    """Read options of earlier releases with a warning."""
     variogram, also, weight = (given.pop(name) for name in ("variogram", "also", "also_weight"))
     if variogram is not None:
         click.echo("warning: --variogram has become --model", err=True)
@@ -107,9 +107,9 @@ def _read_old(choices: dict[str, Any], given: dict[str, Any]) -> None:
 
 
 def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
-    """The settings of a mission from options; its time is that of the field if none is given.
+    """Mission settings from options; the mission time defaults to that of the field.
 
-    :raises InputError: if they cannot be used
+    :raises InputError: if the options cannot be used
     """
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field
     from soilmoist_ros.simulation.mission.settings import MissionSettings

@@ -1,4 +1,4 @@
-"""``soilmoist replay``: a recorded run, mapped again."""
+"""``soilmoist replay``: map a recorded run again."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ if TYPE_CHECKING:
 
 @click.command("replay")
 @click.argument("bag", type=FILE)
-@click.option("--field", help="Field file. Default: that of the run.")
-@click.option("--site", help="Site file: corrections, soil, calibration. Default: that of the run.")
+@click.option("--field", help="Field file. Default: as in the run.")
+@click.option("--site", help="Site file: corrections, soil, calibration. Default: as in the run.")
 @click.option("--property", "properties", multiple=True,
               help="Property of the bag to map, repeatable. Default: all.")  # fmt: skip
 @click.option("--truth", "truths", multiple=True, metavar="[PROPERTY=]FIELD",
-              help="Surrogate field to compare with: a built-in one, or a field file with a truth. Of the first "
-              "property if none is named; repeatable.")  # fmt: skip
+              help="Surrogate field to compare with: a built-in one, or a field file with a truth. "
+              "PROPERTY defaults to the first one. Repeatable.")  # fmt: skip
 @click.option("--also-truth", hidden=True)
 @click.option(
     "--model",
     type=VariogramModel(),
     help="Variogram model: gaussian, exponential, spherical, matern32, matern52, "
-    "or that of a plug-in. Default: that of the run.",
+    "or one of a plug-in. Default: as in the run.",
 )
-@click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: that of the run.")
+@click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: as in the run.")
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
-              help="Map the rate with its micro-scale variation, or its smooth part only.")  # fmt: skip
+              help="keep: map the rate with its micro-scale variation; filter: its smooth part only.")  # fmt: skip
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
 @click.option("--merge", "merge_radius_m", type=click.FloatRange(min=0),
-              help="Records within this radius become one sample [m].")  # fmt: skip
+              help="Radius within which records are merged into one sample [m].")  # fmt: skip
 @click.option("--source", type=click.Choice(["counts", "raw"]), default="counts", show_default=True,
-              help="The records as the driver corrected them, or the raw lines, corrected anew.")  # fmt: skip
-@click.option("--logger", help="Logger format of the raw lines. Default: told from their header.")
+              help="counts: records as the driver corrected them; raw: raw lines, corrected again.")  # fmt: skip
+@click.option("--logger", help="Logger format of the raw lines. Default: detected from the header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--out", type=FILE, help="Folder for the results; made if missing. Required.")
@@ -64,16 +64,16 @@ def command(
 ) -> None:
     """Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.
 
-    With the settings of the run the map is the one that the robot had, bit for bit.
+    With the settings of the run, the map equals the map of the robot bit for bit.
     """
     if live:
         click.echo("warning: replay --live has become soilmoist bag play", err=True)
         play(bag, topics, speed or 1.0, start_s or 0.0)
         return
     if any(option is not None for option in (topics, speed, start_s)):
-        raise InputError("--topics, --speed and --start play a bag to nodes", "use soilmoist bag play")
+        raise InputError("replay does not support --topics, --speed and --start", "use soilmoist bag play")
     if out is None:
-        raise InputError("there is no folder for the results", "give it with --out")
+        raise InputError("replay needs a folder for the results", "give it with --out")
     from soilmoist_ros.replay import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import write_outputs
 
@@ -92,13 +92,13 @@ def command(
 
 
 def _truth(text: str) -> tuple[str | int, str]:
-    """Property, 0 for the first, and field of a ``--truth``; an = in the path of a file splits nothing."""
+    """Property and field of a ``--truth``; 0 is the first property. An = within a file path does not split it."""
     name, equals, field = text.partition("=")
     return (name, field) if equals and name.isidentifier() else (0, text)
 
 
 def print_replay(replay: Replay) -> None:
-    """What a run came to, in a few lines."""
+    """Print the results of a run in a few lines."""
     from soilmoist_ros.reporting.page.statistics import truth_score
 
     mission = replay.run.mission

@@ -1,4 +1,4 @@
-"""``soilmoist simulate``: one mission on a surrogate field."""
+"""``soilmoist simulate``: simulate one mission on a surrogate field."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
 def command(out: Path, choices: dict[str, Any]) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
-    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out, and
-    map_NAME.tif and samples_NAME.geojson for each further property NAME.
+    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
+    Each additional property NAME also gets map_NAME.tif and samples_NAME.geojson.
     """
     from soilmoist_ros.exploration.travel.travel import polyline_length_m
     from soilmoist_ros.reporting.mission_report import write_mission
@@ -38,7 +38,7 @@ def command(out: Path, choices: dict[str, Any]) -> None:
     if settings.robots > 1:
         click.echo(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
     if result.soil_map is None:
-        click.echo("map        no map: the mission ended before the first")
+        click.echo("map        no map: the mission ended before the first map update")
     else:
         click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
         rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
@@ -46,6 +46,6 @@ def command(out: Path, choices: dict[str, Any]) -> None:
         for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
             click.echo(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
         if (plan := mission_efficiency(result)) is not None:
-            click.echo(f"efficiency {100 * plan.reached:.0f} % of what any plan could have done in the time")
+            click.echo(f"efficiency {100 * plan.reached:.0f} % of the best possible plan in this time")
     for path in written:
         click.echo(f"wrote {path}")

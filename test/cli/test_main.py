@@ -37,7 +37,7 @@ def survey_options(survey, out):
 
 
 @pytest.mark.slow
-def test_a_survey_becomes_a_map_that_is_close_to_the_truth(survey, tmp_path):
+def test_the_map_of_a_survey_is_close_to_the_truth(survey, tmp_path):
     options = survey_options(survey, tmp_path / "out")
     result = run("map", survey / "survey.log", "--field", survey / "field.yaml", *options)
     assert result.exit_code == 0, result.output
@@ -55,7 +55,7 @@ def test_a_survey_becomes_a_map_that_is_close_to_the_truth(survey, tmp_path):
 
 @pytest.mark.slow
 def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
-    """Whoever computes the tiles, the map is the same, and it is the exact one to a small share of its sd."""
+    """All ways to compute the tiles agree. The map differs from the exact one by a small share of its sd."""
     options = ["--field", survey / "field.yaml", "--nmea", survey / "survey.nmea", "--cell", 10]
     maps = {}
     choices = {"exact": [], "here": ["--exact", 5, "--workers", 1], "two": ["--exact", 5, "--workers", 2]}
@@ -70,7 +70,7 @@ def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_does_not_answer_is_named_before_a_large_map(survey, tmp_path):
+def test_an_unreachable_scheduler_is_reported_before_a_large_map(survey, tmp_path):
     options = ["--nmea", survey / "survey.nmea", "--exact", 5, "--scheduler", "nowhere", "--out", tmp_path / "out"]
     result = run("map", survey / "survey.log", *options)
     assert result.exit_code == 2
@@ -78,7 +78,7 @@ def test_a_scheduler_that_does_not_answer_is_named_before_a_large_map(survey, tm
 
 
 @pytest.mark.slow
-def test_the_field_may_be_left_out(survey, tmp_path):
+def test_the_field_is_optional(survey, tmp_path):
     result = run("map", survey / "survey.log", *survey_options(survey, tmp_path / "out"), "--crs", "EPSG:3857")
     assert result.exit_code == 0, result.output
     with rasterio.open(tmp_path / "out" / "map.tif") as raster:
@@ -102,7 +102,7 @@ def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_recor
 
 
 @pytest.mark.slow
-def test_without_a_calibration_there_is_a_rate_map_and_a_plain_word(survey, tmp_path):
+def test_without_a_calibration_the_rate_is_mapped_and_a_message_says_why(survey, tmp_path):
     out = tmp_path / "out"
     result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--out", out)
     assert result.exit_code == 0, result.output
@@ -113,7 +113,7 @@ def test_without_a_calibration_there_is_a_rate_map_and_a_plain_word(survey, tmp_
     assert (settings["variogram_model"], settings["variogram_fit"]) == ("gaussian", "soft_l1")
 
 
-def test_every_mistake_of_bad_files_is_named_with_exit_code_2(tmp_path):
+def test_every_mistake_in_bad_files_is_reported_with_exit_code_2(tmp_path):
     (tmp_path / "site.yaml").write_text("soil: {bulk_densty_gcm3: 1.4}\nnmae: x\n")
     (tmp_path / "field.yaml").write_text("polygon: [[0, 0], [1, 1]]\n")
     result = run(
@@ -154,13 +154,13 @@ def test_unreadable_logs_exit_with_2_and_a_remedy(tmp_path, content, message):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_log_is_named(tmp_path):
+def test_a_missing_log_is_reported(tmp_path):
     result = run("map", tmp_path / "nothing.log", "--out", tmp_path / "out")
     assert result.exit_code == 2
     assert "nothing.log: there is no such file -> check the path" in result.output
 
 
-def test_unsigned_longitudes_ask_for_the_hemisphere(roving_record, tmp_path):
+def test_unsigned_longitudes_require_the_hemisphere(roving_record, tmp_path):
     log = roving_record
     result = run("map", log, "--out", tmp_path / "out")
     assert result.exit_code == 2
@@ -199,20 +199,20 @@ def test_the_help_lists_each_command_with_its_first_sentence(name):
     assert COMMANDS[name].split()[0] in run("--help").output
 
 
-def test_an_unknown_command_is_answered_with_the_nearest():
+def test_an_unknown_command_suggests_the_nearest():
     result = run("simulat")
     assert result.exit_code == 2
     assert "there is no command 'simulat' (did you mean 'simulate'?)" in result.output
 
 
-def test_options_that_play_a_bag_belong_to_bag_play(tmp_path):
+def test_replay_refers_the_options_of_playback_to_bag_play(tmp_path):
     result = run("replay", tmp_path, "--speed", 10, "--out", tmp_path / "out")
     assert result.exit_code == 2
     assert "use soilmoist bag play" in result.output
 
 
 @pytest.mark.process
-def test_help_answers_without_the_heavy_libraries():
+def test_help_imports_no_heavy_libraries():
     code = (
         "import sys; from soilmoist_ros.cli.main import main\n"
         "try: main(['map', '--help'])\n"
@@ -278,7 +278,7 @@ def test_further_properties_are_mapped(tmp_path):
         assert f"property   {name}: MSE {about['final'][f'mse_{name}']:.4f} (counts/s)2" in result.output
 
 
-def test_the_old_options_of_one_further_property_are_read_with_a_warning(tmp_path):
+def test_the_deprecated_options_of_properties_are_read_with_a_warning(tmp_path):
     result = run(
         "simulate", "--also", "rough", "--also-weight", 0.5, "--hours", 0.1, "--cell", 5, "--out", tmp_path
     )
@@ -314,7 +314,7 @@ def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):
 
 
 @pytest.mark.slow
-def test_a_campaign_runs_and_goes_on_where_it_stopped(tmp_path):
+def test_a_campaign_runs_and_resumes(tmp_path):
     plan = tmp_path / "plan.yaml"
     plan.write_text(
         "title: tiny\nruns: 2\ndefaults: {hours: 0.5, dwell: 'fmi:120', cell_m: 2}\n"
@@ -322,14 +322,14 @@ def test_a_campaign_runs_and_goes_on_where_it_stopped(tmp_path):
     )
     result = run("campaign", plan, "--workers", 0, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
-    assert "4 simulated, 0 taken over, 0 failed" in result.output
+    assert "4 simulated, 0 reused, 0 failed" in result.output
     assert {"report.html", "results.csv", "results.parquet"} <= {
         path.name for path in (tmp_path / "out").iterdir()
     }
-    assert "0 simulated, 4 taken over" in run("campaign", plan, "--workers", 0, "--out", tmp_path / "out").output
+    assert "0 simulated, 4 reused" in run("campaign", plan, "--workers", 0, "--out", tmp_path / "out").output
 
 
-def test_failures_are_named_when_no_mission_finishes(tmp_path):
+def test_failures_are_reported_when_no_mission_finishes(tmp_path):
     plan, out = tmp_path / "plan.yaml", tmp_path / "out"
     plan.write_text(
         "title: tiny\nruns: 1\nexperiments: [{name: a, field: synthetic-high, hours: 0.5, cell_m: 5000}]\n"
@@ -344,16 +344,16 @@ def test_failures_are_named_when_no_mission_finishes(tmp_path):
     assert not (out / "report.html").exists()
 
 
-def test_a_mission_without_a_map_says_so(tmp_path):
+def test_a_mission_without_a_map_is_reported(tmp_path):
     (tmp_path / "map.tif").write_text("of another mission")
     result = run("simulate", "--hours", 0.05, "--preset", "paper", "--strategy", "random", "--out", tmp_path)
     assert result.exit_code == 0, result.output
-    assert "no map: the mission ended before the first" in result.output
+    assert "no map: the mission ended before the first map update" in result.output
     assert "nan" not in result.output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["series.csv", "summary.json", "visits.csv"]
 
 
-def test_a_graph_of_an_unknown_field_is_told_all_fields(tmp_path):
+def test_an_unknown_field_lists_the_known_fields(tmp_path):
     result = run("graph", "sinthetic-high", "--out", tmp_path / "graph.yaml")
     assert result.exit_code == 2
     assert "half-wet" in result.output
@@ -362,7 +362,7 @@ def test_a_graph_of_an_unknown_field_is_told_all_fields(tmp_path):
     assert run("graph", "example", "--out", tmp_path / "graph.yaml").exit_code == 0
 
 
-def test_mistakes_in_a_campaign_are_all_named(tmp_path):
+def test_all_mistakes_in_a_campaign_are_reported(tmp_path):
     plan = tmp_path / "plan.yaml"
     plan.write_text("title: x\nrnus: 2\nexperiments: [{name: a, filed: synthetic-high}]\n")
     result = run("campaign", plan, "--out", tmp_path / "out")
@@ -372,7 +372,7 @@ def test_mistakes_in_a_campaign_are_all_named(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_travel_graph_is_laid_and_travelled(tmp_path):
+def test_a_travel_graph_is_built_and_used_by_a_mission(tmp_path):
     rows = run("graph", "patches", "--rows", 3, "--spacing", 5, "--heading", 20, "--out", tmp_path / "rows.json")
     assert rows.exit_code == 0, rows.output
     nodes = json.loads((tmp_path / "rows.json").read_text())["nodes"]
@@ -383,7 +383,7 @@ def test_a_travel_graph_is_laid_and_travelled(tmp_path):
     assert result.exit_code == 0, result.output
 
 
-def test_the_truth_of_a_field_file_is_checked_too(tmp_path):
+def test_check_covers_the_truth_of_a_field_file(tmp_path):
     field = tmp_path / "field.yaml"
     field.write_text(
         "datum: {latitude_deg: 53, longitude_deg: 0}\npolygon: [[0, 0], [60, 0], [60, 50]]\n"
