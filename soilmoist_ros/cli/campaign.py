@@ -42,9 +42,7 @@ def command(campaign: str, workers: int | None, scheduler: str | None, out: Path
         sys.exit(130)
     for remark in outcome.remarks:
         click.echo(f"note: {remark}")
-    click.echo(
-        f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed"
-    )
+    click.echo(f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed")
     for failure in outcome.failures:
         click.echo(f"failed: {failure}", err=True)
     with progress_bar() as progress:

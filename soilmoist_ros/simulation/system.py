@@ -1,4 +1,4 @@
-"""All that a mission meets in the field, simulated: the robot and its navigation, the logger, the GNSS."""
+"""The simulated system of a mission: robot, navigation, logger and GNSS receiver."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 
 LOGGER, GNSS = "logger", "gnss"
-_GGA = 1  # the sentence with the place is the one that damages strike
+_GGA = 1  # damages affect the sentence with the position
 _NOTHING_WRONG = Scenario()
 
 
 @dataclass(frozen=True)
 class PropertyCounted:
-    """The sensor of a further property has counted.
+    """A record from the sensor of an additional property.
 
     :param name: name of the property
-    :param record: corrected and placed, as its driver would publish it
+    :param record: corrected record with position, as its driver would publish it
     """
 
     name: str
@@ -44,16 +44,15 @@ Output = Sent | Reachable | PropertyCounted | NavigationEvent
 
 
 class VirtualSystem:
-    """Steps through simulated time. The settings, the scenario and the requests determine what happens.
+    """Steps through simulated time. Settings, scenario and requests determine the output.
 
-    Robot, sensors and randomness are those of
-    :func:`simulate_mission`: where the robot is at the same places at
-    the same times, the same counts come. Nothing goes wrong with the sensors of further properties.
+    Robot, sensors and random streams are those of :func:`simulate_mission`: the same positions at the same times
+    give the same counts. The sensors of additional properties have no faults.
 
-    :param settings: field, seed, robot, sensor and noise; what is about the mission itself does not matter here
+    :param settings: field, seed, robot, sensor and noise; settings of the mission itself are ignored
     :param start_s: time at which the simulation begins [s since 1970 UTC]
     :param gnss_period_s: time between epochs of the GNSS receiver [s], > 0
-    :param scenario: what goes wrong
+    :param scenario: faults to simulate
     :raises InputError: if the field, the graph or the scenario cannot be used
     """
 
@@ -105,9 +104,9 @@ class VirtualSystem:
         self._path: list[tuple[float, float]] = []
 
     def advance(self, to_s: float) -> list[Output]:
-        """Go on to a time since the start [s], and give what has come about, in order.
+        """Advance to a time since the start [s] and return all output in order.
 
-        It does not matter in how many steps a time is reached.
+        The output does not depend on the number of steps.
         """
         out: list[Output] = []
         while (next_s := self._next_s) <= to_s:
@@ -123,20 +122,20 @@ class VirtualSystem:
         return out
 
     def go_to(self, target: str) -> int | None:
-        """Ask the navigation to go to a node; gives the number of the goal, ``None`` if it is rejected."""
+        """Send a goal to the navigation; returns its number, ``None`` if it is rejected."""
         return self.navigation.accept(self.now_s, target)
 
     def cancel(self, goal_id: int) -> bool:
-        """Ask the navigation to give up a goal; gives what it answers."""
+        """Ask the navigation to cancel a goal; returns whether its response confirms it."""
         return self.navigation.cancel(self.now_s, goal_id)
 
     def drive_to(self, xy: tuple[float, float]) -> float | None:
-        """Drive straight to a place [m]; gives the time of arrival [s], ``None`` if it cannot be reached."""
+        """Drive straight to a position [m]; returns the arrival time [s], ``None`` if it cannot be reached."""
         return self.navigation.drive(self.now_s, xy, self._free_travel)
 
     @property
     def stamp_s(self) -> float:
-        """The time it is [s since 1970 UTC]."""
+        """Current simulated time [s since 1970 UTC]."""
         return self.start_s + self.now_s
 
     @property
@@ -160,11 +159,11 @@ class VirtualSystem:
         return self._epochs * self._gnss_period_s
 
     def _step(self) -> None:
-        """What the sensor and the receiver do now."""
+        """Run the sensors, the receiver and the localisation that are due now."""
         if self._next_place_s <= self.now_s:
             self._path.append(self.robot.at(self.now_s))
         if self._record_end_s <= self.now_s:
-            # The latest place first, as in a simulated mission: then even the rounding of the mean is the same.
+            # Latest position first, as in simulate_mission: the mean then has the same rounding.
             path = np.array(self._path[::-1])
             record = self.logger.record(self.now_s, path)
             self._records += 1
@@ -182,7 +181,7 @@ class VirtualSystem:
     def _count(
         self, name: str, sensor: VirtualSensor, places: np.random.Generator, path: NDArray[np.float64]
     ) -> None:
-        """What the sensor of a further property has counted on the path of a record."""
+        """Count with the sensor of an additional property along the path of a record."""
         noise = places.normal(0.0, self.settings.position_sd_m, 2)
         x_m, y_m = (path[PLACES_PER_RECORD // 2] + noise).tolist()
         record = sensor.record(self.now_s, path, (x_m, y_m))
@@ -195,5 +194,5 @@ def _require_edges(edges: NDArray[np.intp], names: tuple[str, ...], scenario: Sc
     if lost:
         raise InputError(
             f"the map has no edge {', '.join(f'{start} -> {end}' for start, end in lost)}",
-            "correct 'failing_edges' in the scenario, or give the map it was written for as 'graph'",
+            "correct 'failing_edges' in the scenario, or give its map as 'graph'",
         )

@@ -353,7 +353,7 @@ def test_bad_input_is_reported_without_a_traceback(ros):
 @pytest.mark.parametrize(
     ("params", "message"),
     [
-        ({"start_time": "soon"}, "the start time 'soon' is no time"),
+        ({"start_time": "soon"}, "the start time 'soon' is no ISO 8601 time"),
         ({"scenario": "torvald"}, "did you mean 'thorvald'"),
         ({"host": "192.0.2.1"}, "cannot listen on 192.0.2.1:0"),
     ],

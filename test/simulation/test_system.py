@@ -39,7 +39,7 @@ def fixes(outputs):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("weather", [True, False])
-def test_it_counts_what_a_mission_without_ros_counts(weather):
+def test_counts_equal_those_of_a_mission_without_ros(weather):
     choices = {
         "dwell": "fmi:90",
         "hours": 0.5,
@@ -78,7 +78,7 @@ def test_it_counts_what_a_mission_without_ros_counts(weather):
 
 
 @pytest.mark.slow
-def test_a_further_property_changes_nothing_of_the_first():
+def test_an_additional_property_does_not_change_the_first():
     alone, both = (
         VirtualSystem(replace(SETTINGS, properties=further), START_S).advance(900) for further in ((), ("smooth",))
     )
@@ -91,7 +91,7 @@ def test_a_further_property_changes_nothing_of_the_first():
 @pytest.mark.slow
 @settings(deadline=None, max_examples=10)
 @given(st.lists(st.floats(0.01, 300), min_size=1, max_size=30), st.sampled_from(["", "bad_link", "thorvald"]))
-def test_it_does_not_matter_in_how_many_steps_a_time_is_reached(steps, scenario):
+def test_the_output_does_not_depend_on_the_number_of_steps(steps, scenario):
     def outputs(times):
         system = VirtualSystem(SETTINGS, START_S, scenario=load_scenario(scenario))
         system.go_to(system.map.graph.names[-1])
@@ -128,8 +128,8 @@ def test_the_receiver_follows_the_robot():
     assert places[-1] == pytest.approx(system.map.graph.xy[-1], abs=0.1)
 
 
-def test_a_goal_given_up_half_way_leaves_the_counts_of_the_way_driven():
-    """A record over which the robot stops is one of the way, not of the place where it stands."""
+def test_a_cancelled_goal_keeps_the_counts_of_the_driven_route():
+    """A record during which the robot stops belongs to the route, not to the final position."""
     split = replace(SETTINGS, field="synthetic-high", cadence_s=100.0, speed_mps=1.0, weather=False)
     system = VirtualSystem(split, START_S)
     seen = []
@@ -144,7 +144,7 @@ def test_a_goal_given_up_half_way_leaves_the_counts_of_the_way_driven():
     assert np.all(seen[0][:5] == here)
 
 
-def test_epochs_can_come_faster_than_the_second():
+def test_epochs_can_be_shorter_than_a_second():
     found, problems = fixes(VirtualSystem(SETTINGS, START_S, gnss_period_s=0.2).advance(10))
     assert problems == []
     assert [fix.stamp_s for fix in found] == pytest.approx([START_S + 0.2 * number for number in range(51)])
@@ -160,14 +160,14 @@ def test_a_bad_link_loses_records_but_changes_none():
         assert replace(record, line=0) == replace(good[record.record_number], line=0)
 
 
-def test_a_receiver_without_a_fix_says_so():
+def test_a_receiver_without_a_fix_reports_it():
     scenario = Scenario.model_validate({"gnss": {"no_fix": [{"at_s": 100, "for_s": 20}]}})
     found, _ = fixes(VirtualSystem(SETTINGS, START_S, scenario=scenario).advance(200))
     assert [fix.stamp_s - START_S for fix in found if fix.quality == 0] == list(range(100, 120))
 
 
 @pytest.mark.slow
-def test_failing_edges_have_to_be_on_the_map():
+def test_failing_edges_must_be_on_the_map():
     edge = VirtualSystem(SETTINGS, START_S).map.graph
     start, end = (edge.names[number] for number in edge.edges[0])
     good = Scenario.model_validate({"navigation": {"failing_edges": [[start, end]]}})

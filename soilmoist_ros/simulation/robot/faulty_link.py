@@ -1,4 +1,4 @@
-"""A connection that loses, spoils and delays what is sent over it, as a scenario has it."""
+"""A connection that loses, damages and delays messages as a scenario defines."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LINE_END = "\r\n"
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """Bytes that come out at the other end.
+    """Bytes that arrive at the receiving end.
 
     :param link: name of the connection
     :param data: the bytes
@@ -31,7 +31,7 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class Reachable:
-    """Whether anyone can connect from now on; when not, all connections are closed.
+    """Change of reachability. An unreachable link closes all connections and refuses new ones.
 
     :param link: name of the connection
     :param reachable: whether it can be reached
@@ -42,10 +42,10 @@ class Reachable:
 
 
 class FaultyLink:
-    """One connection; time is that since the start of the simulation.
+    """One connection. Times count from the start of the simulation.
 
     :param name: name of the connection
-    :param faults: what goes wrong
+    :param faults: outages and damages to simulate
     :param rng: source of all randomness
     """
 
@@ -61,16 +61,16 @@ class FaultyLink:
 
     @property
     def next_s(self) -> float:
-        """When something comes out, or the connection opens or closes [s]; inf if never."""
+        """Time of the next arrival, or of the next change of reachability [s]; inf if none."""
         due = self._on_the_way[0][0] if self._on_the_way else math.inf
         return min(due, self._turns[0] if self._turns else math.inf)
 
     def send(self, now_s: float, lines: Sequence[str], spoilt: int = -1) -> None:
-        """Put a message in.
+        """Send a message.
 
         :param now_s: time [s]
-        :param lines: its lines, without their ends
-        :param spoilt: index of the line that a damage of this message strikes
+        :param lines: lines of the message, without line ends
+        :param spoilt: index of the line that a damage affects
         """
         self._messages += 1
         packets = [(0.0, _encoded(lines))]
@@ -82,12 +82,12 @@ class FaultyLink:
         if kinds & {"cut", "silence"}:
             return
         held = [o.ends[1] for o in self._faults.outages if o.kind == "stall" and o.covers(now_s)]
-        # Nothing overtakes what was sent before.
+        # Messages keep their order.
         earliest_s = max([now_s, *held, *(due_s for due_s, _ in self._on_the_way)])
         self._on_the_way += [(earliest_s + delay_s, data) for delay_s, data in packets]
 
     def receive(self, now_s: float) -> list[Sent | Reachable]:
-        """What has come out by now, in order."""
+        """Everything that has arrived by now, in order."""
         out: list[Sent | Reachable] = []
         while self.next_s <= now_s:
             if self._turns and self._turns[0] <= self.next_s:
@@ -102,7 +102,7 @@ class FaultyLink:
         return out
 
     def _damaged(self, lines: list[str], index: int, damage: Damage) -> list[tuple[float, bytes]]:
-        """The message after a damage: delays [s] and bytes."""
+        """Packets of a damaged message: delays [s] and bytes."""
         line = lines[index]
         before, after = _encoded(lines[:index]), _encoded(lines[index + 1 :])
         half = len(line) // 2

@@ -1,4 +1,4 @@
-"""A TCP server that sends the same bytes to all who connect, as a serial device server does."""
+"""A TCP server that sends the same bytes to all clients, like a serial device server."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from soilmoist_ros.foundation.errors import InputError
 
 LOG = logging.getLogger(__name__)
 LARGEST_BACKLOG = 1 << 20
-"""Bytes that may wait for a client; one that takes so little is taken for dead."""
+"""Maximum bytes that may wait for a client; a client with more is disconnected."""
 
 
 @dataclass(eq=False)
@@ -25,13 +25,13 @@ class _Client:
 
 
 class LineServer:
-    """Serves any number of clients, none of which can hold it up. It has no thread: call :meth:`poll` often.
+    """Serves any number of clients; no client can block it. It has no thread: call :meth:`poll` often.
 
-    :param name: what it serves, for messages
+    :param name: device that it serves, for messages
     :param host: address to listen on
     :param port: port to listen on; 0 for a free one
-    :param greeting: bytes that each client gets first
-    :raises InputError: if it cannot listen there
+    :param greeting: bytes that each client receives first
+    :raises InputError: if it cannot listen on this address
     """
 
     def __init__(self, name: str, host: str, port: int, greeting: bytes = b"") -> None:
@@ -49,18 +49,18 @@ class LineServer:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Where it listens: host and port."""
+        """Host and port on which it listens."""
         host, port = self._listener.getsockname()[:2]
         return str(host), int(port)
 
     @property
     def clients(self) -> int:
-        """Number of clients connected, as far as known at the last poll."""
+        """Number of connected clients at the last poll."""
         return len(self._clients)
 
     def poll(self) -> None:
-        """Let clients in and out, and send on what waits."""
-        with contextlib.suppress(OSError):  # nobody is waiting, or is gone again already
+        """Accept and drop clients, and send waiting bytes."""
+        with contextlib.suppress(OSError):  # no client waits, or it has disconnected already
             while True:
                 connection, _ = self._listener.accept()
                 self._take_in(connection)
@@ -74,14 +74,14 @@ class LineServer:
             self._look_after(client)
 
     def set_reachable(self, reachable: bool) -> None:
-        """Open or close it: while it is closed, nobody stays connected."""
+        """Open or close the server; closing disconnects all clients."""
         self._reachable = reachable
         if not reachable:
             for client in list(self._clients):
                 self._drop(client, "the connection is cut")
 
     def close(self) -> None:
-        """End it."""
+        """Disconnect all clients and stop listening."""
         self.set_reachable(False)
         self._listener.close()
 
@@ -95,8 +95,8 @@ class LineServer:
 
     def _look_after(self, client: _Client) -> None:
         try:
-            if not client.socket.recv(4096):  # what clients say does not matter
-                self._drop(client, "it has hung up")
+            if not client.socket.recv(4096):  # input from clients is ignored
+                self._drop(client, "the client closed the connection")
                 return
         except BlockingIOError:
             pass
@@ -108,22 +108,22 @@ class LineServer:
                 del client.waiting[: client.socket.send(client.waiting)]
         except BlockingIOError:
             if len(client.waiting) > LARGEST_BACKLOG:
-                self._drop(client, "it does not take what it is sent")
+                self._drop(client, "the client does not read its data")
         except OSError as error:
             self._drop(client, str(error))
 
     def _drop(self, client: _Client, reason: str) -> None:
-        LOG.info("a client of the %s is let go: %s", self.name, reason)
+        LOG.info("disconnected a client of the %s: %s", self.name, reason)
         self._clients.remove(client)
         client.socket.close()
 
 
 def write_ports_file(addresses: Mapping[str, tuple[str, int]], path: Path) -> None:
-    """Write where servers listen, as JSON: ``{"logger": {"host": "127.0.0.1", "port": 4001}, ...}``.
+    """Write the addresses of servers as JSON: ``{"logger": {"host": "127.0.0.1", "port": 4001}, ...}``.
 
-    The file appears with all of its content at once, so that whoever waits for it may read it.
+    The file appears with its whole content at once, so a waiting process never reads a part of it.
 
-    :param addresses: host and port of each
+    :param addresses: host and port of each server
     :param path: file to write
     :raises InputError: if it cannot be written
     """

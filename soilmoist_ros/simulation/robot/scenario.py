@@ -1,4 +1,4 @@
-"""Scenarios: what goes wrong in a simulated mission, as real navigation, loggers and receivers do."""
+"""Scenarios: faults of navigation, loggers and receivers in a simulated mission."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Span(Section):
-    """A time during which something does not work."""
+    """A period of a fault."""
 
     at_s: Seconds
-    """When it begins, in simulated time since the start [s]."""
+    """Begin, in simulated time since the start [s]."""
     for_s: Duration
-    """How long it lasts [s]."""
+    """Duration [s]."""
 
     def covers(self, now_s: float) -> bool:
-        """Whether a time since the start lies in it."""
+        """Whether a time since the start lies in the period."""
         return self.at_s <= now_s < self.at_s + self.for_s
 
     @property
@@ -33,50 +33,50 @@ class Span(Section):
 
 
 class Occasion(Section):
-    """The n-th of something, and perhaps every so-many-th after it."""
+    """Numbers of the goals or messages that a fault affects."""
 
     nth: Number
-    """The first one concerned, counted from 1."""
+    """The first affected number, counted from 1."""
     every: Number | None = None
-    """After it, each so-many-th as well; only that one if left out."""
+    """Interval between further affected numbers; without it only the first is affected."""
 
     def hits(self, number: int) -> bool:
-        """Whether the one of this number is concerned."""
+        """Whether the fault affects this number."""
         if number < self.nth:
             return False
         return number == self.nth if self.every is None else (number - self.nth) % self.every == 0
 
 
 class GoalFault(Occasion):
-    """A goal that does not end as it should."""
+    """A fault of a navigation goal."""
 
     kind: Literal["no_motion", "fails", "hangs"]
-    """``no_motion``: success is reported at once, and the robot has not moved; ``fails``: aborted on the way;
-    ``hangs``: the robot stands still, and the goal never ends."""
+    """``no_motion``: success is reported at once without motion; ``fails``: the goal is aborted on the way;
+    ``hangs``: the robot does not move, and the goal never ends."""
     share_of_way: Share = 0.5
-    """For ``fails``: how much of the way has been driven."""
+    """For ``fails``: share of the route that the robot drives before the abort."""
 
 
 class NavigationFaults(Section):
-    """How the navigation behaves; by default as it should."""
+    """Faults of the navigation; none by default."""
 
     localisation_delay_s: tuple[Seconds, Seconds] = (0.0, 0.0)
-    """``closest_node`` and ``current_node`` are late by a random time between these two [s]."""
+    """Shortest and longest random delay of ``closest_node`` and ``current_node`` [s]."""
     cancel: Literal["accepted", "looks_rejected"] = "accepted"
-    """``accepted``: the goal ends as cancelled; ``looks_rejected``: the answer names no goal, but the robot stops
-    and the goal ends as aborted."""
+    """``accepted``: the goal ends as cancelled; ``looks_rejected``: the response lists no goal, but the robot
+    stops and the goal ends as aborted."""
     superseded: Literal["aborted", "success"] = "aborted"
-    """How a goal ends that a new one replaces; ``success``: it reports success, wherever the robot is."""
+    """Result of a goal that a new one replaces; ``success``: success is reported wherever the robot is."""
     unknown_target: Literal["rejected", "aborted"] = "rejected"
-    """What becomes of a goal for a node that does not exist; ``aborted``: it is accepted first."""
+    """Result of a goal for an unknown node; ``aborted``: the goal is accepted first."""
     feedback: Literal["action", "topic"] = "action"
-    """Whether feedback comes with the action, or on the plain topic ``topological_navigation/feedback`` only."""
+    """Source of feedback: the action, or only the plain topic ``topological_navigation/feedback``."""
     goals: tuple[GoalFault, ...] = ()
-    """Goals that do not end as they should, by their number."""
+    """Faults of goals, by number of the goal."""
     failing_edges: tuple[tuple[str, str], ...] = ()
-    """Edges [from, to] that cannot be driven: the robot stops where they begin, the goal is aborted."""
+    """Blocked edges [from, to]: the robot stops at the first node, and the goal is aborted."""
     absent: tuple[Span, ...] = ()
-    """When there is no navigation server; a goal under way is lost without an answer, the robot stops."""
+    """Periods without a navigation server; an active goal is lost without a result, and the robot stops."""
 
     @model_validator(mode="after")
     def _delays_in_order(self) -> NavigationFaults:
@@ -86,43 +86,43 @@ class NavigationFaults(Section):
 
 
 class Outage(Span):
-    """A time during which a connection does not deliver."""
+    """A period during which a connection does not deliver."""
 
     kind: Literal["cut", "silence", "stall"]
-    """``cut``: connections are closed and new ones refused; ``silence``: they stay open, but nothing comes, and
-    what was to come is lost; ``stall``: what was to come is held back, and comes all at once."""
+    """``cut``: connections are closed and new ones refused; ``silence``: connections stay open, but messages are
+    lost; ``stall``: messages are delayed and arrive all at once afterwards."""
 
 
 class Damage(Occasion):
-    """A message (a record of the logger, an epoch of the receiver) that does not arrive as it should."""
+    """Damage of a message (a record of the logger, an epoch of the receiver)."""
 
     kind: Literal["missing", "twice", "wrong_checksum", "no_checksum", "cut_short", "split", "garbage"]
-    """``missing``: it is lost; ``twice``: it comes twice; ``wrong_checksum``: one digit has changed;
-    ``no_checksum``: it ends before the star; ``cut_short``: it breaks off, and the next follows without a line
-    end; ``split``: its second half comes half a second later; ``garbage``: a line of random bytes precedes it."""
+    """``missing``: the message is lost; ``twice``: it arrives twice; ``wrong_checksum``: one digit is changed;
+    ``no_checksum``: the line ends before the star; ``cut_short``: the line is truncated and lacks its line end;
+    ``split``: the second half arrives 0.5 s later; ``garbage``: a line of random bytes precedes the message."""
 
 
 class LinkFaults(Section):
-    """What happens to one connection."""
+    """Faults of one connection."""
 
     outages: tuple[Outage, ...] = ()
-    """Times during which it does not deliver."""
+    """Periods without delivery."""
     damages: tuple[Damage, ...] = ()
-    """Single messages that it spoils."""
+    """Damages of single messages."""
 
 
 class GnssFaults(LinkFaults):
-    """What happens to the GNSS receiver and its connection."""
+    """Faults of the GNSS receiver and its connection."""
 
     no_fix: tuple[Span, ...] = ()
-    """When the receiver does not know where it is."""
+    """Periods without a position fix."""
 
 
 class Scenario(Section):
-    """What goes wrong in a mission; nothing by default."""
+    """Faults in a mission; none by default."""
 
     title: str = "nothing goes wrong"
-    """Shown in the log."""
+    """Title for the log."""
     navigation: NavigationFaults = NavigationFaults()
     """Behaviour of the navigation."""
     logger: LinkFaults = LinkFaults()
@@ -132,8 +132,8 @@ class Scenario(Section):
 
 
 def load_scenario(name: str) -> Scenario:
-    """A scenario by the name of a shipped file or by path; empty for a mission in which nothing goes wrong.
+    """Load a scenario by shipped name or path; an empty name means no faults.
 
-    :raises InputError: if there is no such file, or with every mistake in it
+    :raises InputError: if the file does not exist; otherwise with every mistake in it
     """
     return load_model(resource("scenarios", name), Scenario) if name else Scenario()

@@ -1,4 +1,4 @@
-"""Simulated time that follows the wall clock, faster, but never in leaps."""
+"""Simulated time that follows the wall clock at a factor and never jumps."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from soilmoist_ros.foundation.errors import InputError
 
 
 class SimulatedTime:
-    """Tells how far a simulation may advance.
+    """Computes how far a simulation may advance.
 
-    When the machine is too busy, simulated time falls behind instead of leaping: the programs that take part
-    are as late as the simulation is, and must not find themselves minutes later between two messages.
+    On a busy machine, simulated time falls behind instead of jumping. The nodes are then as late as the
+    simulation, so a jump would let their messages time out.
 
     :param speed: simulated seconds per second of the wall clock, > 0
-    :param longest_step_s: the most of the wall clock's time that one step makes up for [s], > 0
+    :param longest_step_s: maximum wall-clock time that one step covers [s], > 0
     """
 
     def __init__(self, speed: float, longest_step_s: float) -> None:
@@ -28,9 +28,9 @@ class SimulatedTime:
         self._wall_s = math.inf
 
     def advance(self, wall_s: float) -> float:
-        """Go on until a time of the wall clock [s], and give the simulated time [s].
+        """Advance to a wall-clock time [s] and return the simulated time [s].
 
-        It begins with the first call.
+        Simulated time starts at 0 with the first call.
         """
         passed_s = min(max(wall_s - self._wall_s, 0.0), self._longest_step_s)
         self.now_s += passed_s * self._speed
@@ -39,15 +39,17 @@ class SimulatedTime:
 
 
 def read_start_time(text: str) -> float:
-    """Time in seconds since 1970 UTC of an ISO 8601 text, UTC unless it says otherwise.
+    """Seconds since 1970 UTC of an ISO 8601 text; UTC unless the text has an offset.
 
-    :raises InputError: if it is none, or before 1970
+    :raises InputError: if the text is no ISO 8601 time, or a time before 1970
     """
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
-        raise InputError(f"the start time {text!r} is no time", "write it like 2026-06-01T06:00:00Z") from None
+        raise InputError(
+            f"the start time {text!r} is no ISO 8601 time", "write it like 2026-06-01T06:00:00Z"
+        ) from None
     stamp_s = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
     if stamp_s <= 0:
-        raise InputError(f"the start time {text!r} lies before 1970", "choose a later one")
+        raise InputError(f"the start time {text!r} is before 1970", "choose a later one")
     return stamp_s

@@ -33,10 +33,10 @@ class VirtualGnss:
         """Sentences of one epoch.
 
         :param elapsed_s: time since the start [s]
-        :param xy: true place [m]
-        :param has_fix: whether there are enough satellites
+        :param xy: true position [m]
+        :param has_fix: whether the receiver has a position fix
         """
-        noise = self._rng.normal(0.0, self._sd_m, 2)  # drawn in any case: a lost fix changes nothing later on
+        noise = self._rng.normal(0.0, self._sd_m, 2)  # always drawn: a lost fix must not change later noise
         if not has_fix:
             return sentences_without_fix(self._start_s + elapsed_s)
         latitude, longitude = self._frame.to_geographic(np.array(xy) + noise)[0].tolist()
@@ -47,7 +47,7 @@ def nmea_sentences(stamp_s: float, position: Position) -> list[str]:
     """RMC, GGA and GST of one epoch of an RTK receiver; times are written to 0.01 s.
 
     :param stamp_s: time of the epoch [s since 1970 UTC]
-    :param position: where it is, with a standard deviation
+    :param position: position with its standard deviation
     """
     clock, date = _clock_and_date(stamp_s)
     latitude, north = _degrees_minutes(position.latitude_deg, 2), "N" if position.latitude_deg >= 0 else "S"
@@ -63,7 +63,7 @@ def nmea_sentences(stamp_s: float, position: Position) -> list[str]:
 
 
 def sentences_without_fix(stamp_s: float) -> list[str]:
-    """RMC and GGA of an epoch for which the receiver knows the time, but not the place.
+    """RMC and GGA of an epoch with a time but no position.
 
     :param stamp_s: time of the epoch [s since 1970 UTC]
     """

@@ -1,4 +1,4 @@
-"""A simulated neutron logger: the lines that the robot's sensor would send."""
+"""A simulated neutron logger: its lines have the format of the real logger."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _NOWHERE = (math.nan, math.nan)
 
 
 class VirtualLogger:
-    """Writes the counts of a virtual sensor as the robot's logger does.
+    """Writes the counts of a virtual sensor in the format of the robot's logger.
 
-    The sensor counts for all tubes together, with its own randomness, so that it counts the same as in a
-    simulation without a logger; the counts are then dealt out to the tubes, which leaves them Poisson.
+    The sensor counts for all tubes together from a separate random stream. Its counts therefore equal those of
+    a simulation without a logger. A multinomial draw divides them among the tubes, which keeps them Poisson.
 
     :param sensor: the sensor
     :param start_s: time at which the simulation begins [s since 1970 UTC]
@@ -38,7 +38,7 @@ class VirtualLogger:
 
     @property
     def header(self) -> list[str]:
-        """Lines that each client gets first."""
+        """Lines that each client receives first."""
         return format_header("virtual", self._sensor.cadence_s, simulated=True).split("\n")
 
     def record(self, elapsed_s: float, path_xy: Array) -> LoggerRecord:
@@ -61,6 +61,6 @@ class VirtualLogger:
         )
 
     def lines(self, record: LoggerRecord) -> list[str]:
-        """What is sent for a record: now and then the header again, and its line."""
+        """Lines of a record; every :data:`RECORDS_PER_HEADER` records the header precedes them again."""
         repeated = record.record_number > 1 and record.record_number % RECORDS_PER_HEADER == 1
         return [*(self.header if repeated else []), format_record(record)]

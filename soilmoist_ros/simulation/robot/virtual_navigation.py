@@ -1,4 +1,4 @@
-"""A simulated topological navigation: goals by the name of a node, localisation, and its surprises."""
+"""A simulated topological navigation: goals by node name, localisation, and faults."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 Array = NDArray[np.float64]
 
 NOWHERE = "none"
-"""What ``current_node`` says between nodes."""
+"""Value of ``current_node`` between nodes."""
 REACTION_S = 1.0
-"""Time in which the navigation notices that there is nothing to do for a goal [s]."""
+"""Time until a goal ends that needs no motion [s]."""
 
 
 class Outcome(enum.Enum):
-    """How a goal ends; the numbers are those of action_msgs/GoalStatus."""
+    """Final status of a goal, numbered as in action_msgs/GoalStatus."""
 
     SUCCEEDED = 4
     CANCELED = 5
@@ -40,8 +40,8 @@ class GoalEnded:
     """A goal has ended.
 
     :param goal_id: number of the goal
-    :param outcome: status that the client is told
-    :param success: result that the client is told; the two may disagree
+    :param outcome: status in the result for the client
+    :param success: success flag in the result; it may contradict the status
     """
 
     goal_id: int
@@ -59,10 +59,10 @@ class OnRoute:
 
 @dataclass(frozen=True, slots=True)
 class Localised:
-    """Where the navigation believes the robot to be.
+    """Position of the robot as the navigation reports it.
 
     :param closest: nearest node
-    :param current: the node in whose zone it is, :data:`NOWHERE` if in none
+    :param current: node whose zone contains the robot, :data:`NOWHERE` if none does
     """
 
     closest: str
@@ -71,7 +71,7 @@ class Localised:
 
 @dataclass(frozen=True, slots=True)
 class ServerPresent:
-    """Whether there is a navigation server from now on."""
+    """The navigation server has appeared or disappeared."""
 
     present: bool
 
@@ -80,14 +80,14 @@ NavigationEvent = GoalEnded | OnRoute | Localised | ServerPresent
 
 
 class VirtualNavigation:
-    """Takes goals and drives the robot; time is that since the start of the simulation.
+    """Accepts goals and drives the robot. Times count from the start of the simulation.
 
-    What happens, because of time or because of a request, is told by :meth:`happened`. Whether there is a server
-    to ask at the moment is told by ``present``.
+    :meth:`happened` returns the events that time or requests have caused. ``present`` is whether the navigation
+    server exists at the moment.
 
     :param travel: travel graph, and how the robot moves on it
     :param robot: the robot
-    :param faults: how it misbehaves
+    :param faults: faults to simulate
     :param rng: source of all randomness
     """
 
@@ -110,12 +110,12 @@ class VirtualNavigation:
 
     @property
     def next_s(self) -> float:
-        """When something happens next [s]; inf if nothing will."""
+        """Time of the next event [s]; inf if none is scheduled."""
         queues = (self._ahead[:1], list(self._sightings)[:1])
         return min([*(queue[0][0] for queue in queues if queue), self._turns[0] if self._turns else math.inf])
 
     def accept(self, now_s: float, target: str) -> int | None:
-        """Take a goal; one under way is given up.
+        """Accept a goal; an active goal is replaced.
 
         :param now_s: time [s]
         :param target: name of the node to go to
@@ -137,9 +137,9 @@ class VirtualNavigation:
         return self._goal_id
 
     def cancel(self, now_s: float, goal_id: int) -> bool:
-        """Give up a goal at the client's request.
+        """Cancel a goal at the client's request.
 
-        :returns: whether the answer says so; the goal may have been given up all the same
+        :returns: whether the response confirms it; a fault may hide a successful cancellation
         """
         if goal_id != self._goal_id:
             return False
@@ -149,11 +149,11 @@ class VirtualNavigation:
         return accepted
 
     def drive(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> float | None:
-        """Drive to a place that is no node, without a goal to report to; a goal under way is given up.
+        """Drive to a position off the graph, without a goal; an active goal is replaced.
 
         :param now_s: time [s]
-        :param xy: place to go to [m]
-        :param travel: how to get there
+        :param xy: target position [m]
+        :param travel: travel model for the route
         :returns: time of arrival [s], ``None`` if it cannot be reached
         """
         try:
@@ -164,7 +164,7 @@ class VirtualNavigation:
         return self._robot.go(now_s, way)
 
     def look(self, now_s: float) -> None:
-        """Look where the robot is; it becomes known with some delay."""
+        """Localise the robot; the result is reported after the localisation delay."""
         here = np.array(self._robot.at(now_s))
         closest = self._graph.nearest(here)
         distance = float(np.hypot(*(self._graph.xy[self._graph.index(closest)] - here)))
@@ -178,7 +178,7 @@ class VirtualNavigation:
         self._sightings.append((due_s, sighting))
 
     def happened(self, now_s: float) -> list[NavigationEvent]:
-        """What has happened by now, in order."""
+        """Events up to now, in order."""
         events: list[NavigationEvent] = []
         while self._turns and self._turns[0] <= now_s:
             present = self._present_at(self._turns.popleft())
@@ -204,7 +204,7 @@ class VirtualNavigation:
         return not any(span.covers(now_s) for span in self._faults.absent)
 
     def _set_out(self, now_s: float, target: str, fault: GoalFault | None) -> None:
-        """Drive to a node, as far as faults permit."""
+        """Drive to a node, or up to the first fault."""
         assert self._goal_id is not None
         here = self._robot.at(now_s)
         nodes = self._graph.path(self._graph.nearest(here), target)
@@ -226,7 +226,7 @@ class VirtualNavigation:
             self._end_at(arrival_s, Outcome.SUCCEEDED)
 
     def _supersede(self, now_s: float) -> None:
-        """Stop the robot, and end the goal under way because something newer takes its place."""
+        """Stop the robot and end the active goal in favour of a newer request."""
         self._robot.stop(now_s)
         if self._goal_id is not None:
             success = self._faults.superseded == "success"
@@ -235,7 +235,7 @@ class VirtualNavigation:
     def _end_now(self, now_s: float, outcome: Outcome, success: bool) -> None:
         assert self._goal_id is not None
         goal_id, self._goal_id = self._goal_id, None
-        # What has ended already stays to be told; what was still to come does not.
+        # Ends of earlier goals stay scheduled; events of this goal are dropped.
         self._ahead = [(due_s, event) for due_s, event in self._ahead if getattr(event, "goal_id", 0) != goal_id]
         self._plan(now_s, GoalEnded(goal_id, outcome, success))
 

@@ -1,4 +1,4 @@
-"""A simulated robot: where it is at each time on its way."""
+"""A simulated robot: its position at each time on its route."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Array = NDArray[np.float64]
 class VirtualRobot:
     """Drives one polyline at a time.
 
-    Turning is spread evenly over the way; the stop overhead is spent standing at its end.
+    Turning time is spread evenly over the route. The robot spends the stop overhead at the end of the route.
 
-    :param motion: how it moves
-    :param xy: where it starts [m]
+    :param motion: speed, turning time and stop overhead
+    :param xy: start position [m]
     """
 
     def __init__(self, motion: RobotMotion, xy: tuple[float, float]) -> None:
@@ -29,10 +29,10 @@ class VirtualRobot:
         self._before_m = 0.0
 
     def go(self, now_s: float, way: Array) -> float:
-        """Set out on a way; a way under way is left where the robot is.
+        """Start a route from the current position; the previous route ends there.
 
         :param now_s: time [s]
-        :param way: corners, shape (p, 2), starting where the robot is [m]
+        :param way: corners of the route, shape (p, 2), from the position of the robot [m]
         :returns: time of arrival, stop overhead included [s]
         """
         self.stop(now_s)
@@ -45,7 +45,7 @@ class VirtualRobot:
         return now_s + self._drive_s + self.motion.stop_overhead_s
 
     def stop(self, now_s: float) -> None:
-        """Stay where it is."""
+        """Stop at the current position."""
         here = self.at(now_s)
         length = self._length_at(now_s)
         passed = [(float(x), float(y)) for x, y in self._way[1:][self._along_m[1:] < length]]
@@ -54,7 +54,7 @@ class VirtualRobot:
         self._way, self._along_m, self._drive_s = np.array([here]), np.zeros(1), 0.0
 
     def at(self, now_s: float) -> tuple[float, float]:
-        """Place at a time of the current way [m]."""
+        """Position at a time of the current route [m]."""
         if self._stands(now_s):
             x, y = self._way[-1]
         else:
@@ -63,13 +63,13 @@ class VirtualRobot:
         return float(x), float(y)
 
     def places(self, times_s: Array) -> Array:
-        """Places at times of the current way, in order of time or against it, shape (n, 2) [m].
+        """Positions at ascending or descending times of the current route, shape (n, 2) [m].
 
-        Only one, of shape (1, 2), if it stands all the time.
+        A robot at rest for the whole time returns one position, shape (1, 2).
         """
         if self._stands(float(min(times_s[0], times_s[-1]))):
             return self._way[-1:]
-        # Limited before it is divided: a way may be almost without length, and its quotient then no number.
+        # Clip before the division: a route of almost no length would otherwise give NaN.
         share = np.minimum(np.maximum(times_s - self._start_s, 0.0), self._drive_s) / self._drive_s
         length = share * self._along_m[-1]
         return np.array([np.interp(length, self._along_m, axis) for axis in self._way.T]).T
@@ -79,7 +79,7 @@ class VirtualRobot:
         return self._before_m + self._length_at(now_s)
 
     def _stands(self, now_s: float) -> bool:
-        """Whether it is at the end of its way."""
+        """Whether the robot is at the end of its route."""
         return self._drive_s <= 0 or now_s - self._start_s >= self._drive_s
 
     def _length_at(self, now_s: float) -> float:

@@ -1,4 +1,4 @@
-"""A simulated neutron sensor: what it counts where the robot is."""
+"""A simulated neutron sensor that counts at the position of the robot."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 class VirtualSensor:
     """Counts neutrons over a surrogate field.
 
-    The true rate is divided by the correction factors of the weather; the record carries the factors as a
-    driver would find them from the logged weather, so the weather is applied and undone.
+    The true rate is divided by the correction factors of the weather. The record has the factors that a driver
+    computes from the logged weather, so the correction restores the true rate.
 
     :param field: field to measure
     :param rng: source of all randomness
     :param cadence_s: duration of a record [s], > 0
-    :param footprint_m: radius of a Gaussian footprint [m], with 86 % of the counts from within it (two standard
-        deviations); 0 for a sensor that sees its own place only
+    :param footprint_m: radius of a Gaussian footprint [m], which contains 86 % of the counts (two standard
+        deviations); 0 for a point sensor
     :param weather: whether the weather changes
     """
 
@@ -44,11 +44,11 @@ class VirtualSensor:
         self.rng = rng
         self.cadence_s = cadence_s
         self.weather = weather
-        self._stood: tuple[list[float], float] = [], math.nan  # the last place and rate without motion
+        self._stood: tuple[list[float], float] = [], math.nan  # last position and rate at rest
         self._offsets, self._weights = _gaussian_footprint(footprint_m)
 
     def rate_at(self, xy: Array) -> Array:
-        """True rate that the sensor sees at places of shape (n, 2), its footprint included [counts/s]."""
+        """True rate, averaged over the footprint, at positions of shape (n, 2) [counts/s]."""
         if len(self._weights) == 1:
             return self.field.rate_at(xy)
         seen = (xy[:, None, :] + self._offsets).reshape(-1, 2)
@@ -58,11 +58,11 @@ class VirtualSensor:
         """The record of the counting interval that ends at ``end_s``.
 
         :param end_s: end of the interval [s]
-        :param path_xy: places at evenly spaced times within the interval, shape (m, 2) [m]; one is enough where
-            it stands
-        :param reported_xy: place at its middle as the GNSS reports it [m]
+        :param path_xy: positions at evenly spaced times within the interval, shape (m, 2) [m]; one is enough at
+            rest
+        :param reported_xy: position at the middle of the interval as the GNSS reports it [m]
         """
-        # Standing still, every place of the path is the same one, and often that of the record before.
+        # At rest, all positions of the path are equal, and often equal to those of the previous record.
         begin, end = path_xy[0].tolist(), path_xy[-1].tolist()
         if begin != end:
             rate = float(self.rate_at(path_xy).mean())

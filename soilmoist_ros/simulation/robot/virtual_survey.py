@@ -1,4 +1,4 @@
-"""A robot surveys a surrogate field; its logger and its GNSS write what the real ones would.
+"""A simulated survey of a surrogate field, with the files of a real logger and GNSS receiver.
 
 ``python -m soilmoist_ros.simulation.robot.virtual_survey --out DIR`` writes ``survey.log`` (records of the robot's
 logger), ``survey.nmea`` and the field and site files that ``soilmoist map`` needs.
@@ -31,27 +31,27 @@ HEADER_EVERY = 60
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Where the robot is at each time.
+    """Position of the robot over time.
 
     :param elapsed_s: times of the corner points [s], shape (n,), ascending from 0
-    :param xy_m: places at these times [m], shape (n, 2); straight and even between them
+    :param xy_m: positions at these times [m], shape (n, 2); linear in between
     """
 
     elapsed_s: NDArray[np.float64]
     xy_m: NDArray[np.float64]
 
     def at(self, elapsed_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Places at any times [m], shape (k, 2)."""
+        """Positions at given times [m], shape (k, 2)."""
         return np.column_stack([np.interp(elapsed_s, self.elapsed_s, axis) for axis in self.xy_m.T])
 
 
 @dataclass(frozen=True)
 class VirtualLog:
-    """What the robot's devices wrote.
+    """Output of the devices of the robot.
 
     :param logger_lines: lines of the neutron logger
     :param nmea_lines: sentences of the GNSS receiver
-    :param records: the same records before they were written
+    :param records: the records in these lines
     """
 
     logger_lines: list[str]
@@ -60,9 +60,9 @@ class VirtualLog:
 
 
 def stop_and_go(stops: NDArray[np.float64], dwell_s: float, speed_mps: float = 0.6) -> Trajectory:
-    """Drive from stop to stop in straight lines and stand at each.
+    """Drive from stop to stop in straight lines and pause at each.
 
-    :param stops: places to stand at [m], shape (n, 2), n >= 1
+    :param stops: positions of the stops [m], shape (n, 2), n >= 1
     :param dwell_s: time at each stop [s], > 0
     :param speed_mps: speed between stops [m/s], > 0
     """
@@ -84,13 +84,13 @@ def serpentine(polygon: NDArray[np.float64], spacing_m: float) -> NDArray[np.flo
 def simulate_log(
     field: SurrogateField, trajectory: Trajectory, rng: np.random.Generator, position_sd_m: float = 0.02
 ) -> VirtualLog:
-    """Count along a trajectory, under a changing weather.
+    """Count along a trajectory in changing weather.
 
-    The true rate at the robot is divided by the correction factors of the weather, so that correcting the record
-    leads back to it; every tube counts its share of it as a Poisson variable.
+    The true rate at the robot is divided by the correction factors of the weather, so the correction restores
+    it. Each tube counts its share of the rate as a Poisson variable.
 
     :param field: field to measure
-    :param trajectory: where the robot is
+    :param trajectory: position of the robot over time
     :param rng: source of all randomness
     :param position_sd_m: GNSS noise of each coordinate [m]
     """
@@ -134,11 +134,11 @@ def _nmea(field: SurrogateField, trajectory: Trajectory, rng: np.random.Generato
 
 
 def write_survey(folder: Path, seed: int, spacing_m: float = 10.0, dwell_s: float = 120.0) -> SurrogateField:
-    """Survey the half wet field and write the log, the NMEA and the files that ``soilmoist map`` needs.
+    """Survey the half-wet field and write the log, the NMEA and the files that ``soilmoist map`` needs.
 
-    :param folder: folder to write to; it is made if missing
+    :param folder: folder to write to; created if missing
     :param seed: seed of all randomness
-    :param spacing_m: distance of stops and lines [m]
+    :param spacing_m: distance between stops and between lines [m]
     :param dwell_s: time at each stop [s]
     """
     field = half_wet_field()

@@ -1,4 +1,4 @@
-"""The weather of a simulated day, and what it does to the counts."""
+"""The weather of a simulated day and its effect on the counts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from soilmoist_ros.sensing.corrections.factors import Corrections
 
 @dataclass(frozen=True, slots=True)
 class Weather:
-    """Weather as a logger writes it.
+    """Weather as a logger records it.
 
     :param pressure_hpa: air pressure [hPa]
     :param temperature_degc: air temperature [degC]
@@ -31,7 +31,7 @@ class Weather:
 
 
 def warming_morning(elapsed_s: float) -> Weather:
-    """Weather of a morning that warms up and dries, with a slow swing of the pressure; rounded as logged."""
+    """Weather of a warming, drying morning with slowly varying pressure, rounded as in the log."""
     hours = elapsed_s / 3600
     return Weather(
         pressure_hpa=round(1009.0 + 2.5 * math.sin(0.8 * hours), 1),
@@ -44,11 +44,11 @@ def warming_morning(elapsed_s: float) -> Weather:
 def morning_factors(elapsed_s: float) -> tuple[float, float]:
     """Correction factors of :func:`warming_morning` for pressure and humidity by the default corrections [-].
 
-    Kept, because the records of all missions of a campaign end at the same times.
+    The cache is effective because the records of all missions of a campaign end at the same times.
     """
     return warming_morning(elapsed_s).factors(Corrections())
 
 
 def neutral_weather(elapsed_s: float) -> Weather:
-    """Weather at which the default corrections are 1: reference pressure, dry air; always the same."""
+    """Constant weather for which the default corrections are 1: reference pressure, dry air."""
     return Weather(pressure_hpa=1013.25, temperature_degc=15.0, relative_humidity=0.0)

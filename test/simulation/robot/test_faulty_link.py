@@ -23,7 +23,7 @@ def line(number):
 
 
 def outputs(messages=10, **faults):
-    """What comes out when a record is sent every 10 s, with the time at which it does."""
+    """Output of a link that sends a record every 10 s, with arrival times."""
     link = FaultyLink("logger", LinkFaults.model_validate(faults), np.random.default_rng(1))
     found, time_s = [], 0.0
     for number in range(1, messages + 1):
@@ -63,7 +63,7 @@ def test_a_good_link_delivers_everything_at_once():
         ("garbage", [], {Kind.CHECKSUM}),
     ],
 )
-def test_damages_cost_what_they_say_and_never_invent_a_record(kind, lost, noticed):
+def test_damages_lose_the_expected_records_and_never_invent_one(kind, lost, noticed):
     numbers, problems = read(outputs(damages=[{"kind": kind, "nth": 4}]))
     assert numbers == [number for number in range(1, 11) if number not in lost]
     assert problems == noticed
@@ -80,20 +80,20 @@ def test_a_split_message_comes_in_two_parts():
     assert (found[3][1] + found[4][1]).decode() == line(4) + "\r\n"
 
 
-def test_a_cut_closes_the_link_and_loses_what_comes_meanwhile():
+def test_a_cut_closes_the_link_and_loses_the_messages_sent_meanwhile():
     found = outputs(outages=[{"kind": "cut", "at_s": 25, "for_s": 20}])
     turns = [(time_s, output.reachable) for time_s, output in found if isinstance(output, Reachable)]
     assert turns == [(25, False), (45, True)]
     assert read(found)[0] == [1, 2, 5, 6, 7, 8, 9, 10]
 
 
-def test_cuts_that_touch_are_one():
+def test_adjacent_cuts_are_merged():
     found = outputs(outages=[{"kind": "cut", "at_s": 25, "for_s": 20}, {"kind": "cut", "at_s": 35, "for_s": 30}])
     turns = [(time_s, output.reachable) for time_s, output in found if isinstance(output, Reachable)]
     assert turns == [(25, False), (65, True)]
 
 
-def test_silence_loses_without_a_word():
+def test_silence_loses_messages_without_closing_the_link():
     found = outputs(outages=[{"kind": "silence", "at_s": 25, "for_s": 20}])
     assert all(isinstance(output, Sent) for _, output in found)
     assert read(found) == ([1, 2, 5, 6, 7, 8, 9, 10], {Kind.GAP})
@@ -105,7 +105,7 @@ def test_a_stall_loses_nothing():
     assert read(found) == (list(range(1, 11)), set())
 
 
-def test_the_line_that_is_struck_can_be_chosen():
+def test_the_damaged_line_can_be_chosen():
     link = FaultyLink("gnss", LinkFaults(damages=[{"kind": "no_checksum", "nth": 1}]), np.random.default_rng(1))
     link.send(0.0, ["$A*00", "$B*11", "$C*22"], spoilt=1)
     assert link.receive(0.0) == [Sent("gnss", b"$A*00\r\n$B\r\n$C*22\r\n")]
@@ -125,7 +125,7 @@ damage = st.fixed_dictionaries(
 
 @pytest.mark.slow
 @given(st.lists(outage, max_size=4), st.lists(damage, max_size=5))
-def test_whatever_happens_time_and_records_stay_in_order(outages, damages):
+def test_faults_keep_time_and_records_in_order(outages, damages):
     found = outputs(outages=outages, damages=damages)
     times = [time_s for time_s, _ in found]
     assert times == sorted(times)

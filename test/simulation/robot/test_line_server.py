@@ -31,7 +31,7 @@ def connect(server):
     return client
 
 
-def test_all_clients_get_the_greeting_and_then_the_same(server):
+def test_all_clients_receive_the_greeting_and_the_same_bytes(server):
     with connect(server) as early:
         server.send(b"one\n")
         with connect(server) as late:
@@ -41,10 +41,10 @@ def test_all_clients_get_the_greeting_and_then_the_same(server):
 
 
 @pytest.mark.parametrize("rude", [False, True])
-def test_clients_may_leave(server, rude):
+def test_clients_may_disconnect(server, rude):
     with connect(server) as stays:
         leaves = connect(server)
-        leaves.sendall(b"a client may say what it likes\n")
+        leaves.sendall(b"input of a client is ignored\n")
         if rude:  # a reset, as of a process that was killed
             leaves.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
         leaves.close()
@@ -53,14 +53,14 @@ def test_clients_may_leave(server, rude):
         assert stays.makefile("rb").read(10) == b"hello\none\n"
 
 
-def test_a_client_that_takes_nothing_holds_up_nobody(server, monkeypatch):
+def test_a_client_that_reads_nothing_does_not_block_the_others(server, monkeypatch):
     monkeypatch.setattr(line_server, "LARGEST_BACKLOG", 1000)
     with connect(server) as sleeps:
         with connect(server) as listens:
             stream = listens.makefile("rb")
             assert stream.readline() == b"hello\n"
             line = b"x" * 65535 + b"\n"
-            for _ in range(400):  # more than the buffers of the system hold
+            for _ in range(400):  # more than the system buffers
                 server.send(line)
                 assert stream.readline() == line
                 if server.clients == 1:
@@ -69,7 +69,7 @@ def test_a_client_that_takes_nothing_holds_up_nobody(server, monkeypatch):
         assert sleeps.recv(6) == b"hello\n"
 
 
-def test_what_a_slow_client_did_not_take_comes_later(server):
+def test_a_slow_client_receives_the_remaining_bytes_later(server):
     with connect(server) as slow:
         text = b"".join(b"%07d\n" % number for number in range(100_000))
         server.send(text)
@@ -88,7 +88,7 @@ def test_what_a_slow_client_did_not_take_comes_later(server):
         assert got[6:] == text
 
 
-def test_nobody_gets_in_while_it_cannot_be_reached(server):
+def test_an_unreachable_server_refuses_clients(server):
     before = connect(server)
     server.set_reachable(False)
     with before:
@@ -108,14 +108,14 @@ def test_nobody_gets_in_while_it_cannot_be_reached(server):
     connect(server).close()
 
 
-def test_a_port_in_use_is_said(server):
+def test_a_port_in_use_is_reported(server):
     with pytest.raises(InputError, match=r"the receiver cannot listen on 127.0.0.1:\d+.*or 0 for a free one"):
         LineServer("receiver", *server.address)
 
 
-def test_the_ports_file_says_where_to_connect(server, tmp_path):
+def test_the_ports_file_has_the_addresses(server, tmp_path):
     path = tmp_path / "new" / "ports.json"
     write_ports_file({"logger": server.address}, path)
-    told = json.loads(path.read_text())["logger"]
-    assert (told["host"], told["port"]) == server.address
+    written = json.loads(path.read_text())["logger"]
+    assert (written["host"], written["port"]) == server.address
     assert [file.name for file in path.parent.iterdir()] == ["ports.json"]

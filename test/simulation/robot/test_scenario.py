@@ -8,17 +8,17 @@ from soilmoist_ros.simulation.robot.scenario import Occasion, Scenario, Span, lo
 
 
 @pytest.mark.parametrize("name", resource_names("scenarios"))
-def test_shipped_scenarios_say_what_they_are_about_and_do_something(name):
+def test_shipped_scenarios_have_a_title_and_faults(name):
     scenario = load_scenario(name)
     assert scenario.title != Scenario().title
     assert scenario.model_copy(update={"title": Scenario().title}) != Scenario()
 
 
-def test_without_a_name_nothing_goes_wrong():
+def test_an_empty_name_means_no_faults():
     assert load_scenario("") == Scenario()
 
 
-def test_an_unknown_name_is_answered_with_the_known_ones():
+def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(InputError, match=r"bad_link, thorvald.*did you mean 'thorvald'"):
         load_scenario("torvald")
 
@@ -36,7 +36,7 @@ def test_an_unknown_name_is_answered_with_the_known_ones():
         ("logger: {no_fix: []}", "unknown key 'no_fix'"),
     ],
 )
-def test_mistakes_are_named_with_their_place(tmp_path, text, message):
+def test_mistakes_are_reported_with_their_location(tmp_path, text, message):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message):
@@ -44,11 +44,11 @@ def test_mistakes_are_named_with_their_place(tmp_path, text, message):
 
 
 @given(st.integers(1, 50), st.integers(1, 50), st.integers(1, 300))
-def test_an_occasion_comes_first_at_nth_and_then_every_so_many(nth, every, number):
+def test_an_occasion_hits_nth_and_then_every_given_interval(nth, every, number):
     assert Occasion(nth=nth).hits(number) == (number == nth)
     assert Occasion(nth=nth, every=every).hits(number) == (number in range(nth, 301, every))
 
 
-def test_a_span_is_over_at_its_end():
+def test_a_span_excludes_its_end():
     span = Span(at_s=10, for_s=5)
     assert [span.covers(time_s) for time_s in (9.9, 10, 14.9, 15)] == [False, True, True, False]

@@ -6,19 +6,19 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
 
 
-def test_it_follows_the_wall_clock_at_its_speed():
+def test_simulated_time_follows_the_wall_clock_at_its_speed():
     time = SimulatedTime(speed=60, longest_step_s=0.1)
     assert [time.advance(wall_s) for wall_s in (5.0, 5.05, 5.1, 5.15)] == pytest.approx([0, 3, 6, 9])
 
 
-def test_it_begins_with_the_first_call():
+def test_simulated_time_starts_with_the_first_call():
     time = SimulatedTime(speed=10, longest_step_s=0.1)
     assert time.advance(100.0) == 0.0
     assert time.advance(100.05) == pytest.approx(0.5)
 
 
 @given(st.lists(st.floats(-1, 100), max_size=20), st.floats(0.01, 10_000), st.floats(0.001, 1))
-def test_whatever_the_machine_does_it_neither_leaps_nor_goes_back(pauses, speed, longest_s):
+def test_pauses_of_the_machine_cause_no_jumps(pauses, speed, longest_s):
     time = SimulatedTime(speed, longest_s)
     wall_s = 0.0
     before = time.advance(wall_s)
@@ -30,7 +30,7 @@ def test_whatever_the_machine_does_it_neither_leaps_nor_goes_back(pauses, speed,
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_speed_that_makes_no_sense_is_refused(bad):
+def test_an_invalid_speed_is_rejected(bad):
     with pytest.raises(ValueError, match="speed must be > 0"):
         SimulatedTime(bad, 0.1)
 

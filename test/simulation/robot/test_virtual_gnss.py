@@ -23,7 +23,7 @@ def read(lines):
 
 @settings(deadline=None)
 @given(st.floats(-89.99, 89.99), st.floats(-179.99, 179.99), st.integers(10**11, 3 * 10**11))
-def test_what_is_written_is_read(latitude, longitude, hundredths):
+def test_written_positions_are_read_back(latitude, longitude, hundredths):
     fix = read(nmea_sentences(hundredths / 100, Position(latitude, longitude, 30.0, 0.02)))[0]
     assert fix.position.latitude_deg == pytest.approx(latitude, abs=2e-9)
     assert fix.position.longitude_deg == pytest.approx(longitude, abs=2e-9)
@@ -32,7 +32,7 @@ def test_what_is_written_is_read(latitude, longitude, hundredths):
     assert fix.status is FixStatus.RTK
 
 
-def test_noise_is_as_large_as_the_receiver_says():
+def test_noise_matches_the_reported_standard_deviation():
     gnss = VirtualGnss(FRAME, START_S, 0.05, np.random.default_rng(1))
     fixes = read([line for second in range(400) for line in gnss.sentences(float(second), (12.0, 34.0))])
     assert len(fixes) == 400
@@ -41,7 +41,7 @@ def test_noise_is_as_large_as_the_receiver_says():
     assert places.std(axis=0) == pytest.approx([0.05, 0.05], rel=4 / np.sqrt(800))
 
 
-def test_without_a_fix_it_tells_the_time_only_and_what_follows_is_the_same():
+def test_a_lost_fix_has_time_only_and_does_not_change_later_noise():
     def sentences(lost):
         gnss = VirtualGnss(FRAME, START_S, 0.05, np.random.default_rng(1))
         return [gnss.sentences(float(second), (1.0, 2.0), second not in lost) for second in range(6)]

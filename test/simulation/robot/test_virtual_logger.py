@@ -24,7 +24,7 @@ def read(logger, records):
     return parser, [record for record in found if record is not None]
 
 
-def test_lines_hold_the_counts_of_the_sensor():
+def test_lines_contain_the_counts_of_the_sensor():
     logger = VirtualLogger(sensor(), START_S, np.random.default_rng(9))
     records = [logger.record(10.0 * number, STANDING) for number in range(1, 131)]
     parser, found = read(logger, records)
@@ -38,7 +38,7 @@ def test_lines_hold_the_counts_of_the_sensor():
 
 
 @pytest.mark.parametrize("weather", [True, False])
-def test_the_weather_that_is_logged_is_that_which_was_applied(weather):
+def test_the_logged_weather_is_the_applied_weather(weather):
     logger = VirtualLogger(sensor(weather), START_S, np.random.default_rng(9))
     _, found = read(logger, [logger.record(10.0 * number, STANDING) for number in range(1, 40)])
     alone, corrections = sensor(weather), Corrections()
@@ -51,7 +51,7 @@ def test_the_weather_that_is_logged_is_that_which_was_applied(weather):
         assert (factor == 1) == (not weather)
 
 
-def test_the_tubes_count_about_alike():
+def test_the_tubes_have_similar_counts():
     logger = VirtualLogger(sensor(cadence_s=1000.0), START_S, np.random.default_rng(9))
     counts = np.array(logger.record(1000.0, STANDING).tube_counts)
     assert len(counts) == 12
@@ -59,7 +59,7 @@ def test_the_tubes_count_about_alike():
     assert counts.max() < 1.5 * counts.mean()
 
 
-def test_the_header_comes_again_with_every_sixtieth_record():
+def test_the_header_is_repeated_every_sixty_records():
     logger = VirtualLogger(sensor(), START_S, np.random.default_rng(9))
     lengths = [len(logger.lines(logger.record(10.0 * number, STANDING))) for number in range(1, 125)]
     assert [number for number, length in enumerate(lengths, start=1) if length > 1] == [61, 121]

@@ -28,7 +28,7 @@ GRAPH = TravelGraph.from_edges(NODES, [*ROADS, *((end, start) for start, end in 
 
 
 class Drive:
-    """A navigation, and all that happened, with the time at which it did."""
+    """A navigation with its events and their times."""
 
     def __init__(self, at=(0.0, 0.0), **faults):
         self.robot = VirtualRobot(MOTION, at)
@@ -73,7 +73,7 @@ class Drive:
         return pytest.approx(self.robot.at(self.now_s))
 
 
-def test_a_goal_takes_the_time_of_its_way_and_the_robot_is_there():
+def test_a_goal_ends_after_the_travel_time_at_its_target():
     drive = Drive(at=(0.0, 3.0))
     goal = drive.go("D")
     drive.until(100)
@@ -82,7 +82,7 @@ def test_a_goal_takes_the_time_of_its_way_and_the_robot_is_there():
     assert drive.of(OnRoute) == [(3.0 + 10 * n, OnRoute(goal, name)) for n, name in enumerate("ABCD")]
 
 
-def test_a_goal_where_the_robot_is_takes_the_overhead_only():
+def test_a_goal_at_the_robot_takes_only_the_overhead():
     drive = Drive()
     goal = drive.go("A")
     assert drive.until(100).ends == [(5.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
@@ -98,7 +98,7 @@ def test_cancelling_stops_the_robot():
     assert not drive.cancel(goal)
 
 
-def test_cancelling_can_look_rejected_and_works_all_the_same():
+def test_a_cancellation_that_looks_rejected_still_works():
     drive = Drive(cancel="looks_rejected")
     goal = drive.go("E")
     drive.until(12)
@@ -158,7 +158,7 @@ def test_a_hanging_goal_ends_when_it_is_cancelled():
     assert drive.until(10_001).ends == [(10_000, GoalEnded(goal, Outcome.CANCELED, False))]
 
 
-def test_an_edge_that_cannot_be_driven_stops_the_robot_where_it_begins():
+def test_a_blocked_edge_stops_the_robot_at_its_first_node():
     drive = Drive(failing_edges=[["B", "C"]])
     goal = drive.go("E")
     assert drive.until(100).ends == [(10.0, GoalEnded(goal, Outcome.ABORTED, False))]
@@ -168,7 +168,7 @@ def test_an_edge_that_cannot_be_driven_stops_the_robot_where_it_begins():
     assert drive.until(200).ends[-1][1].success
 
 
-def test_a_server_that_dies_says_nothing_and_the_robot_stops():
+def test_a_lost_server_sends_no_result_and_the_robot_stops():
     drive = Drive(absent=[{"at_s": 0, "for_s": 5}, {"at_s": 20, "for_s": 10}])
     assert not drive.navigation.present
     drive.until(4)
@@ -185,7 +185,7 @@ def test_a_server_that_dies_says_nothing_and_the_robot_stops():
     assert drive.go("A") == 2
 
 
-def test_the_robot_is_localised_when_something_changes():
+def test_localisation_reports_changes_only():
     drive = Drive()
     drive.go("B")
     drive.until(50, look_every_s=0.5)
@@ -195,7 +195,7 @@ def test_the_robot_is_localised_when_something_changes():
     ]  # fmt: skip
 
 
-def test_localisation_can_be_late_but_keeps_its_order():
+def test_delayed_localisation_keeps_its_order():
     prompt, late = Drive(), Drive(localisation_delay_s=[0, 3])
     for drive in (prompt, late):
         drive.go("E")
@@ -206,7 +206,7 @@ def test_localisation_can_be_late_but_keeps_its_order():
     assert max(delays) > 1
 
 
-def test_a_place_that_is_no_node_can_be_driven_to():
+def test_the_robot_can_drive_to_a_position_off_the_graph():
     drive = Drive()
     field = FreeTravel(MOTION, [[(-5, -5), (45, -5), (45, 5), (-5, 5)]])
     first = drive.go("E")

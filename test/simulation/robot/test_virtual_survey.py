@@ -26,7 +26,7 @@ def test_the_log_is_labelled_as_simulated(survey):
     assert log.simulated
 
 
-def test_nothing_is_lost_between_the_robot_and_the_counts(survey):
+def test_all_records_reach_the_counts(survey):
     field, _, processed = survey
     trajectory = stop_and_go(serpentine(field.polygon, 10.0), 120.0)
     written = simulate_log(field, trajectory, np.random.default_rng(3)).records
@@ -34,14 +34,14 @@ def test_nothing_is_lost_between_the_robot_and_the_counts(survey):
     assert [record.raw_counts for record in processed.records] == [int(sum(r.tube_counts)) for r in written]
 
 
-def test_records_are_placed_where_the_robot_was(survey):
+def test_records_have_the_positions_of_the_robot(survey):
     field, _, processed = survey
     trajectory = stop_and_go(serpentine(field.polygon, 10.0), 120.0)
     middle = 10.0 * np.arange(len(processed.records)) + 5.0
     np.testing.assert_allclose(processed.xy_m, trajectory.at(middle), atol=0.12)
 
 
-def test_correcting_the_counts_undoes_the_weather(survey):
+def test_the_correction_removes_the_effect_of_the_weather(survey):
     field, _, processed = survey
     expected = field.rate_at(processed.xy_m) * processed.effective_exposure_s
     # Pearson's statistic of Poisson counts is about chi-square with n degrees of freedom.
