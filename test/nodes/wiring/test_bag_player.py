@@ -152,7 +152,7 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
     [
         (["--start", 50], "there is nothing after 50 s -> the bag lasts 39.0 s"),
         (["--topics", "/nots"], "no topic matches '/nots' -> there are: /r/notes, /r/samples, /topological_map_2"),
-        (["--topics", "*"], "no regular expression"),
+        (["--topics", "*"], "is not a regular expression"),
     ],
 )
 def test_mistakes(play, notes_bag, options, said):
