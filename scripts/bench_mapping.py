@@ -41,7 +41,7 @@ sys.path.insert(0, str(ROOT))
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 
 PATIENCE_S = 30.0
-"""What takes longer in all is not repeated further."""
+"""Time limit after which a measurement is not repeated [s]."""
 SIDE_M, RANGE_M, SILL = 300.0, 40.0, 0.3
 COLUMNS = (
     "model", "n", "package", "seconds", "slowest_s", "ratio", "floors", "rate_difference", "variance_difference"
@@ -204,7 +204,7 @@ def pylibkriging(task: Task) -> Run | None:
 
 @dataclass(frozen=True)
 class Peer:
-    """A package, and how its task relates to ours."""
+    """A package and the differences of its task."""
 
     module: str
     distribution: str
@@ -277,7 +277,7 @@ def dtrsm_floor_s(n: int, cells: int) -> float:
 
 
 def roofline() -> str:
-    """What the machine can do, on one thread, in words."""
+    """Description of the machine's speed on one thread."""
     a = np.random.default_rng(0).random((1000, 1000))
     large = np.zeros(20_000_000)
 

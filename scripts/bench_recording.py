@@ -1,9 +1,9 @@
 """Benchmark of recording: how fast, how large, how safe.
 
-* messages/s that are taken without loss, small ones and large ones
+* messages/s without loss, small ones and large ones
 * bytes per mission hour
 * speed of recovery
-* messages lost by a kill, beside two usual writers: rosbags, and mcap with its own settings
+* messages lost by a kill, compared with two common writers: rosbags, and mcap with its default settings
 
 ``--quick`` takes smaller sizes. Needs no ROS. Results as JSON with ``--json FILE``.
 """
@@ -139,7 +139,7 @@ def recovery(source: Path, out: Path) -> dict[str, float]:
 
 
 def write_until_killed(kind: str, folder: Path, period_s: float) -> None:
-    """Write small messages at a steady rate with one of the writers, and tell the number of each."""
+    """Write small messages at a steady rate with one of the writers and print the number of each."""
     data = content(RECORD_BYTES, 0)
     stamp = START_NS
     if kind == "soilmoist_ros":
@@ -215,20 +215,20 @@ def main() -> None:
     seconds, fraction, kills = (1.0, 0.05, 2) if given.quick else (8.0, 1.0, 10)
     results: dict[str, object] = {}
 
-    def tell(name: str, result: dict[str, float]) -> None:
+    def report(name: str, result: dict[str, float]) -> None:
         results[name] = result
         print(f"{name}: " + ", ".join(f"{key} {value:.6g}" for key, value in result.items()), flush=True)
 
     with tempfile.TemporaryDirectory(dir=given.folder) as temporary:
         folder = Path(temporary)
         for size in (RECORD_BYTES, 20_000, 1_000_000):
-            tell(f"throughput, {size} bytes", throughput(folder / f"bag_{size}", size, seconds))
-        tell("mission hour", mission_hour(folder / "hour", fraction))
+            report(f"throughput, {size} bytes", throughput(folder / f"bag_{size}", size, seconds))
+        report("mission hour", mission_hour(folder / "hour", fraction))
         small = folder / f"bag_{RECORD_BYTES}" / f"bag_{RECORD_BYTES}_0.mcap"
-        tell("recovery, small messages", recovery(small, folder / "recovered_small"))
-        tell("recovery, mission hour", recovery(folder / "hour" / "hour_0.mcap", folder / "recovered_hour"))
+        report("recovery, small messages", recovery(small, folder / "recovered_small"))
+        report("recovery, mission hour", recovery(folder / "hour" / "hour_0.mcap", folder / "recovered_hour"))
         for kind in ("soilmoist_ros", "rosbags", "mcap"):
-            tell(f"kill, {kind}", loss_by_kill(kind, folder, kills, 100.0))
+            report(f"kill, {kind}", loss_by_kill(kind, folder, kills, 100.0))
     if given.json:
         given.json.write_text(json.dumps(results, indent=2) + "\n")
 

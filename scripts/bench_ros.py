@@ -1,7 +1,7 @@
-"""What the nodes cost on this machine: how soon a record is on the map, how soon they are up, CPU and memory.
+"""Cost of the nodes on this machine: delay from record to map, start-up time, CPU and memory.
 
 * time from a published record to the map with it, on 3,000 and on 70,000 cells
-* time from the start of each node's process to its first answer, beside a bare node of rclpy
+* time from the start of each node's process to its first response, compared with a bare node of rclpy
 * CPU share and memory of the whole system on a simulated mission, in real time (a record every 10 s) and 60 times
   as fast
 
@@ -234,7 +234,7 @@ def start_up_rows(folder: Path, repeats: int) -> list[Row]:
 
 
 def node_of(process: psutil.Process) -> str:
-    """Which node a process is; empty for another one."""
+    """Name of the node of a process; empty for other processes."""
     with contextlib.suppress(psutil.Error):
         for word in process.cmdline():
             if word.startswith("soilmoist_ros.nodes."):
@@ -243,7 +243,7 @@ def node_of(process: psutil.Process) -> str:
 
 
 def whole_system(folder: Path, speed: float, settle_s: float, seconds: float) -> list[Row]:
-    """CPU share and memory of each node while a mission is under way.
+    """CPU share and memory of each node during a mission.
 
     :param settle_s: time after the start of the last node before CPU time counts [s]
     :param seconds: time during which it counts [s]

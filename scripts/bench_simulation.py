@@ -1,4 +1,4 @@
-"""How fast missions are simulated and decisions are made, on one thread.
+"""Speed of simulated missions and of planning decisions, on one thread.
 
 usage: .venv/bin/python scripts/bench_simulation.py [--out bench] [--repeats 5] [--quick]
 """
@@ -51,7 +51,7 @@ PARTS = {
     "records": ("simulator.py", "record"),
     "map errors": ("map_errors.py", "map_errors"),
 }
-"""Where the time of a mission may go: file and function."""
+"""Profiled parts of a mission: file and function."""
 
 
 def median_s(work: Callable[[], object], repeats: int, clock: Callable[[], float] = time.perf_counter) -> float:
@@ -113,7 +113,7 @@ def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
 
 
 def where(settings: MissionSettings) -> str:
-    """Where the time of a mission goes, by the profiler, which makes small functions dearer than they are."""
+    """Time of the parts of a mission by the profiler, which overestimates small functions."""
     profiler = cProfile.Profile()
     profiler.runcall(simulate_mission, settings)
     cumulative: dict[tuple[str, str], float] = {}
@@ -126,7 +126,7 @@ def where(settings: MissionSettings) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("bench"), help="folder for simulation.csv")
-    parser.add_argument("--repeats", type=int, default=5, help="the median of so many runs counts")
+    parser.add_argument("--repeats", type=int, default=5, help="number of runs; the median counts")
     parser.add_argument("--quick", action="store_true", help="one repeat")
     arguments = parser.parse_args()
     repeats = 1 if arguments.quick else arguments.repeats

@@ -1,4 +1,4 @@
-"""A stand-in for the mission simulator: quick, with errors that decay plausibly. Imported by path."""
+"""A fake mission simulator: fast, with plausibly decaying errors. Imported by path."""
 
 from __future__ import annotations
 

@@ -22,12 +22,12 @@ Array = NDArray[np.float64]
 TOLERANCE = 3e-12
 """Size of the last coefficients, relative to the scale of a surface, at which it counts as resolved."""
 WORTH_SHARE = 0.5
-"""With more points than this share of the cells there is nothing to gain."""
+"""Maximum number of points, as a share of the cells, for which interpolation is faster."""
 _NEGLIGIBLE = TOLERANCE / 30
-"""Size of coefficients, relative to the scale, that make no difference."""
+"""Size of negligible coefficients, relative to the scale."""
 _TAIL = 3
 _KEPT = 32
-"""Sets of points that are kept."""
+"""Number of cached sets of points."""
 _MIN_GROWTH, _LARGEST_GROWTH = 1.12, 1.5
 
 
@@ -199,7 +199,7 @@ Evaluate = Callable[[ChebyshevNodes], Array | None]
 
 @lru_cache(maxsize=_KEPT)
 def _nodes(x_m: bytes, y_m: bytes, degrees: tuple[int, ...]) -> ChebyshevNodes:
-    """Points for axes given by their bytes; kept, as the maps of all missions on a field have the same axes."""
+    """Points for axes as bytes; cached, because the maps of all missions on a field have the same axes."""
     return ChebyshevNodes(np.frombuffer(x_m), np.frombuffer(y_m), degrees)
 
 

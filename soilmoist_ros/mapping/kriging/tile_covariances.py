@@ -36,11 +36,11 @@ CELLS = 2000
 _AT_ONCE = 8
 """Tiles that sums are made for at a time: what comes between stays in the cache."""
 _ROWS = 64
-"""Rows of W made at a time."""
+"""Rows of W computed at a time."""
 _KEPT_AT_ONCE = 4_000_000
 """Covariances kept at a time where none is needed again (32 MB)."""
 WORTH_SHARE = 0.75
-"""With more numbers per sample than this share of the cells there is nothing to gain."""
+"""Maximum numbers per sample, as a share of the cells, for which tiles are faster."""
 
 
 class TileCovariances:
@@ -259,7 +259,7 @@ def bands(
 
 
 def _kept(mask: Mask, shape: tuple[int, int]) -> int:
-    """Numbers kept per sample at most."""
+    """Maximum number of values stored per sample."""
     return 9 * math.prod(shape) + int(np.count_nonzero(_wanted(mask, shape))) * POINTS**2
 
 

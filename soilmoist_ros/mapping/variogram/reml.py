@@ -27,7 +27,7 @@ ONE_BLOCK_PLACES = 1000
 BLOCK_PLACES = 500
 """Beyond that, the largest number of places in a block."""
 MAX_BLOCKS = 16
-"""Largest number of blocks. Of more, a few are taken, and others that are thinned over the whole field instead."""
+"""Maximum number of blocks. Beyond it, a subset of them is used, plus blocks of places from the whole field."""
 
 _MIN_POOLS = 8
 _FEW_PLACES = 100
@@ -37,16 +37,16 @@ ANISOTROPIES = (2.0, 4.0, 8.0)
 ANGLES_DEG = tuple(22.5 * step for step in range(8))
 """Directions of the longest range among which it chooses."""
 ANISOTROPY_PENALTY = 3.0
-"""By how much the logarithm of the posterior must rise for a direction to be believed in."""
+"""Minimum increase of the logarithm of the posterior for an anisotropic variogram."""
 MIN_ANISOTROPIC = 15
-"""With fewer places no direction is sought."""
+"""Minimum number of places for the search of a direction."""
 ISOTROPIC = (1.0, 0.0)
-"""Anisotropy and angle if no direction is special."""
+"""Anisotropy and angle of an isotropic variogram."""
 _MAX_DIRECTIONS = 3
 _DIRECTED_PLACES = 150
 """Number of places whose likelihood ranks the directions."""
 _LARGEST_STEP = 5.0
-"""Prior standard deviations within which parameters are searched."""
+"""Search bounds of the parameters, in prior standard deviations."""
 _TOLERANCE = 1e-5
 """The same, about."""
 
@@ -55,8 +55,8 @@ _TOLERANCE = 1e-5
 class Prior:
     """Independent log-normal priors of (structured variance, range, nugget).
 
-    They are weak (a factor of three to five either way is one standard deviation) and fixed, so what they
-    say fades as the likelihood grows with the number of samples:
+    They are weak (one standard deviation is a factor of three to five either way) and fixed. Their influence
+    fades as the likelihood grows with the number of samples:
 
     * **structured variance**: median the noise-corrected sample variance ``S^2 - mean(m*/t)`` (of pooled
       neighbours where counts are short), averaged
@@ -122,8 +122,8 @@ class RemlEstimate:
     :param log_sd: standard errors of log (structured variance, range, nugget): Laplace's approximation
     :param prior_share: share of the prior in the knowledge of each of them; near 0 the data decided,
         near 1 the prior did
-    :param converged: whether the optimiser says so
-    :param message: what it says
+    :param converged: whether the optimiser reports convergence
+    :param message: message of the optimiser
     """
 
     variogram: Variogram
@@ -251,19 +251,20 @@ class _Block(NamedTuple):
 def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy: bool = True) -> RemlEstimate:
     """The variogram under the restricted likelihood and :class:`Prior`: its mode, and what to krige with.
 
-    Kriging with the mode promises too much: the posteriors of the variances are skewed, and the mode is their low
-    side. The honest variance is the average over the posterior (law of total variance). Variances enter it almost
-    linearly, so it is that of kriging with their posterior *means*, which Laplace's approximation gives: the mode
-    times ``exp(log_sd^2 / 2)`` (a log-normal mean), at the range of the mode. The two agree as samples come in.
+    Kriging with the mode makes the intervals too narrow: the posteriors of the variances are skewed, and the mode
+    is on their low side. The correct kriging variance is the average over the posterior (law of total variance).
+    The variances enter it almost linearly, so kriging uses their posterior *means*. Laplace's approximation of a
+    mean is the mode times ``exp(log_sd^2 / 2)`` (a log-normal mean), at the range of the mode. Mean and mode
+    converge as the number of samples grows.
 
     Along the ways of simulated missions on twelve kinds of fields, the 95 % intervals of a Matern 3/2 map covered
     93 to 99 % from 20 samples, 92 to 99 % from 40 and 91 to 99.7 % from 200: least in rough fields (patches, or
     exponential of a short range), most in the smoothest. Those of the mode covered
     88 to 97, 88 to 97 and 88 to 99 %.
 
-    A direction is believed in only where the data ask for it: from :data:`MIN_ANISOTROPIC` places on, the range
-    may be longer one way than across if that raises the logarithm of the posterior by more than
-    :data:`ANISOTROPY_PENALTY`; the angle and the ratio are among a few. In simulated surveys that had no part in
+    The variogram is anisotropic only if the data support it. From :data:`MIN_ANISOTROPIC` places on, the range may
+    depend on the direction if this raises the logarithm of the posterior by more than
+    :data:`ANISOTROPY_PENALTY`; angle and ratio come from a short list. In simulated surveys that had no part in
     choosing the penalty, fields without a direction got one in at most 8 % of the fits, which raised their mean
     squared error by 0 to 3 %. From 160 samples on, that of fields with a border across fell by 38 to 46 %, with a
     ridge by 50 to 55 %, with ranges in the ratio of 4 by 9 to 19 %. Coverage changed by 2 % at most.
@@ -337,9 +338,9 @@ class _Peak:
 
 
 def _direction(places: Samples, model: ModelName, prior: Prior, u: Array) -> tuple[float, float]:
-    """The anisotropy and angle that promise most, by the likelihood of some of the places as points.
+    """The anisotropy and angle with the highest likelihood of a subset of the places as points.
 
-    All are ranked at the isotropic peak ``u``, the foremost few by the peaks that are near.
+    All candidates are ranked at the isotropic peak ``u``; the best few are ranked again by their nearby peaks.
     """
     some = _some(places, _DIRECTED_PLACES)
 
@@ -377,9 +378,9 @@ def spatial_blocks(
 
 
 def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
-    """Where to start from, in prior standard deviations: the best of a few ranges, or the three best.
+    """Start values in prior standard deviations: the best of a few ranges, or the three best.
 
-    They are ranked by the likelihood of some of the places as points: more would cost more than it saves.
+    The likelihood of a subset of the places as points ranks them: more places would cost more than they save.
     """
     likelihood = RestrictedLikelihood(_some(places, _FEW_PLACES), model)
 
@@ -403,7 +404,7 @@ def _some(places: Samples, most: int) -> Samples:
 def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
     """Blocks of the likelihood; their number is bounded, so the cost of a fit does not grow with the survey.
 
-    Compact blocks hold short distances only, so a quarter of them is spread over the whole field.
+    Compact blocks contain short distances only, so a quarter of the blocks is spread over the whole field.
     """
     blocks = spatial_blocks(xy)
     if len(blocks) <= MAX_BLOCKS:
@@ -420,7 +421,7 @@ def _laplace_covariance(gradient: Callable[[Array], Array], mode: Array, at_mode
     step = 1e-4
     hessian = np.array([(gradient(mode + d) - at_mode) / step for d in step * np.eye(len(mode))])
     eigenvalues, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
-    # The prior alone gives curvature 1; less means that the mode lies on a bound or a saddle.
+    # The prior alone has curvature 1; less means that the mode lies on a bound or a saddle.
     inverse = vectors / np.maximum(eigenvalues, 1.0) @ vectors.T
     return np.diag(inverse)
 

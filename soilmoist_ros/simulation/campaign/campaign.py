@@ -1,4 +1,4 @@
-"""Many simulated missions: computed side by side, stored one by one, gathered in one table."""
+"""Campaigns: missions are simulated in parallel, stored one by one, and collected in tables."""
 
 from __future__ import annotations
 
@@ -44,19 +44,19 @@ RUNS = "runs"
 """Folder of the finished missions inside the output folder."""
 
 Progress = Callable[[int, int, float], None]
-"""Called with the missions done, their total, and the estimated time left [s] (NaN while unknown)."""
+"""Called with the number of finished missions, the total, and the estimated time left [s] (NaN while unknown)."""
 
 
 @dataclass(frozen=True)
 class CampaignOutcome:
-    """What came of a campaign.
+    """Result of a campaign.
 
     :param total: missions of the campaign
     :param computed: missions computed now
-    :param reused: missions that were there already
-    :param failures: missions that failed, in the order of the campaign; the others are in the tables
-    :param remarks: what a user should know, such as files that were damaged and computed again
-    :param written: tables written
+    :param reused: stored missions that were reused
+    :param failures: failed missions, in the order of the campaign; the others are in the tables
+    :param remarks: notes for the user, such as damaged files whose missions were computed again
+    :param written: paths of the tables
     """
 
     total: int
@@ -73,7 +73,7 @@ class CampaignOutcome:
 
 
 class CampaignInterrupted(KeyboardInterrupt):
-    """Stopped by the user; says what is done and how to go on.
+    """Interrupt by the user; the message states the progress and how to resume.
 
     :param done: missions stored
     :param total: missions of the campaign
@@ -83,8 +83,7 @@ class CampaignInterrupted(KeyboardInterrupt):
     def __init__(self, done: int, total: int, out: Path) -> None:
         self.done, self.total, self.out = done, total, out
         super().__init__(
-            f"stopped: {done} of {total} missions are stored in {out / RUNS}; "
-            "run the same command again to go on from there"
+            f"stopped: {done} of {total} missions are stored in {out / RUNS}; run the same command again to resume"
         )
 
 
@@ -99,17 +98,17 @@ def run_campaign(
     """Compute all missions of a campaign that are not stored yet, and write the tables.
 
     A mission depends on its settings alone, so neither the number of processes nor an interruption changes the
-    results. Each is stored as soon as it is finished, in ``out/runs``. Stored missions are used again if they
-    are whole and were computed by this very code.
+    results. Each finished mission is stored at once in ``out/runs``. Stored missions are reused if they are
+    complete and come from the same version of the code.
 
-    :param campaign: as read by :func:`load_campaign`
-    :param out: output folder; made if missing
-    :param simulate: simulates one mission; for local processes and clusters a function that can be imported
+    :param campaign: campaign from :func:`load_campaign`
+    :param out: output folder; created if missing
+    :param simulate: simulates one mission; local processes and clusters need an importable function
     :param workers: local processes; one per core if ``None``, 0 computes in this process
-    :param scheduler: address of a Dask scheduler to compute on instead
+    :param scheduler: address of a Dask scheduler, used instead of local processes
     :param progress: called at the start and after each mission
-    :raises InputError: if the folder cannot be written, or the cluster not be reached
-    :raises CampaignInterrupted: on Ctrl-C, after the running missions were stopped
+    :raises InputError: if the folder cannot be written, or the cluster cannot be reached
+    :raises CampaignInterrupted: on Ctrl-C, after the running missions have stopped
     """
     if workers is not None and workers < 0:
         raise InputError(f"the number of processes cannot be {workers}", "give 0 or more")
@@ -154,7 +153,7 @@ def stored_missions(campaign: Campaign, out: Path) -> list[tuple[Mission, Stored
 
 
 def _already_done(wanted: list[Mission], store: MissionStore) -> tuple[dict[str, StoredMission], list[str]]:
-    """Finished missions by key, and what is to be said about files that cannot be used."""
+    """Finished missions by key, and remarks on files that cannot be used."""
     finished: dict[str, StoredMission] = {}
     remarks, stale = [], 0
     for mission in wanted:
@@ -183,7 +182,7 @@ def _computed(todo: list[Mission], simulate: Simulate, workers: int | None, sche
 
 
 class _Clock:
-    """Counts missions and estimates the time left from the pace so far."""
+    """Counts missions and estimates the remaining time from the pace so far."""
 
     def __init__(self, total: int, done: int, progress: Progress) -> None:
         self._total, self._done, self._at_start = total, done, done

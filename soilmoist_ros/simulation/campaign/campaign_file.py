@@ -1,4 +1,4 @@
-"""The campaign file: which missions to simulate, as grids over what determines a mission."""
+"""The campaign file: the missions to simulate, as grids over mission settings."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ _log = logging.getLogger(__name__)
 
 
 def _many(value: Any) -> Any:
-    """One value stands for a list of one."""
+    """A single value means a list of one."""
     return tuple(value) if isinstance(value, (list, tuple)) else (value,)
 
 
 def _seeds(value: Any) -> Any:
-    """A number N of runs stands for the seeds 1..N."""
+    """A number N of runs means the seeds 1..N."""
     if isinstance(value, int) and not isinstance(value, bool):
         if value < 1:
             raise ValueError("there must be at least one run")
@@ -59,14 +59,14 @@ def _distinct(values: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _lists(value: Any) -> Any:
-    """One list of properties, or one property, stands for a list of one list."""
+    """A single list of properties, or a single property, means a list of one list."""
     many = value if isinstance(value, (list, tuple)) else [value]
     listed = bool(many) and all(isinstance(one, (list, tuple)) for one in many)
     return tuple(map(tuple, many)) if listed else (tuple(many),)
 
 
 def _with_new_keys(part: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a part of the file by the names of today; ``also`` and ``also_weight`` have become one."""
+    """Rename old keys of a part of the file; ``also`` and ``also_weight`` have become ``properties``."""
     renamed = {name: value for name, value in part.items() if name not in _OLD_KEYS}
     for name in part.keys() - renamed.keys():
         new = _OLD_KEYS[name]
@@ -89,7 +89,7 @@ Positive = Annotated[float, Setting(gt=0)]
 
 
 def _key(setting: MissionSetting) -> Any:
-    """Type and default of the campaign key of a setting, for ``create_model``: one value, a list, or nothing."""
+    """Type and default of the campaign key of a setting, for ``create_model``: one value, a list, or none."""
     value = Annotated[Any, AfterValidator(setting.checked)]
     many = BeforeValidator(_lists if setting.kind is tuple else _many)
     listed = Annotated[tuple[value, ...], many, Setting(min_length=1)]
@@ -99,7 +99,7 @@ def _key(setting: MissionSetting) -> Any:
 if TYPE_CHECKING:
 
     class Choices(Section):
-        """Values of a mission's settings; each key takes one value or a list. The seeds are those of the runs."""
+        """Values of mission settings; each key takes one value or a list. ``runs`` defines the seeds."""
 else:
     Choices = create_model(
         "Choices",
@@ -109,25 +109,25 @@ else:
 
 
 class Experiment(Choices):
-    """One experiment: the grid over all values that it lists."""
+    """One experiment: the grid over all listed values."""
 
     name: Annotated[str, Setting(pattern=r"^[\w-]+$")]
     """Short name."""
     title: str = ""
     """Heading in the report."""
     description: str = ""
-    """What it is about, in the report."""
+    """Description in the report."""
 
 
 class Published(Section):
-    """How the campaign compares with the published experiments: which fields stand for which case of them."""
+    """Comparison with the published experiments: the fields that represent each published case."""
 
     high_gradient: Many[Name] | None = None
     """Fields with a high contrast."""
     low_gradient: Many[Name] | None = None
     """Fields with a low contrast."""
     reasons: Mapping[FindingKey, str] = Setting(default_factory=dict)
-    """Why this very campaign differs from a finding, as was established; shown where it does."""
+    """Established reasons why this campaign differs from a finding; shown if it differs."""
 
 
 class Campaign(Section):
@@ -147,16 +147,16 @@ class Campaign(Section):
     table_every_s: Positive = 300.0
     """Time between the rows of the results table [s]."""
     defaults: Choices = Choices()
-    """Values for experiments that do not give their own."""
+    """Default values for experiments."""
     experiments: Annotated[tuple[Experiment, ...], Setting(min_length=1)]
     """The experiments."""
     published: Published | None = None
-    """Comparison with the published findings; none if left out."""
+    """Comparison with the published findings; optional."""
 
     @model_validator(mode="before")
     @classmethod
     def _read_old_keys(cls, content: Any) -> Any:
-        """Keys of earlier releases, read for one release."""
+        """Read keys of earlier releases for one release."""
         if not isinstance(content, Mapping):
             return content
         defaults = _mapping(content.get("defaults"))
@@ -175,9 +175,9 @@ class Campaign(Section):
 class Mission:
     """One mission of a campaign.
 
-    :param key: name of its file: a digest of its settings and of the content of its field file
-    :param settings: what determines it
-    :param experiments: names of the experiments that it belongs to
+    :param key: name of the file: a digest of the settings and of the content of the field file
+    :param settings: settings of the mission
+    :param experiments: names of the experiments with this mission
     """
 
     key: str
@@ -189,7 +189,7 @@ def load_campaign(name: str) -> Campaign:
     """Read a campaign file.
 
     :param name: path of a file, or name of a shipped campaign
-    :raises InputError: with every mistake in the file, a field that does not exist included
+    :raises InputError: with every mistake in the file, including unknown fields
     """
     path = resource("campaigns", name)
     mistakes = list(_beyond_keys(read_yaml(path), path))
@@ -207,7 +207,7 @@ def load_campaign(name: str) -> Campaign:
 
 
 def missions(campaign: Campaign) -> list[Mission]:
-    """All missions of a campaign, in the order of the file; one that two experiments share occurs once."""
+    """All missions of a campaign, in the order of the file; a mission shared by experiments occurs once."""
     found: dict[str, Mission] = {}
     digests: dict[str, str] = {}
     for experiment in campaign.experiments:
@@ -222,7 +222,7 @@ def missions(campaign: Campaign) -> list[Mission]:
 
 
 def combinations(campaign: Campaign, experiment: Experiment) -> Iterator[MissionSettings]:
-    """The settings of an experiment's missions, seed by seed within each combination."""
+    """Settings of the missions of an experiment: all seeds of a combination, then the next combination."""
     grid = {
         name: values
         for name in Choices.model_fields
@@ -234,9 +234,9 @@ def combinations(campaign: Campaign, experiment: Experiment) -> Iterator[Mission
 
 
 def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None) -> str:
-    """Digest of what determines a mission; a file counts by its content and that of the files it names.
+    """Digest of the settings of a mission; files are digested with their content and the files they name.
 
-    :param digests: digests of field files and graphs found so far, to be extended
+    :param digests: known digests of field files and graphs; new ones are added
     """
     values = settings.as_dict()
     digests = {} if digests is None else digests
@@ -286,7 +286,7 @@ def _published_with_whole_paths(published: Published, folder: Path) -> Published
 
 
 def _field_file(field: str) -> Path | None:
-    """The file behind a field, ``None`` for a built-in one."""
+    """The file of a field, ``None`` for a built-in one."""
     if _is_path(field):
         return Path(field)
     return resource("fields", field) if field in resource_names("fields") else None
@@ -301,7 +301,7 @@ def _file_digest(path: Path) -> str:
     try:
         digest.update(path.read_bytes())
         for name in sorted(set(_texts(read_yaml(path)))):
-            with suppress(OSError, ValueError):  # most texts are no names of files, some cannot even be
+            with suppress(OSError, ValueError):  # most texts are no file names, some are invalid as one
                 digest.update(b"\0" + (path.parent / name).read_bytes())
     except OSError as error:
         raise InputError(f"the file cannot be read: {error.strerror}", "check its path", path) from None
@@ -321,7 +321,7 @@ def _texts(node: Any) -> Iterator[str]:
 
 
 def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
-    """Mistakes in what the values stand for, found in the bare file, so that wrong keys do not hide them."""
+    """Mistakes in fields, graphs and names, found in the raw file so that wrong keys do not hide them."""
     root = _mapping(content)
     defaults, listed = _mapping(root.get("defaults")), root.get("experiments")
     experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []
@@ -358,21 +358,21 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
             yield mistake(place, "graph", "a graph is given, but the robot travels freely", remedy)
         name = str(part.get("name"))
         if name in names:
-            yield mistake(place, "name", f"a second experiment of the name {name!r}", "give it another name")
+            yield mistake(place, "name", f"a second experiment is named {name!r}", "give it another name")
         names.append(name)
 
 
 def _property_field(text: str) -> str:
-    """The field of a property; the text itself if it is not one, which is a mistake elsewhere."""
+    """The field of a property; the whole text if it is invalid, which another check reports."""
     with suppress(InputError):
         return PropertySettings.parse(text).field_name
     return text
 
 
 def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:
-    """What is wrong with the name of a field, and what to do.
+    """Faults of the name of a field, with remedies.
 
-    :raises InputError: if its file cannot be read
+    :raises InputError: if the field file cannot be read
     """
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
 
@@ -387,7 +387,7 @@ def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:
     elif not _has_truth(path):
         yield (
             f"the field {name!r} has no truth: it cannot be simulated",
-            f"add a section 'truth' to it, or {remedy}",
+            f"add a section 'truth' to its file, or {remedy}",
         )
 
 

@@ -1,4 +1,4 @@
-"""Finished missions of a campaign on disk: one small file each, complete or not there at all."""
+"""Finished missions of a campaign on disk: one small file each, written atomically."""
 
 from __future__ import annotations
 
@@ -34,29 +34,29 @@ COMPUTING = ("sensing", "mapping", "exploration", "simulation")
 
 
 class DamagedMissionError(SoilmoistError):
-    """A stored mission that cannot be read, or that is not what its name says."""
+    """A stored mission that cannot be read, or whose content does not match its name."""
 
 
 class StaleMissionError(DamagedMissionError):
-    """A stored mission that another state of the code computed."""
+    """A stored mission from another version of the code."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredMission:
-    """What is kept of a mission; the maps in single precision, NaN outside the field.
+    """Stored content of a mission; maps have single precision and are NaN outside the field.
 
-    :param settings: what it was run with
+    :param settings: settings of the mission
     :param key: digest of the settings
-    :param version: version of the code it was run with
+    :param version: version of the code
     :param field_title: name of the field for reports
-    :param ended: why it ended
+    :param ended: reason for the end
     :param series: state over time
-    :param visits: measurements in order
+    :param visits: visits in order
     :param tracks: corner points of each robot's path, shape (p, 2) [m]
-    :param x_m: centres of the map's columns, shape (nx,) [m]; empty without a map, as all that follows
+    :param x_m: centres of the map's columns, shape (nx,) [m]; this and all following are empty without a map
     :param y_m: centres of the map's rows, shape (ny,) [m]
     :param rate: final map of the rate, shape (ny, nx) [counts/s]
-    :param rate_sd: its standard deviation [counts/s]
+    :param rate_sd: standard deviation of the estimate [counts/s]
     :param truth_rate: true rate [counts/s]
     :param outlines: boundaries of the field, each of shape (k, 2) [m]
     """
@@ -79,7 +79,7 @@ class StoredMission:
 
 @cache
 def code_version() -> str:
-    """Version of the package and a digest of the code that computes, so that no two states of it mix."""
+    """Version of the package and a digest of the computing code, which keeps results of different code apart."""
     package = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256()
     for path in sorted(path for name in COMPUTING for path in (package / name).glob("**/*.py")):
@@ -88,7 +88,7 @@ def code_version() -> str:
 
 
 def pack(result: MissionResult, key: str) -> bytes:
-    """A finished mission as the bytes of its file."""
+    """Serialise a finished mission."""
     soil_map = result.soil_map
     about = {
         "schema": SCHEMA,
@@ -126,9 +126,9 @@ def pack(result: MissionResult, key: str) -> bytes:
 
 
 def unpack(content: bytes) -> StoredMission:
-    """The mission in the bytes of a file.
+    """Read a mission from the bytes of its file.
 
-    :raises DamagedMissionError: if it is not a whole file of a mission
+    :raises DamagedMissionError: if the file is damaged or incomplete
     """
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
@@ -171,14 +171,14 @@ _STATE = ("time_s", "distance_m", "samples", "counting_s")
 
 
 def _packed_series(result: MissionResult) -> Array:
-    """A row of numbers for each entry: the state, then the errors of each property."""
+    """Series as a table of numbers: the state, then the errors of each property."""
     width = len(_STATE) + len(MapErrors._fields) * len(result.properties)
     rows = [[*(getattr(row, name) for name in _STATE), *chain.from_iterable(row.errors)] for row in result.series]
     return np.array(rows, float).reshape(-1, width)
 
 
 def _row(values: list[float]) -> SeriesRow:
-    """The entry behind a row of numbers."""
+    """The series entry of a row of numbers."""
     time_s, distance_m, samples, counting_s, *errors = values
     size = len(MapErrors._fields)
     found = tuple(MapErrors(*errors[start : start + size]) for start in range(0, len(errors), size))
@@ -186,15 +186,15 @@ def _row(values: list[float]) -> SeriesRow:
 
 
 def _pieces(joined: Array, lengths: NDArray[np.int_]) -> tuple[Array, ...]:
-    """Arrays that were joined one after the other, by their lengths."""
+    """Split concatenated arrays by their lengths."""
     return tuple(np.split(joined, np.cumsum(lengths)[:-1])) if len(lengths) else ()
 
 
 class MissionStore:
     """The folder of finished missions.
 
-    :param folder: made if missing
-    :raises InputError: if it cannot be made
+    :param folder: folder; created if missing
+    :raises InputError: if it cannot be created
     """
 
     def __init__(self, folder: Path) -> None:
@@ -247,19 +247,19 @@ class MissionStore:
             workshop.unlink(missing_ok=True)
             raise InputError(
                 f"a mission cannot be stored: {error.strerror}",
-                "make room or choose another output folder; the missions stored so far are used again",
+                "free disk space or choose another output folder; stored missions are reused",
                 self.folder,
             ) from None
         return stored
 
 
 def check(stored: StoredMission, mission: Mission) -> StoredMission:
-    """The stored mission, if it is the one meant and was computed by this code.
+    """Return the stored mission if it is the expected one and comes from this version of the code.
 
-    :raises DamagedMissionError: if not
+    :raises DamagedMissionError: otherwise
     """
     if stored.key != mission.key:
-        raise DamagedMissionError("holds another mission than its name says")
+        raise DamagedMissionError("contains another mission than its name states")
     if stored.version != code_version():
         raise StaleMissionError(f"was computed by version {stored.version}, this is {code_version()}")
     return stored

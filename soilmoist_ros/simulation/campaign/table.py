@@ -25,17 +25,17 @@ Array = NDArray[np.float64]
 Finished = Sequence[tuple[Mission, StoredMission]]
 
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
-"""Columns of the mission and of the map of its own field; those of a further property end in its name."""
+"""Columns of the mission and of its first property; columns of additional properties end in their names."""
 
 
 def require_pandas() -> Any:
     """The pandas module.
 
-    :raises InputError: if it, or what it needs to write Parquet, is not installed
+    :raises InputError: if pandas, or pyarrow for Parquet, is not installed
     """
     try:
         import pandas
-        import pyarrow  # noqa: F401 - pandas looks for it only when it writes
+        import pyarrow  # noqa: F401 - pandas imports it only when it writes
     except ImportError as error:
         raise InputError(
             f"campaigns need {error.name}, which is not installed", "pip install 'pandas>=2.2' 'pyarrow>=14'"
@@ -46,8 +46,8 @@ def require_pandas() -> Any:
 def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
     """One row per mission and time: settings, ``time_s`` and the metrics (see :class:`SeriesRow`).
 
-    The time grid of a mission reaches from 0 to its planned end. A row holds the state as last entered; after
-    an early end that of the end. ``counting_share`` is the share of the time so far spent counting at stops.
+    The time grid of a mission reaches from 0 to its planned end. A row has the last entered state; after an early
+    end, it has the final state. ``counting_share`` is the share of the elapsed time spent counting at stops.
 
     :param finished: missions
     :param every_s: time between two rows of a mission [s]
@@ -69,10 +69,10 @@ def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
 
 
 def missions_table(finished: Finished) -> pd.DataFrame:
-    """One row per mission: settings, final metrics, and how it went.
+    """One row per mission: settings, final metrics, and the reason for the end.
 
-    ``border_share`` is the share of stops in the strip along the boundary that holds half of the field's area
-    (a half for stops anywhere); ``end_s`` the time at which the mission ended.
+    ``border_share`` is the share of stops in the strip along the boundary that contains half of the field's area
+    (0.5 for uniformly distributed stops). ``end_s`` is the time at which the mission ended.
     """
     pandas = require_pandas()
     rows, finals = [], [metrics_at(stored, np.array([np.inf])) for _, stored in finished]
@@ -121,14 +121,14 @@ def write_tables(out: Path, campaign: Campaign, finished: Finished) -> list[Path
 
 
 def time_grid(hours: float, every_s: float) -> Array:
-    """Times from 0 to the planned end, which is always the last [s]."""
+    """Times from 0 to the planned end, which is always included [s]."""
     end_s = 3600 * hours
     grid = every_s * np.arange(np.floor(end_s / every_s * (1 + 1e-12)) + 1)
     return grid if end_s - grid[-1] < 1e-6 * every_s else np.append(grid, end_s)
 
 
 def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, NDArray[Any]]:
-    """The metrics of a mission at any times, as last entered: :data:`METRICS`, and those of further properties."""
+    """Last entered metrics of a mission at given times: :data:`METRICS`, then those of additional properties."""
     names = ["", *(wanted.name for wanted in stored.settings.properties)]
     start = SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(names))
     entered = series_columns([start, *stored.series], names)
@@ -141,12 +141,12 @@ def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, NDArray[Any]]
 
 
 def _metric_names(values: Iterable[dict[str, NDArray[Any]]]) -> list[str]:
-    """Columns of all missions: :data:`METRICS`, then those of further properties."""
+    """Columns of all missions: :data:`METRICS`, then those of additional properties."""
     return list(dict.fromkeys((*METRICS, *chain.from_iterable(values))))
 
 
 def border_share(stored: StoredMission) -> float:
-    """Share of the stops in the strip along the boundary that holds half of the area; NaN without map or stops."""
+    """Share of stops in the boundary strip that contains half of the area; NaN without map or stops."""
     import shapely
 
     if not stored.outlines or not stored.visits:

@@ -1,7 +1,7 @@
-"""Where the missions of a campaign are computed: in this process, in local processes, or on a Dask cluster.
+"""Compute the missions of a campaign in this process, in local processes, or on a Dask cluster.
 
-Each way takes the missions that are left to do and yields each with the bytes of its file, or with what went
-wrong, in the order in which they finish.
+Each function takes the remaining missions. It yields them in the order in which they finish, with the bytes of
+the file or the failure.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Failure:
     """A mission that did not finish.
 
     :param mission: the mission
-    :param error: what went wrong, one line
-    :param details: where, as a traceback; may be empty
+    :param error: error message in one line
+    :param details: traceback; may be empty
     """
 
     mission: Mission
@@ -55,11 +55,11 @@ Flow = Generator[Finished, None, None]
 
 
 class _Stopped(Exception):  # noqa: N818 - nothing went wrong
-    """The campaign was stopped while the mission ran."""
+    """The campaign was stopped during the mission."""
 
 
 def compute(mission: Mission, simulate: Simulate) -> bytes | Failure:
-    """Simulate one mission; whatever goes wrong in it is returned, not raised."""
+    """Simulate one mission; errors are returned, not raised."""
     try:
         return pack(simulate(mission.settings, _stop_if_asked), mission.key)
     except Exception as error:
@@ -68,16 +68,16 @@ def compute(mission: Mission, simulate: Simulate) -> bytes | Failure:
 
 
 def in_this_process(todo: Iterable[Mission], simulate: Simulate) -> Flow:
-    """One mission after the other, here."""
+    """Compute the missions one after the other in this process."""
     for mission in todo:
         yield mission, compute(mission, simulate)
 
 
 def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> Flow:
-    """In so many fresh local processes, each with one thread of linear algebra.
+    """Compute in ``workers`` new local processes, each with one thread of linear algebra.
 
-    When a process dies, the missions that were under way are tried again one by one, so that only the one
-    that kills its process fails.
+    When a process dies, all running missions are retried one by one. Only a mission that kills its process again
+    fails.
     """
     waiting, suspects = deque(todo), list[Mission]()
     with one_thread_each():
@@ -91,7 +91,7 @@ def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> F
 def _in_one_pool(
     waiting: deque[Mission], simulate: Simulate, workers: int
 ) -> Generator[Finished, None, list[Mission]]:
-    """Compute until nothing waits or a process dies; returns the missions that were under way then."""
+    """Compute until all missions are done or a process dies; returns the missions that were running then."""
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     pool = ProcessPoolExecutor(min(workers, len(waiting)), context, initializer=_begin, initargs=(stop,))
@@ -115,7 +115,7 @@ def _in_one_pool(
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Processes started meanwhile do not hear Ctrl-C, not even while they are still loading modules."""
+    """Processes started in this context ignore Ctrl-C, even while they load modules."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -127,20 +127,20 @@ def _deaf() -> Iterator[None]:
 
 
 def _begin(stop: Event) -> None:
-    """Start of a process: Ctrl-C is the parent's business, which then sets ``stop``."""
+    """Initialise a process: it ignores Ctrl-C, because the parent handles it and sets ``stop``."""
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _stop_if_asked(_share: float) -> None:
-    """Progress of a mission: a good moment to stop it."""
+    """Progress callback that stops the mission if the campaign was stopped."""
     if _stop is not None and _stop.is_set():
         raise _Stopped("the campaign was stopped")
 
 
 def on_cluster(todo: Iterable[Mission], simulate: Simulate, scheduler: str) -> Flow:
-    """On the workers of a Dask cluster, which must have the same version of this package.
+    """Compute on the workers of a Dask cluster, which must have the same version of this package.
 
     :param scheduler: address of the scheduler, such as ``tcp://head:8786``
     :raises InputError: if Dask is not installed, or the scheduler or a worker does not answer in time

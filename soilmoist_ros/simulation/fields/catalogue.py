@@ -1,13 +1,13 @@
-"""Fields whose count rate, and so their soil moisture, is known everywhere.
+"""Surrogate fields: count rate and soil moisture are known everywhere.
 
 Built-in fields follow the published experiments: the rate is extrapolated by ordinary kriging from point rates
 (Pulido Fentanes et al., *Kriging-Based Robotic Exploration for Soil Moisture Mapping Using a Cosmic-Ray
-Sensor*). What the paper leaves open is decided here, and said in the docstring of each field.
+Sensor*). The docstring of each field states the choices that the paper leaves open.
 
-The rate of the border between two soils is that of a sensor whose footprint is Gaussian with 86 % of the
-counts from within 10 m, that is, a standard deviation of 5 m: ``rate(d) = wet + (dry - wet) Phi(d / 5 m)`` at
-the signed distance d. All extrapolate with the exponential model, which hardly overshoots a border, and with a
-range that is long against the distance of points, so that beyond the outermost points the rate stays.
+The rate at signed distance d from the border between two soils is ``wet + (dry - wet) Phi(d / 5 m)``. It is the
+rate of a sensor with a Gaussian footprint of standard deviation 5 m (86 % of the counts within 10 m). All fields
+are extrapolated with the exponential model, which hardly overshoots a border. Its range is long against the
+distance of points, which keeps the rate constant beyond the outermost points.
 """
 
 from __future__ import annotations
@@ -37,28 +37,26 @@ DATUM = LocalFrame(53.2680, -0.5245)
 FOOTPRINT_SD_M = 5.0
 """Standard deviation of the footprint that smooths a border [m]."""
 BORDER_OFFSETS_M = (-30.0, -15.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0)
-"""Distances from the border at which the published airfield was measured [m]; negative on the grass."""
+"""Distances of the measured points of the published airfield from its border [m]; negative on the grass."""
 AIRFIELD_RATE_S = 600.0
-"""Time for which each point of the published airfield was counted [s]."""
+"""Counting time per point of the published airfield [s]."""
 AIRFIELD_SEED = 20
 """Seed of the point rates of ``airfield-simulated``."""
 AIRFIELD_SOIL = CalibrationCurve(n0_cps=4.4, bulk_density_gcm3=1.4)
-"""Its rates at 5 % and 20 % moisture are 4.0 and 3.0 counts/s, those of the low-contrast airfield."""
+"""Soil of the low-contrast airfield: 4.0 counts/s at 5 % moisture and 3.0 counts/s at 20 %."""
 TURF = CalibrationCurve(n0_cps=4.75, bulk_density_gcm3=1.1)
-"""The 2 : 1 contrast of 5.0 to 2.5 counts/s is the most that the curve can express: no soil as dense as
-1.4 g/cm^3 holds enough water for it. A loose turf of 1.1 g/cm^3 (porosity 58 %) at 45 % moisture does, against
-concrete at 0.4 %."""
+"""Soil of the high-contrast airfield. A soil of 1.4 g/cm^3 cannot contain enough water for the 2 : 1 contrast of
+5.0 to 2.5 counts/s. A loose turf of 1.1 g/cm^3 (porosity 58 %) at 45 % moisture can, against concrete at 0.4 %."""
 
 
 def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -> SurrogateField:
-    """A surrogate field by name or from a file; made once per process.
+    """A surrogate field by name or from a file, cached per process.
 
     :param name_or_path: a built-in field (see :func:`surrogate_field_names`), a shipped field file with a
         truth, or the path of one
-    :param rng: source of the field's own randomness (the point rates of ``airfield-simulated``, random
-        formulas). Without it a fixed seed is used, so that the field is always the same; with it the field is
-        made anew.
-    :raises InputError: if there is no such field, or for any mistake in its files
+    :param rng: source of randomness for the field (point rates of ``airfield-simulated``, random formulas).
+        Without it, a fixed seed makes the field always the same; with it, the field is computed again.
+    :raises InputError: if the field is unknown, or for any mistake in its files
     """
     if name_or_path in BUILT_IN:
         return _built_in(name_or_path) if rng is None else BUILT_IN[name_or_path](rng)
@@ -69,9 +67,9 @@ def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -
 
 
 def known_field(name_or_path: str) -> Field:
-    """The outline of a built-in field, of a shipped field file, or of one with this path; needs no truth.
+    """The outline of a built-in field, a shipped field file, or a field file by path; it needs no truth.
 
-    :raises InputError: if there is no such field, or for any mistake in its file
+    :raises InputError: if the field is unknown, or for any mistake in its file
     """
     if name_or_path in BUILT_IN:
         return surrogate_field(name_or_path).field
@@ -90,7 +88,7 @@ def _built_in(name: str) -> SurrogateField:
 
 @lru_cache(maxsize=16)
 def _loaded(path: Path, stamps: tuple[int, ...]) -> SurrogateField:
-    """A field file; the stamps tell its versions apart."""
+    """Load a field file; the stamps identify its version for the cache."""
     return load_surrogate(path)
 
 
@@ -103,7 +101,7 @@ def _field_file(name: str, or_path: str = "the path of a field file with a truth
         return config_folder() / "fields" / f"{name}.yaml"
     known = [*BUILT_IN, *shipped]
     raise InputError(
-        f"there is no surrogate field and no field file of the name {name!r}",
+        f"there is no surrogate field or field file {name!r}",
         f"give one of: {', '.join(known)}; or {or_path}{did_you_mean(name, known)}",
     )
 

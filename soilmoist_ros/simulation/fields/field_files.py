@@ -1,4 +1,4 @@
-"""Files about a surrogate field: what a mission may know of it, and the truth for the reports afterwards."""
+"""Files of a surrogate field: field and site file for the mission, and the truth for reports."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def write_field_file(field: SurrogateField, path: Path) -> None:
 
 
 def write_site_file(field: SurrogateField, path: Path) -> None:
-    """Write a site file with the soil and the calibration that a surrogate field is made with, if it has any.
+    """Write a site file with the soil and the calibration of a surrogate field, if it has any.
 
     :param field: the field
     :param path: file to write
@@ -41,9 +41,9 @@ def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None
     """Write a field file with the truth, readable as a surrogate field, and its grid as CSV in the same folder.
 
     :param field: the field
-    :param grid: the truth is written at the centres of its cells, those outside the field included
-    :param path: field file to write; the grid goes to the same name with ``.csv``
-    :raises InputError: if they cannot be written
+    :param grid: grid whose cell centres get the truth, also outside the field
+    :param path: field file to write; the grid is written to the same name with ``.csv``
+    :raises InputError: if the files cannot be written
     """
     table = path.with_suffix(".csv")
     x, y = (axis.ravel() for axis in np.meshgrid(grid.x_m, grid.y_m))

@@ -21,19 +21,19 @@ MAX_NODES = 16_000_000
 def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: np.random.Generator) -> Array:
     """A Gaussian random field of mean 0 and variance 1 on the nodes of an even grid.
 
-    The covariances of the grid are embedded in those of a torus, whose eigenvalues an FFT gives. If none is
-    negative, the field on the nodes has *exactly* the model's covariance. The torus is enlarged until the
-    negative ones add up to less than 1e-6 of the variance, and these are set to 0: every covariance then is
-    right to 1e-6. (Bilinear interpolation between nodes loses variance: with a step of a tenth of the range 1 %
-    on average with the Gaussian and Matern models, 6 % with the exponential; none at the nodes.)
+    The covariances of the grid are embedded in those of a torus, whose eigenvalues come from an FFT. If none is
+    negative, the field on the nodes has *exactly* the covariance of the model. The torus is enlarged until the
+    negative ones sum to less than 1e-6 of the variance. They are set to 0: the error of every covariance is then
+    at most 1e-6. Bilinear interpolation between nodes loses variance. With a step of a tenth of the range, the
+    mean loss is 1 % with the Gaussian and Matern models and 6 % with the exponential.
 
     :param x_m: columns, evenly spaced, shape (nx,) [m]
     :param y_m: rows, evenly spaced, shape (ny,) [m]
     :param model: correlation model, parametrised as :class:`Variogram`
-    :param range_m: its range parameter [m], > 0
+    :param range_m: range parameter [m], > 0
     :param rng: source of randomness
     :returns: the field, shape (ny, nx)
-    :raises ValueError: if the range is so long for this grid that the torus would not fit into memory
+    :raises ValueError: if the range is too long for this grid: the torus would not fit into memory
     """
     eigenvalues = _torus_eigenvalues((len(y_m), len(x_m)), (_step(y_m), _step(x_m)), model, range_m)
     noise = rng.standard_normal(eigenvalues.shape) + 1j * rng.standard_normal(eigenvalues.shape)

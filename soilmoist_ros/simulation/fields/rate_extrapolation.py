@@ -20,10 +20,10 @@ NUMBERS_AT_ONCE = 4_000_000
 
 
 def default_variogram(xy: Array, values: Array, model: ModelName = "exponential") -> Variogram:
-    """A variogram for interpolating points of which nothing else is known.
+    """Default variogram for the interpolation of points.
 
-    No nugget, so that the points are reproduced; the practical range is half the diagonal of their box, and
-    the sill is their variance (without a nugget it cancels from the estimate).
+    It has no nugget, which reproduces the points. The practical range is half the diagonal of their box. The sill
+    is their variance; without a nugget it cancels from the estimate.
 
     :param xy: places, shape (n, 2) [m]
     :param values: values there, shape (n,)
@@ -37,17 +37,17 @@ def default_variogram(xy: Array, values: Array, model: ModelName = "exponential"
 def krige(xy: Array, values: Array, variogram: Variogram, x_m: Array, y_m: Array) -> Array:
     """Ordinary kriging of point values onto the nodes of a grid.
 
-    The nugget is taken for noise of the values and filtered: without it the points are reproduced, with it
-    the surface passes them smoothly (never in spikes).
+    The nugget is treated as noise of the values and filtered. Without a nugget the surface reproduces the points;
+    with one it passes them smoothly, without spikes.
 
     :param xy: distinct places, shape (n, 2) [m]
     :param values: values there, shape (n,)
-    :param variogram: variogram model, used as it is
+    :param variogram: variogram, not fitted
     :param x_m: columns, shape (nx,) [m]
     :param y_m: rows, shape (ny,) [m]
     :returns: estimates, shape (ny, nx)
-    :raises ValueError: if there are too few or too many points, or the kriging system cannot be solved
-        accurately, which happens to smooth models without a nugget when points lie close together
+    :raises ValueError: if there are too few or too many points, or the kriging system is ill-conditioned, as with
+        smooth models without a nugget and points close together
     """
     if not 3 <= len(xy) <= MAX_POINTS:
         raise ValueError(f"kriging takes 3 to {MAX_POINTS} points, got {len(xy)}")
@@ -84,9 +84,9 @@ def kriged_grid(xy: Array, rate_cps: Array, variogram: Variogram, extent: Extent
 
 
 class KrigedRate:
-    """Rate of a field as :func:`kriged_grid` extrapolates it, not computed before a rate is asked for.
+    """Rate of a field by :func:`kriged_grid`, computed on first use.
 
-    Often only the outline of a field is wanted, and the kriging takes most of a second.
+    Many callers need only the outline of a field, and the kriging takes most of a second.
 
     The parameters are those of :func:`kriged_grid`.
     """
@@ -108,16 +108,16 @@ class KrigedRate:
 
 
 def _estimate(xy: Array, values: Array, variogram: Variogram, places: Array) -> Array:
-    """PyKrige's estimates at places of shape (m, 2), in blocks that fit into memory."""
+    """PyKrige's estimates at positions of shape (m, 2), in blocks that fit into memory."""
     from pykrige.ok import OrdinaryKriging
     from scipy.linalg import LinAlgError, LinAlgWarning
 
     def semivariance(parameters: list[float], distance: Array) -> Array:
-        # The nugget also at distance 0: PyKrige zeroes the diagonal itself, and there it is to be filtered.
+        # Include the nugget at distance 0: PyKrige zeroes the diagonal, and the estimate filters the nugget.
         return variogram.nugget + variogram.structured_sill * (1 - variogram.correlation(distance))
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LinAlgWarning)  # krige() judges by the result
+        warnings.simplefilter("ignore", LinAlgWarning)  # krige() checks the result
         try:
             kriging = OrdinaryKriging(
                 *xy.T, values, "custom", [0.0], variogram_function=semivariance, exact_values=False

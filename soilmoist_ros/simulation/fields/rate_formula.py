@@ -1,7 +1,7 @@
-"""Families of fields given by a formula and a few parameters: fields of any range, smoothness and shape.
+"""Families of fields defined by a formula and a few parameters, with any range, smoothness and shape.
 
-A formula gives one quantity, the corrected rate [counts/s] or the soil moisture [m^3/m^3], at any place.
-Angles are counted from east, anticlockwise; the middle is that of the field's bounding box.
+A formula computes one quantity, the corrected rate [counts/s] or the soil moisture [m^3/m^3], at any position.
+Angles count anticlockwise from east. The middle is that of the field's bounding box.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Quantity = Literal["rate_cps", "vwc"]
 Positive = Annotated[float, Field(gt=0)]
 
 FLOOR = 0.05
-"""Random fields do not fall below this share of their mean; see :class:`RandomFieldFormula`."""
+"""Lower limit of random fields as a share of their mean; see :class:`RandomFieldFormula`."""
 MAX_VWC = 0.9
 
 
@@ -37,9 +37,9 @@ class RateFormula(Section):
     """Names of the parameters that are values of the quantity."""
 
     family: str
-    """Which family."""
+    """Name of the family."""
     quantity: Quantity = "rate_cps"
-    """What the values are: corrected rate [counts/s], or soil moisture [m^3/m^3]."""
+    """Quantity of the values: corrected rate [counts/s] or soil moisture [m^3/m^3]."""
 
     @model_validator(mode="after")
     def _fractions(self) -> RateFormula:
@@ -49,10 +49,10 @@ class RateFormula(Section):
         return self
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
-        """Values at places of shape (n, 2) [m], as a function.
+        """Values at positions of shape (n, 2) [m], as a function.
 
         :param extent: box of the field
-        :param rng: source of randomness; the formula's own seed if ``None``
+        :param rng: source of randomness; the seed of the formula if ``None``
         """
         raise NotImplementedError
 
@@ -60,8 +60,8 @@ class RateFormula(Section):
 class RandomFieldFormula(RateFormula):
     """A stationary Gaussian random field, drawn at the nodes of a grid (see :mod:`.random_field`).
 
-    Values below 5 % of the mean are raised to that; with a standard deviation of at most a quarter of the
-    mean this happens to fewer than one place in 10,000.
+    Values below 5 % of the mean are raised to this limit. With a standard deviation of at most a quarter of the
+    mean, this affects fewer than one position in 10,000.
     """
 
     values: ClassVar[tuple[str, ...]] = ("mean",)
@@ -112,7 +112,7 @@ class Matern32Field(RandomFieldFormula):
 
 
 class Patches(RateFormula):
-    """Round patches at random places on an even background."""
+    """Round patches at random positions on a uniform background."""
 
     values: ClassVar[tuple[str, ...]] = ("background", "patch")
 
@@ -124,11 +124,11 @@ class Patches(RateFormula):
     count: Annotated[int, Field(ge=1, le=1000)] = 6
     """Number of patches; they may overlap."""
     radius_m: Positive = 8.0
-    """Mean radius [m]; each is drawn between 0.6 and 1.4 times this."""
+    """Mean radius [m]; each radius is drawn between 0.6 and 1.4 times the mean."""
     edge_m: Positive = 4.0
     """Distance over which three quarters of the change happen at a patch's edge [m]."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Seed of places and radii."""
+    """Seed of positions and radii."""
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
@@ -153,7 +153,7 @@ class Ridge(RateFormula):
     background: Positive
     """Value far from the ridge."""
     crest: Positive
-    """Value along its middle."""
+    """Value along the middle of the ridge."""
     width_m: Positive = 10.0
     """Standard deviation of the cross-section [m]."""
     angle_deg: float = 90.0
@@ -174,15 +174,15 @@ class Ridge(RateFormula):
 
 
 class Gradient(RateFormula):
-    """An even slope from one side of the field to the other."""
+    """A uniform slope from one side of the field to the other."""
 
     values: ClassVar[tuple[str, ...]] = ("low", "high")
 
     family: Literal["gradient"] = "gradient"
     low: Positive
-    """Value where the slope starts, and beyond."""
+    """Value at the start of the slope and before it."""
     high: Positive
-    """Value where it ends, and beyond."""
+    """Value at the end of the slope and beyond it."""
     angle_deg: float = 0.0
     """Direction from 'low' to 'high' [deg]."""
 
@@ -199,7 +199,7 @@ class Gradient(RateFormula):
 
 
 class Half(RateFormula):
-    """Two even halves with a straight, smooth border."""
+    """Two uniform halves with a straight, smooth border."""
 
     values: ClassVar[tuple[str, ...]] = ("low", "high")
 
@@ -254,9 +254,9 @@ def formula(family: str, **parameters: Any) -> RateFormula:
 
 
 def parse_formula(content: Any) -> RateFormula:
-    """A formula from keys and values, as they stand in a file.
+    """A formula from the keys and values of a file.
 
-    :raises pydantic.ValidationError: (a ValueError) with the place of every mistake
+    :raises pydantic.ValidationError: (a ValueError) with the location of every mistake
     """
     if isinstance(content, RateFormula):
         return content
@@ -286,6 +286,6 @@ Formula = Annotated[RateFormula, BeforeValidator(parse_formula)]
 
 
 def _refusal(location: tuple[str, ...], message: str) -> ValidationError:
-    # The message is passed as a value: PydanticCustomError would take braces in it for placeholders.
+    # The message is passed as a value: PydanticCustomError treats braces in a template as placeholders.
     error = PydanticCustomError("formula", "{message}", {"message": message})
     return ValidationError.from_exception_data("formula", [InitErrorDetails(type=error, loc=location, input=None)])

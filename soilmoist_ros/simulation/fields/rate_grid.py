@@ -1,4 +1,4 @@
-"""A quantity on the nodes of a grid, linear in between: fast to ask for at any place, thousands of times."""
+"""A quantity on the nodes of a grid with fast linear interpolation."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MARGIN_M = 10.0
-"""Width of the strip around the field's box that nodes cover: robots and footprints reach over the edge."""
+"""Margin of the grid around the box of the field [m]: robots and footprints may cross the boundary."""
 MAX_NODES = 1_000_000
-"""Nodes that a grid does not exceed; the step is doubled until it fits."""
+"""Maximum number of nodes of a grid; the step is doubled until the grid fits."""
 
 
 class Extent(NamedTuple):
-    """The box of a field, and how finely its truth is to be known.
+    """The box of a field and the resolution of its truth.
 
     :param low: south-west corner [m], shape (2,)
     :param high: north-east corner [m], shape (2,)
-    :param step_m: distance of nodes [m], > 0
+    :param step_m: distance between nodes [m], > 0
     """
 
     low: Array
@@ -57,13 +57,13 @@ class Extent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RateGrid:
-    """Values on an even grid; bilinear between nodes, and that of the nearest edge beyond them.
+    """Values on a regular grid: bilinear between nodes, constant beyond the edges.
 
-    Bilinear interpolation by :func:`scipy.ndimage.map_coordinates`, which for one place is five times as fast
-    as a ``RegularGridInterpolator`` and gives the same numbers.
+    :func:`scipy.ndimage.map_coordinates` interpolates a single position five times as fast as
+    ``RegularGridInterpolator``, with equal results.
 
     :param x_m: columns, ascending and evenly spaced, shape (nx,), nx >= 2 [m]
-    :param y_m: rows, likewise, shape (ny,), ny >= 2 [m]
+    :param y_m: rows, ascending and evenly spaced, shape (ny,), ny >= 2 [m]
     :param values: values on the nodes, shape (ny, nx), finite
     :raises ValueError: if the shapes do not fit or a value is not finite
     """
@@ -80,7 +80,7 @@ class RateGrid:
             raise ValueError("a value on the grid is not finite")
 
     def __call__(self, xy: Array) -> Array:
-        """Values at places of shape (n, 2) [m], shape (n,)."""
+        """Values at positions of shape (n, 2) [m], shape (n,)."""
         from scipy.ndimage import map_coordinates
 
         column = (xy[:, 0] - self.x_m[0]) / (self.x_m[1] - self.x_m[0])
@@ -89,7 +89,7 @@ class RateGrid:
 
 
 def filled(values: Array) -> Array:
-    """The raster with each NaN replaced by the nearest number; there must be one."""
+    """The raster with each NaN replaced by the nearest number; it needs at least one number."""
     from scipy.ndimage import distance_transform_edt
 
     gaps = np.isnan(values)

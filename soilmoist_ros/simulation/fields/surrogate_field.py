@@ -1,4 +1,4 @@
-"""A field whose count rate, and so its soil moisture, is known everywhere."""
+"""A surrogate field: count rate and soil moisture are known everywhere."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class SurrogateField:
 
     :param name: short name, as given to :func:`surrogate_field`
     :param title: name shown in reports
-    :param field: where it lies: plane, boundary, no-go areas, cell size
-    :param truth: corrected rate of the whole sensor [counts/s], shape (n,), at places of shape (n, 2) [m]
-    :param curve: calibration that links moisture and rate, ``None`` if there is none
+    :param field: plane, boundary, no-go areas and cell size
+    :param truth: corrected rate of the whole sensor [counts/s], shape (n,), at positions of shape (n, 2) [m]
+    :param curve: calibration that links moisture and rate, ``None`` without a calibration
     :param hours: usual mission time [h]
-    :param points_xy: places of the point rates it was extrapolated from [m], shape (k, 2); none otherwise
-    :param points_rate: these rates [counts/s], shape (k,)
+    :param points_xy: positions of the points that the rate is extrapolated from [m], shape (k, 2), if any
+    :param points_rate: rates at these points [counts/s], shape (k,)
     """
 
     name: str
@@ -49,14 +49,14 @@ class SurrogateField:
         return self.field.polygon
 
     def rate_at(self, xy_m: ArrayLike) -> Array:
-        """True corrected count rate of the whole sensor [counts/s] at places of shape (n, 2) [m], shape (n,).
+        """True corrected count rate of the whole sensor [counts/s] at positions of shape (n, 2) [m], shape (n,).
 
-        Defined everywhere: well beyond the boundary the rate is that at the nearest place that is known.
+        It is defined everywhere: far beyond the boundary it is the rate at the nearest known position.
         """
         return self.truth(np.atleast_2d(np.asarray(xy_m, float)))
 
     def vwc_at(self, xy_m: ArrayLike) -> Array:
-        """True volumetric water content [m^3/m^3] at places of shape (n, 2) [m], shape (n,).
+        """True volumetric water content [m^3/m^3] at positions of shape (n, 2) [m], shape (n,).
 
         :raises ValueError: if the field has no calibration curve
         """

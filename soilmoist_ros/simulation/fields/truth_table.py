@@ -31,11 +31,11 @@ MAX_PIXELS = 50_000_000
 
 
 class Table(NamedTuple):
-    """Values at places, from a CSV file.
+    """Values at positions, from a CSV file.
 
-    :param xy: places [m], shape (n, 2), distinct
-    :param values: values there, shape (n,); NaN where the file has none
-    :param quantity: what they are
+    :param xy: distinct positions [m], shape (n, 2)
+    :param values: values at these positions, shape (n,); NaN where the file has none
+    :param quantity: quantity of the values
     """
 
     xy: Array
@@ -45,14 +45,14 @@ class Table(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A grid of values and where it can be trusted.
+    """A grid of values and its coverage of the field.
 
     :param grid: values, gaps filled from the nearest node
-    :param quantity: what they are
-    :param inside: for each cell of the field, whether the grid reaches it
-    :param known: for each cell of the field, whether it has a value there
-    :param near: for each cell of the field, whether it has a value there or at a neighbouring node
-    :param spacing_m: distance of nodes
+    :param quantity: quantity of the values
+    :param inside: for each cell of the field, whether the grid covers it
+    :param known: for each cell of the field, whether the nearest node has a value
+    :param near: for each cell of the field, whether the nearest node or a neighbour of it has a value
+    :param spacing_m: distance between nodes [m]
     """
 
     grid: RateGrid
@@ -67,21 +67,21 @@ def read_points(path: Path, least: int = 3) -> Table:
     """Read a CSV with the columns x_m, y_m and rate_cps or vwc; others are ignored, as are lines with ``#``.
 
     :param path: file
-    :param least: number of points that are needed
+    :param least: minimum number of points
     :raises InputError: with every mistake: a missing column, a value that is no number or out of range, a
-        place that occurs twice, too few points
+        position that occurs twice, too few points
     """
     return _read_table(path, gaps=False, least=least)
 
 
 def read_grid(path: Path, cells: Array) -> Layer:
-    """Read a CSV like that of :func:`read_points`, whose places are the nodes of an even grid, in any order.
+    """Read a CSV in the format of :func:`read_points` with the nodes of a regular grid, in any order.
 
-    The spacing may differ between x and y. Nodes may be left out or have no value outside the field.
+    The spacing may differ between x and y. Outside the field, nodes may be missing or have no value.
 
     :param path: file
     :param cells: cell centres inside the field, shape (g, 2) [m]
-    :raises InputError: with every mistake in the file, or if the places are no even grid
+    :raises InputError: with every mistake in the file, or if the positions are no regular grid
     """
     table = _read_table(path, gaps=True, least=4)
     x, y = (_even_axis(path, name, table.xy[:, axis]) for axis, name in enumerate(("x_m", "y_m")))
@@ -100,7 +100,7 @@ def read_grid(path: Path, cells: Array) -> Layer:
 
 
 def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent, cells: Array) -> Layer:
-    """Read one band of a GeoTIFF, taken over to the field's own plane by bilinear interpolation.
+    """Read one band of a GeoTIFF and resample it to the plane of the field by bilinear interpolation.
 
     :param path: file, in any coordinate reference system
     :param band: name of the band; the first one if ``None``. A name that contains ``vwc`` means soil moisture
@@ -134,7 +134,7 @@ def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent
 
 
 def _read_band(path: Path, source: DatasetReader, band: str | None) -> tuple[Array, Quantity]:
-    """Pixels of the band, NaN where it has no data, and what they are."""
+    """Pixels of the band, NaN for nodata, and their quantity."""
     if source.crs is None:
         raise InputError(
             "has no coordinate reference system (CRS)",
@@ -165,21 +165,21 @@ def _read_band(path: Path, source: DatasetReader, band: str | None) -> tuple[Arr
             path,
         )
     if np.isnan(pixels).all():
-        raise InputError(f"band {number + 1} holds nothing but nodata", "give another 'band'", path)
+        raise InputError(f"band {number + 1} has only nodata", "give another 'band'", path)
     return pixels, quantity
 
 
 def _pixel_places(transformer: Transformer, to_pixel: Any, xy: Array) -> Array:
-    """Column and row of places [m], shape (n, 2), counted from the centre of the first pixel."""
+    """Column and row of positions [m], shape (n, 2), counted from the centre of the first pixel."""
     east, north = transformer.transform(xy[:, 0], xy[:, 1])
     matrix = np.array([[to_pixel.a, to_pixel.b], [to_pixel.d, to_pixel.e]])
-    with np.errstate(invalid="ignore"):  # places that the reference system does not have are infinite
+    with np.errstate(invalid="ignore"):  # positions outside the reference system are infinite
         places = np.column_stack([east, north]) @ matrix.T + (to_pixel.c - 0.5, to_pixel.f - 0.5)
     return np.where(np.isfinite(places), places, -1e9)
 
 
 def _coverage(raster: Array, places: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """For places (column, row): on the raster; with a value at the nearest node; with one there or next to it."""
+    """For positions (column, row): on the raster; value at the nearest node; value at it or a neighbour."""
     from scipy.ndimage import binary_dilation
 
     last = np.array(raster.shape[::-1]) - 1

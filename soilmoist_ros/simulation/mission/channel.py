@@ -25,18 +25,18 @@ from soilmoist_ros.simulation.mission.streams import field_stream
 class Channel:
     """Maps one property; all robots of a mission share it.
 
-    :param field: its truth
+    :param field: true field of the property
     :param grid: cells of the map
-    :param settings: of the mission
-    :param curve: calibration for a map of the moisture, if there is one
-    :param wanted: the property as the settings name it
+    :param settings: settings of the mission
+    :param curve: calibration for a moisture map, if any
+    :param wanted: the property in the settings
 
     Attributes
     ----------
     field_map : FieldMap
         the map
     errors : MapErrors
-        of the last map
+        errors of the last map
     records : list[CountRecord]
         all records so far, in order of time
     """
@@ -53,7 +53,7 @@ class Channel:
         self.wanted = wanted
         self.curve = curve
         self._of_stops = settings.map_from == "stops"
-        # The truth is the rate at each place, and REML can tell it from what the sensor sees.
+        # The truth is the rate at a point; REML separates it from the rate over the footprint.
         radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
         choices = FieldMapSettings(
             settings.model, settings.fit, curve=curve, footprint_radius_m=radius_m, for_planning=True
@@ -65,17 +65,17 @@ class Channel:
         self.records: list[CountRecord] = []
 
     def take(self, record: CountRecord) -> None:
-        """A record has come."""
+        """Add a record."""
         self.records.append(record)
         if not self._of_stops:
             self.field_map.add(record)
 
     def take_stop(self, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
-        """A stop is complete; for maps of stops only.
+        """Add a complete visit; for maps of stops only.
 
-        :param visit: the stop
-        :param counted: the records counted there
-        :param warmed_up: whether there are stops enough for a map
+        :param visit: the visit
+        :param counted: records of the visit
+        :param warmed_up: whether enough stops are measured for a map
         """
         raw_counts = sum(record.raw_counts for record in counted)
         exposure_s = sum(record.effective_exposure_s for record in counted)
@@ -84,7 +84,7 @@ class Channel:
             self._update()
 
     def update(self) -> None:
-        """Bring a map of all records up to date."""
+        """Update a map of all records."""
         if not self._of_stops:
             self._update()
 
@@ -95,7 +95,7 @@ class Channel:
 
     @property
     def soil_map(self) -> SoilMap | None:
-        """The last map with all its bands, ``None`` before the first."""
+        """The last map with all bands, ``None`` before the first."""
         return self.field_map.soil_map
 
     @property
@@ -107,15 +107,14 @@ class Channel:
 
 
 def mission_properties(settings: MissionSettings) -> tuple[PropertySettings, ...]:
-    """All properties that a mission counts; its own field is the first."""
+    """All properties that a mission measures; the first is the one of the mission field."""
     return PropertySettings(settings.field), *settings.properties
 
 
 def mission_fields(settings: MissionSettings) -> list[SurrogateField]:
     """The fields of :func:`mission_properties`.
 
-    :raises InputError: if one is unknown, does not cover the ground of the mission's own field, or has the name of
-        another one
+    :raises InputError: if a field is unknown, does not cover the mission field, or occurs twice
     """
     fields, names = list[SurrogateField](), set[str]()
     for number, wanted in enumerate(mission_properties(settings)):
@@ -131,7 +130,7 @@ def mission_fields(settings: MissionSettings) -> list[SurrogateField]:
         if not _covers(fields[-1].field, fields[0].field):
             raise InputError(
                 f"the field {wanted.field_name!r} of a property does not cover the field {fields[0].name!r}",
-                "choose one with the same datum, and a boundary that is the same or lies around it",
+                "choose a field with the same datum and a boundary that contains it",
             )
         if wanted.name in names:
             raise InputError(f"two properties have the name {wanted.name!r}", "give each property once")

@@ -1,4 +1,4 @@
-"""How much of what any plan could have done a mission did."""
+"""Efficiency of a mission relative to the best possible plan."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS, spre
 from soilmoist_ros.simulation.mission.result import MissionResult
 
 CELLS = 350
-"""About so many cells stand for the field."""
+"""Approximate number of cells that represent the field."""
 
 
 @dataclass(frozen=True)
 class Efficiency:
-    """Variances are means over the field of the smooth rate's, without the nugget, under the final variogram.
+    """Mean variances of the smooth rate over the field, without the nugget, under the final variogram.
 
-    :param least: what the best division of the time among all places would have left, were there no way to drive
-        [(counts/s)^2]
-    :param left: what the mission left [(counts/s)^2]
-    :param moisture: whether they are weighted with the slope of the calibration curve, for a map of the moisture
+    :param least: lower bound: variance after the best division of the time among all positions, without travel
+        time [(counts/s)^2]
+    :param left: variance after the mission [(counts/s)^2]
+    :param moisture: whether the slope of the calibration curve weights the variances, for a moisture map
     """
 
     least: float
@@ -31,15 +31,15 @@ class Efficiency:
 
     @property
     def reached(self) -> float:
-        """Share of what any plan could have done, 0..1."""
+        """Lower bound divided by the variance after the mission, 0..1."""
         return min(self.least / self.left, 1.0) if self.left > 0 else 1.0
 
 
 @lru_cache(maxsize=2)
 def mission_efficiency(mission: MissionResult) -> Efficiency | None:
-    """Efficiency of a mission; ``None`` without a map or time spent, or if several properties were planned for.
+    """Efficiency of a mission; ``None`` without a map or mission time, or if several properties have a weight.
 
-    It judges the plan, not the map: the variogram is taken to be the truth, and so is the map's rate.
+    It evaluates the plan, not the map: it assumes that the variogram and the mapped rate are true.
     """
     soil_map = mission.soil_map
     time_s = mission.series[-1].time_s if mission.series else 0.0

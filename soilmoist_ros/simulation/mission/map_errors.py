@@ -1,4 +1,4 @@
-"""How far a map is from the truth."""
+"""Errors of a map relative to the truth."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def map_errors(
     """Errors over the cells of a field.
 
     :param rate_cps: estimated rate, shape (g,) [counts/s]
-    :param rate_sd_cps: its standard deviation, shape (g,) [counts/s]
+    :param rate_sd_cps: standard deviation of the estimate, shape (g,) [counts/s]
     :param true_rate_cps: true rate, shape (g,) [counts/s]
-    :param curve: calibration curve, if there is one
-    :param true_vwc: :func:`possible_moisture` of the true rate, if it is known already, shape (g,) [m^3/m^3]
+    :param curve: calibration curve, if any
+    :param true_vwc: :func:`possible_moisture` of the true rate, if already computed, shape (g,) [m^3/m^3]
     """
     error = rate_cps - true_rate_cps
     covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
@@ -60,8 +60,8 @@ def map_errors(
 def possible_moisture(curve: CalibrationCurve, rate_cps: Array) -> Array:
     """Moisture of estimated rates, kept between 0 and the pore volume of the soil [m^3/m^3].
 
-    The curve has a pole: one cell whose rate is estimated a little too low would otherwise decide the RMSE of a
-    whole map. A rate too low for any moisture counts as saturated soil.
+    The curve has a pole: without limits, one cell with a slightly low estimate would dominate the RMSE of the map.
+    A rate too low for any moisture counts as saturated soil.
     """
     pores = max(0.0, 1 - curve.bulk_density_gcm3 / MINERAL_DENSITY_GCM3)
     return np.where(curve.valid(rate_cps), np.clip(curve.vwc(rate_cps), 0.0, pores), pores)

@@ -64,9 +64,9 @@ from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 Array = NDArray[np.float64]
 
 LATTICE_NODES = 300
-"""About so many nodes has the lattice that is laid when travel follows a graph and none is given."""
+"""Approximate number of nodes of the default lattice, used when travel needs a graph and none is given."""
 PLACES_PER_RECORD = 10
-"""Places at which the rate of one record is taken, evenly over its time."""
+"""Number of positions, evenly spaced in time, at which the rate of a record is sampled."""
 _LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -74,21 +74,21 @@ def simulate_mission(settings: MissionSettings, progress: Callable[[float], None
     """Simulate one mission. The settings determine the result, bit for bit.
 
     :param settings: everything that determines the mission
-    :param progress: called now and then with the share of the mission time that has passed [0..1]
+    :param progress: called regularly with the elapsed share of the mission time [0..1]
     :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
     """
     return _Simulation(settings).run(progress or (lambda share: None))
 
 
 class _Robot:
-    """One robot of a mission: its state machine, its explorer, where it is, and what it has counted.
+    """One robot of a mission: state machine, explorer, position, and records.
 
-    :param number: from 1
-    :param mission: its state machine
-    :param explorer: chooses its stops
-    :param body: where it is
-    :param sensors: what it counts with, one for each property
-    :param noise_m: errors of its positions, one after the other: east and north [m]
+    :param number: number of the robot, from 1
+    :param mission: state machine of the mission
+    :param explorer: chooses the stops
+    :param body: simulated motion
+    :param sensors: one sensor per property
+    :param noise_m: successive position errors, east and north [m]
     """
 
     def __init__(
@@ -106,11 +106,11 @@ class _Robot:
         self.body = body
         self.sensors = sensors
         self.noise_m = noise_m
-        self.goal: tuple[float, GoTo] | None = None  # time of arrival, and what for
+        self.goal: tuple[float, GoTo] | None = None  # time of arrival, and the action
         self.records: list[list[CountRecord]] = []  # one of each sensor, in order of time
         self.ended = ""
-        self.deadline_s = math.inf  # as of the last next_s()
-        self.told: tuple[float, float] | None = None  # where it was when the mission was last told that it moves
+        self.deadline_s = math.inf  # set by next_s()
+        self.sent_xy: tuple[float, float] | None = None  # position at the last Moved event
 
     @property
     def record_s(self) -> float:
@@ -118,7 +118,7 @@ class _Robot:
         return (len(self.records) + 1) * self.sensors[0].cadence_s
 
     def next_s(self, now_s: float) -> float:
-        """When something happens to it next [s]; never, once it has ended."""
+        """Time of the next event of the robot [s]; inf after the end of its mission."""
         if self.ended:
             return math.inf
         arrival_s = self.goal[0] if self.goal else math.inf
@@ -128,7 +128,7 @@ class _Robot:
 
 
 class _Simulation:
-    """One mission under way."""
+    """State of one running mission."""
 
     def __init__(self, settings: MissionSettings) -> None:
         settings.check()
@@ -137,20 +137,20 @@ class _Simulation:
         field = fields[0]
         if settings.target == "vwc" and field.curve is None:
             raise InputError(
-                f"the field {field.name!r} has no calibration, so there is no moisture to map",
+                f"the field {field.name!r} has no calibration, so its moisture cannot be mapped",
                 "choose the target rate, or give the field a calibration",
             )
         self.field = field
         self.grid = field.field.grid(settings.cell_m)
         self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
-        # The calibration is that of the mission's own field: the rates of the others are no moisture.
+        # The calibration belongs to the mission field: the other properties are no moisture.
         self.channels = [
             Channel(one, self.grid, settings, one.curve if one is field else None, wanted)
             for one, wanted in zip(fields, mission_properties(settings), strict=True)
         ]
         self.robots = [self.robot(number) for number in range(settings.robots)]
-        # From the places of a record to its end.
+        # Times from the positions of a record to its end.
         self.before_s = settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
         self.now_s = 0.0
         self.visits: list[Visit] = []
@@ -158,7 +158,7 @@ class _Simulation:
         self.log: list[str] = []
 
     def robot(self, number: int) -> _Robot:
-        """A robot at the start, numbered from 0; all share the maps."""
+        """Create a robot at the start, numbered from 0; all robots share the maps."""
         settings, field = self.settings, self.field
         seed = settings.seed
         dwell = dwell_rule(settings.dwell)
@@ -210,7 +210,7 @@ class _Simulation:
         return _Robot(number + 1, mission, explorer, body, sensors, noise_m)
 
     def run(self, progress: Callable[[float], None]) -> MissionResult:
-        """Let events happen one after the other until the mission of each robot has ended."""
+        """Process events in order of time until the missions of all robots have ended."""
         for robot in self.robots:
             self.give(robot, Moved(self.now_s, *robot.body.at(self.now_s)))
             self.give(robot, Command(self.now_s, Verb.START))
@@ -234,12 +234,12 @@ class _Simulation:
         return self.result()
 
     def advance(self, robot: _Robot) -> None:
-        """Let what is due happen to a robot."""
+        """Process the due events of a robot."""
         if self.now_s == robot.record_s:
             here = robot.body.at(self.now_s)
             reported = self.reported(robot, here)
-            if here != robot.told or self.now_s >= robot.deadline_s:  # what is due comes before the record
-                robot.told = here
+            if here != robot.sent_xy or self.now_s >= robot.deadline_s:  # deadlines precede the record
+                robot.sent_xy = here
                 self.give(robot, Moved(self.now_s, *reported))
             self.give(robot, RecordArrived(self.now_s, self.record(robot)))
         if robot.goal and self.now_s >= robot.goal[0]:
@@ -251,12 +251,12 @@ class _Simulation:
             self.give(robot, Tick(self.now_s))
 
     def give(self, robot: _Robot, event: Event) -> None:
-        """Give a robot's mission an event and carry out what it asks for."""
+        """Pass an event to the mission of a robot and carry out the requested actions."""
         for action in robot.mission.step(event):
             self.carry_out(robot, action)
 
     def carry_out(self, robot: _Robot, action: Action) -> None:
-        """Do what a mission asks for; its statuses, displays and saves need nothing here."""
+        """Carry out an action; statuses, displays and saves need no action here."""
         match action:
             case Publish():  # the most frequent one
                 pass
@@ -282,13 +282,13 @@ class _Simulation:
                 pass
 
     def pending_of_others(self, robot: _Robot) -> list[PendingMeasurement]:
-        """What all robots but one are about."""
+        """Pending measurements of all other robots."""
         at_once = self.settings.map_from == "records"
         statuses = [other.mission.status for other in self.robots if other is not robot]
         return [found for status in statuses if (found := pending_measurement(status, at_once)) is not None]
 
     def take(self, robot: _Robot, visit: Visit) -> None:
-        """A stop is complete: the map follows."""
+        """Add a complete visit to the maps and the series."""
         self.note(robot, f"sample at {visit.name}: {visit.outcome}")
         self.visits.append(visit)
         if self.settings.map_from == "records":
@@ -301,12 +301,12 @@ class _Simulation:
         self.enter_series()
 
     def update_map(self) -> None:
-        """Bring maps of all records up to date."""
+        """Update the maps of all records."""
         for channel in self.channels:
             channel.update()
 
     def record(self, robot: _Robot) -> CountRecord:
-        """What a robot has counted in the interval that ends now; returns that of the mission's own field."""
+        """Count with all sensors over the interval that ends now; returns the record of the mission field."""
         places = robot.body.places(self.now_s - self.before_s)
         x_m, y_m = places[len(places) // 2].tolist()
         reported = self.reported(robot, (x_m, y_m))
@@ -318,12 +318,12 @@ class _Simulation:
         return records[0]
 
     def reported(self, robot: _Robot, xy: tuple[float, float]) -> tuple[float, float]:
-        """A place as the GNSS of a robot reports it."""
+        """A position as the GNSS of a robot reports it."""
         east_m, north_m = next(robot.noise_m)
         return xy[0] + east_m, xy[1] + north_m
 
     def enter_series(self) -> None:
-        """Write down how the mission stands."""
+        """Append the current state to the series."""
         row = SeriesRow(
             time_s=self.now_s,
             distance_m=sum(robot.body.distance_m(self.now_s) for robot in self.robots),
@@ -337,15 +337,15 @@ class _Simulation:
             self.series.append(row)
 
     def note(self, robot: _Robot, text: str) -> None:
-        """Write into the mission's log."""
+        """Append a line to the log of the mission."""
         self.log.append(f"{self.now_s:8.0f} s  {self.named(robot)}{text}")
 
     def named(self, robot: _Robot) -> str:
-        """Which robot is meant, if there are several."""
+        """Prefix with the number of the robot; empty for a single robot."""
         return f"robot {robot.number}: " if len(self.robots) > 1 else ""
 
     def result(self) -> MissionResult:
-        """What the mission leaves."""
+        """Result of the mission."""
         assert all(robot.mission.state.phase in (Phase.FINISHED, Phase.IDLE) for robot in self.robots)
         return MissionResult(
             settings=self.settings,
@@ -362,7 +362,7 @@ class _Simulation:
 def travel_and_stops(
     field: Field, grid: FieldGrid, motion: RobotMotion, settings: MissionSettings
 ) -> tuple[TravelModel, tuple[Stop, ...]]:
-    """How the robot gets about, and the stops it may choose.
+    """Travel model of the robot and its candidate stops.
 
     :raises InputError: if the graph cannot be used
     """
@@ -376,10 +376,10 @@ _cell_stops = lru_cache(maxsize=4)(cell_stops)
 
 
 def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
-    """Topological map of a field: that of a file, or an open lattice of about :data:`LATTICE_NODES` nodes.
+    """Topological map of a field: from a file, or an open lattice of about :data:`LATTICE_NODES` nodes.
 
     :param field: the field
-    :param grid: its grid
+    :param grid: grid of the field
     :param graph: file with the map, ``None`` for the lattice
     :raises InputError: if the file cannot be used
     """
@@ -390,16 +390,16 @@ def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> Topo
 
 
 def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
-    """Where a mission begins: the stop nearest to the first corner of the field."""
+    """Start of a mission: the stop nearest to the first corner of the field."""
     return stops[int(np.argmin(((stops_xy(stops) - field.polygon[0]) ** 2).sum(axis=1)))]
 
 
 def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float]]:
-    """Errors of positions; many are drawn at a time, which gives the same as one by one."""
+    """Position errors, drawn in blocks; the values equal those of single draws."""
     while True:
         yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
 
 
 def _nominal_rate(field: SurrogateField) -> float:
-    """Rate to expect before anything is known: that of 15 % moisture, as the robot's calibration has it."""
+    """Expected rate before the first record: that of 15 % moisture, by the calibration of the field."""
     return 4.0 if field.curve is None else float(field.curve.rate_cps(0.15))

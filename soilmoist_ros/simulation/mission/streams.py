@@ -1,4 +1,4 @@
-"""Random streams of a simulated mission: each source of randomness has a stream, whatever else is simulated."""
+"""Random streams of a simulated mission; each source of randomness has an independent stream."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ _SENSOR, _GNSS = 0, 2  # between them is the stream of the strategy
 
 
 def field_stream(seed: int, number: int) -> np.random.Generator:
-    """What is random in the field of a property.
+    """Random stream for the field of a property.
 
-    :param seed: of the mission
+    :param seed: seed of the mission
     :param number: number of the property, from 0
     """
     return np.random.default_rng((seed, number + 1))
 
 
 def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -> np.random.Generator:
-    """Counts and weather of the sensor of one property on one robot.
+    """Random stream for the counts of one property's sensor on one robot.
 
-    The keys of the first two properties are those of earlier releases, so that their missions stay the same.
+    The keys of the first two properties are those of earlier releases, which keeps their missions reproducible.
 
-    :param seed: of the mission
+    :param seed: seed of the mission
     :param number: number of the property, from 0
     :param robot: number of the robot, from 0
     :param robots: number of robots of the mission
@@ -33,12 +33,12 @@ def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -
 
 
 def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:
-    """Errors of the positions of one robot, numbered from 0."""
+    """Random stream for the position errors of one robot, numbered from 0."""
     return _stream(seed, STREAMS_PER_ROBOT * robot + _GNSS)
 
 
 def device_stream(seed: int, device: int) -> np.random.Generator:
-    """What is random in a device of the simulated system, numbered from 0."""
+    """Random stream for a device of the simulated system, numbered from 0."""
     return _stream(seed, STREAMS_PER_ROBOT + 1 + device)
 
 

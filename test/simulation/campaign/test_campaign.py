@@ -43,7 +43,7 @@ experiments:
 
 @pytest.fixture
 def fake(monkeypatch):
-    """The stand-in simulator, importable here and in processes that are started meanwhile."""
+    """The fake simulator, importable in this process and in its children."""
     monkeypatch.syspath_prepend(str(HERE))
     import fake_mission
 
@@ -61,7 +61,7 @@ def written(path, text):
 
 
 class Counted:
-    """Counts the calls of a simulator; breaks off, or fails, where told to."""
+    """Counts the calls of a simulator; interrupts or fails at given calls."""
 
     def __init__(self, simulate, interrupt_at=None, fail=lambda settings: False):
         self.calls, self._simulate, self._interrupt_at, self._fail = [], simulate, interrupt_at, fail
@@ -98,7 +98,7 @@ def test_keys_are_stable_and_tell_settings_apart():
     assert mission_key(MissionSettings(seed=2)) != mission_key(MissionSettings())
     assert mission_key(MissionSettings(cell_m=1.0)) != mission_key(MissionSettings())
     explicit = MissionSettings(strategy="gcb", dwell="optimal", model="matern32", fit="reml", map_from="records")
-    assert mission_key(explicit) == mission_key(MissionSettings()), "keys are of what a preset stands for"
+    assert mission_key(explicit) == mission_key(MissionSettings()), "keys contain the values of a preset"
 
 
 def test_a_field_file_counts_by_its_content(tmp_path):
@@ -144,7 +144,7 @@ def test_mistakes_beyond_the_keys(tmp_path):
     assert "no field file 'no/such.yaml'" in str(caught.value)
     assert "no field 'moon'" in str(caught.value)
     assert "synthetic-high" in str(caught.value)
-    assert "second experiment of the name 'a'" in str(caught.value)
+    assert "second experiment is named 'a'" in str(caught.value)
     assert {mistake.line for mistake in caught.value.mistakes} == {3}
     with pytest.raises(InputError, match="only once"):
         written(tmp_path / "d.yaml", "title: t\nruns: [1, 1]\nexperiments: [{name: a}]\n")
@@ -230,9 +230,9 @@ def test_a_mission_survives_its_file(fake):
     assert [visit.robot for visit in team.visits] == [1, 2]
 
 
-def test_an_interrupted_campaign_goes_on(campaign, tmp_path, fake):
+def test_an_interrupted_campaign_resumes(campaign, tmp_path, fake):
     first = Counted(fake, interrupt_at=4)
-    with pytest.raises(CampaignInterrupted, match=r"4 of 10 missions are stored.*again to go on"):
+    with pytest.raises(CampaignInterrupted, match=r"4 of 10 missions are stored.*again to resume"):
         run_campaign(campaign, tmp_path, first, workers=0)
     steps = []
     second = Counted(fake)
@@ -360,7 +360,7 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=20)
     assert process.returncode != 0
-    assert errors.strip().endswith("run the same command again to go on from there")
+    assert errors.strip().endswith("run the same command again to resume")
     assert errors.count("Traceback") == 1
 
 

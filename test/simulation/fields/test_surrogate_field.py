@@ -180,8 +180,8 @@ def test_a_nugget_is_filtered_without_spikes():
     rng = np.random.default_rng(5)
     xy, values = rng.uniform(0, 40, (30, 2)), rng.normal(4, 0.1, 30)
     variogram = Variogram("exponential", 0.01, 20.0, 0.02)
-    at, beside = (krige(xy, values, variogram, xy[:1, 0] + shift, xy[:1, 1])[0, 0] for shift in (0.0, 1e-6))
-    assert at == pytest.approx(beside, abs=1e-5)
+    at, near = (krige(xy, values, variogram, xy[:1, 0] + shift, xy[:1, 1])[0, 0] for shift in (0.0, 1e-6))
+    assert at == pytest.approx(near, abs=1e-5)
     assert abs(at - values[0]) > 1e-3
 
 

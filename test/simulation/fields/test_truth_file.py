@@ -231,7 +231,7 @@ def test_a_gap_inside_a_no_go_area_is_no_mistake(tmp_path):
 
 
 def geotiff(path, value=plane, crs="EPSG:32630", names=("rate",), pixel_m=2.0, margin_m=20.0, shift_m=0.0):
-    """A north-up raster in another reference system, whose pixels hold a formula of the local coordinates."""
+    """A north-up raster in another reference system, whose pixels have a formula of the local coordinates."""
     import rasterio
     from pyproj import Transformer
 
@@ -299,7 +299,7 @@ def test_mistakes_in_geotiffs_are_named(tmp_path):
             "is not positive, as a count rate must be -> correct it, or mark it as nodata",
         ),
         ({"value": lambda x, y: 25 + 0 * x, "names": ("vwc",)}, "a percentage must be divided by 100"),
-        ({"value": lambda x, y: -9999.0 + 0 * x}, "band 1 holds nothing but nodata"),
+        ({"value": lambda x, y: -9999.0 + 0 * x}, "band 1 has only nodata"),
     ]
     import warnings
 
