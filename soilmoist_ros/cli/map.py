@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command("map")
 @click.argument("logs", type=FILE, nargs=-1, required=True)
-@click.option("--logger", help="Logger format: a shipped name or a YAML file. Default: told from the header.")
+@click.option("--logger", help="Logger format: a shipped name or a YAML file. Default: detected from the header.")
 @click.option("--site", help="Site file: corrections, soil, calibration. Default: standard corrections.")
 @click.option("--field", help="Field file: boundary, cell size. Default: the surroundings of the track.")
 @click.option(
