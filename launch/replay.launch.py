@@ -1,8 +1,8 @@
-"""Show a recorded survey in the viewers: the bag's records go to a mapper, and its plans to the displays.
+"""Show a recorded survey in the viewers: play the bag's records to a mapper, and its plans to the displays.
 
     ros2 launch soilmoist_ros replay.launch.py bag:=recordings/NAME field:=my_field.yaml site:=my_site.yaml
 
-To get the map only, as fast as possible and without ROS: soilmoist replay BAG.
+``soilmoist replay BAG`` makes only the map, as fast as possible and without ROS.
 """
 
 from launch import LaunchContext, LaunchDescription
@@ -42,7 +42,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def player_and_mapper(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The mapper, and the player."""
+    """The mapper and the player of the bag."""
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)

@@ -2,7 +2,7 @@
 
     ros2 launch soilmoist_ros robot.launch.py field:=my_field.yaml site:=my_site.yaml params_file:=my_robot.yaml
 
-Arguments override params_file. An empty argument leaves its parameter as it is there, or at its default (see
+Arguments override params_file. An empty argument keeps the value in params_file or the default (see
 docs/parameters.md).
 """
 
@@ -35,7 +35,7 @@ PARAMETERS = {
     "resume": "interrupted mission: ask (wait for resume or abort), auto (resume) or fresh (start a new one)",
     "simulated": "true if the counts come from a simulation; every output says so",
 }
-"""Arguments that are parameters of one or more of the nodes."""
+"""Arguments that set a parameter of one or more nodes."""
 RECORDINGS = "recordings"
 """Default folder of the recorder."""
 PROPERTY = (
@@ -47,7 +47,7 @@ AUTOSTART = "true: the mission starts as soon as position, map and navigation ar
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The nodes that all run on the robot's computer."""
+    """The nodes on the robot's computer."""
     return LaunchDescription(
         [
             DeclareLaunchArgument("params_file", default_value="", description="parameters of all nodes (YAML)"),
@@ -73,7 +73,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def nodes(context: LaunchContext) -> list[Node]:
-    """The nodes, with the parameters that the arguments give."""
+    """The nodes, with parameters from the arguments."""
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -82,7 +82,7 @@ def nodes(context: LaunchContext) -> list[Node]:
         return IfCondition(LaunchConfiguration(name)).evaluate(context)
 
     arguments = {name: given(name) for name in PARAMETERS}
-    # The recorder comes first, so that it misses nothing.
+    # The recorder starts first, so that it misses no message.
     values = {
         name: parameters_from(name, arguments) for name in ("recorder", "mapper", "planner", "sensor_driver")
     }
@@ -98,7 +98,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
     files = [*filter(None, [given("params_file")])]
     started = [(node, given("namespace"), files, parameters) for node, parameters in values.items()]
-    # What params_file says of /**/mapper, such as whose counts to map, is not meant for these.
+    # Settings of /**/mapper in params_file, such as the counts to map, must not apply to property mappers.
     started += [("mapper", *one) for one in property_mappers(given("namespace"), arguments, properties, start)]
     return [
         Node(
@@ -117,7 +117,7 @@ def nodes(context: LaunchContext) -> list[Node]:
 def property_mappers(
     namespace: str, arguments: Mapping[str, str], properties: Sequence[str], start: Mapping[str, str]
 ) -> list[tuple[str, list[str], dict[str, object]]]:
-    """Namespace, no files, and parameters of a mapper for each property; each saves to a separate folder."""
+    """Namespace, no files, and parameters of each property's mapper; each mapper saves to a separate folder."""
     mapper = parameters_from("mapper", {**arguments, "site": ""})
     folder = arguments["save_dir"] or "soilmoist_map"
     return [
@@ -135,7 +135,7 @@ def property_mappers(
 
 
 def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str, str]:
-    """Where the planner writes its journal: always the same folder, so that a restart finds it."""
+    """Folder of the planner's journal; every run uses the same folder, so that a restart finds the journal."""
     if not folder and params_file and "journal_dir" in Path(params_file).read_text(encoding="utf-8"):
         return {}
     own = Path(out or RECORDINGS, "journal", namespace.strip("/"))  # several robots may share a computer
@@ -143,7 +143,7 @@ def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str
 
 
 def earlier(planner: Mapping[str, object]) -> dict[str, str]:
-    """Where the mappers find the records of an interrupted mission: in the planner's journal."""
+    """The planner's journal, in which the mappers find the records of an interrupted mission."""
     folder = str(planner.get("journal_dir", ""))
     if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).expanduser().is_file():
         return {}

@@ -2,7 +2,7 @@
 
     ros2 launch soilmoist_ros simulation.launch.py field:=synthetic-high hours:=1
 
-The folder ``out`` gets the field file and site file of the simulated field, the recording and the map.
+The folder ``out`` receives the field file and site file of the simulated field, the recording and the map.
 """
 
 from datetime import datetime
@@ -49,7 +49,7 @@ PROPERTY = "further properties that are counted and mapped, such as rough:0.5,ri
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Simulator and nodes."""
+    """The simulator and the nodes of the robot."""
     out = f"soilmoist_simulation_{datetime.now():%Y%m%d_%H%M%S}"
     return LaunchDescription(
         [

@@ -31,8 +31,8 @@ __all__ = [
     "run_demo",
 ]
 
-# To find plugins pydantic reads the metadata of every installed package, which takes longer than its work for a
-# node. It reads this when the first model is built.
+# Pydantic's search for plugins reads the metadata of every installed package. The search takes longer than
+# pydantic's work for a node. Pydantic reads this variable when it builds the first model.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 __getattr__ = load_on_use(__name__, __file__)

@@ -1,4 +1,4 @@
-"""The field simulator: simulates robot, navigation, neutron logger and GNSS receiver."""
+"""Simulates robot, navigation, neutron logger and GNSS receiver."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from soilmoist_ros.simulation.system import GNSS, LOGGER, Output, PropertyCounte
 MAP_FRAME = "map"
 TICK_S = 0.02
 MAX_STEP_S = 0.06
-"""Longest time that a late tick catches up: three ticks [s]."""
+"""Limit of the time that a late tick catches up: three ticks [s]."""
 SETTLE_S = 1.0
-"""Time from the connection of all devices to the start of simulated time [s]. Receivers of the driver's records
-must discover it before the first record, which comes at once in fast time."""
+"""Time from the connection of all devices to the start of simulated time [s]. Receivers of records must discover
+the driver before the first record, which comes at once in fast time."""
 
 
 class FieldSimulator(Node):
@@ -117,9 +117,9 @@ class FieldSimulator(Node):
         if not self._started and wall_s - self._connected_s >= SETTLE_S:
             self._started = True
             self._log("all are connected: time begins")
-        # Nothing is sent before time begins, so that all runs start with the same lines.
+        # The devices are silent before time starts, so that all runs start with the same lines.
         outputs = self._system.advance(self._time.advance(wall_s)) if self._started else []
-        # Time first: no node may receive a message from its future.
+        # The clock comes first, so that no node receives a message from its future.
         self._simulated_clock.publish(Clock(clock=to_time(self._system.stamp_s)))
         for output in outputs:
             self._carry_out(output)

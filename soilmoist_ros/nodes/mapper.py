@@ -1,4 +1,4 @@
-"""The mapper: merges records to samples, fits the variogram, and maps rate and moisture with their uncertainty."""
+"""Merges records to samples, fits the variogram, and maps rate and moisture with their uncertainty."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Mapper(Node):
         self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
         self._worker = MapWorker(self._online.compute, self._publish)
-        # Before the first map it is the cell size that the planner needs.
+        # The planner needs the cell size before the first map.
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
         if earlier := parameters.text("start_from"):
             for record in read_earlier(Path(earlier).expanduser(), parameters.text("start_property")):
@@ -64,9 +64,9 @@ class Mapper(Node):
         for robot in ("", *(f"{name}/" for name in other_namespaces(self, parameters.texts("others")))):
             self.create_subscription(PointCloud2, f"{robot}counts", self._on_counts, qos.RECORDS)
         self.create_service(Trigger, "~/reset", self._on_reset)
-        alone = MutuallyExclusiveCallbackGroup()  # records are added while a save takes seconds
+        alone = MutuallyExclusiveCallbackGroup()  # a save takes seconds and must not block records
         self.create_service(Trigger, "~/save", self._on_save, callback_group=alone)
-        # Steady time: once a second even if simulated time runs fast or stands still.
+        # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_counts(self, message: PointCloud2) -> None:

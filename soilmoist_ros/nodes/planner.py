@@ -1,4 +1,4 @@
-"""The planner: runs the mission. This node passes messages in and out; what happens is decided by the core."""
+"""Runs the mission. This node only passes messages in and out; the core makes the decisions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SHOW_S: Final = 1.0
 
 
 class Planner(Node):
-    """Explores a field: chooses stops, sends the robot there, and lets it count."""
+    """Explores a field: chooses stops, sends the robot to them, and lets it count."""
 
     finished = False
 
@@ -83,7 +83,7 @@ class Planner(Node):
         self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others, properties)
         for verb in Verb:
             self.create_service(Trigger, f"planner/{verb}", partial(self._command, verb))
-        # The mission's limits go by ROS time; messages, displays and limits of the navigation by the computer's.
+        # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.
         self.create_timer(MISSION_TICK_S, self._control.tick)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_S, self._tick, clock=steady)

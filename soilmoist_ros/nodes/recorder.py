@@ -1,7 +1,4 @@
-"""The recorder: writes every topic to a bag that survives a crash.
-
-The configuration of the nodes is stored with the bag: their parameters, and the files that these name.
-"""
+"""Writes every topic to a bag that survives a crash, with the parameters of the nodes and the files they name."""
 
 from __future__ import annotations
 
@@ -39,19 +36,19 @@ from soilmoist_ros.recording.run_configuration import RunConfiguration
 __all__ = ["PARAMETERS", "Recorder", "main"]
 
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
-"""Nodes whose parameters are stored with the bag, together with those of the mappers of properties."""
+"""Nodes whose parameters are stored with the bag, in addition to the parameters of the property mappers."""
 _DISCOVERY_S: Final = 0.2
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
 _OPEN_S: Final = 5.0
 _QUIET_S: Final = 0.1
-"""At its end the recorder waits until no message has arrived for this time [s] ..."""
+"""Time without messages after which the bag is closed [s]."""
 _MAX_CLOSE_S: Final = 0.5
-"""... but no longer than this [s]."""
+"""Longest wait for :data:`_QUIET_S` without messages [s]."""
 
 
 class Recorder(Node):
-    """Records topics as they appear; started and stopped by services."""
+    """Records topics as they appear; services start and stop it."""
 
     def __init__(self) -> None:
         super().__init__("recorder")
@@ -85,7 +82,7 @@ class Recorder(Node):
         self.create_timer(_CONFIGURATION_S, self._keep_configuration, callback_group=aside, clock=steady)
 
     def close(self) -> None:
-        """Close the bag, with the messages that were on their way."""
+        """Record the messages in transit, then close the bag."""
         end_s = quiet_s = time.monotonic()
         while time.monotonic() <= min(quiet_s + _QUIET_S, end_s + _MAX_CLOSE_S):
             if self._record_arrived():
@@ -96,7 +93,7 @@ class Recorder(Node):
             self.get_logger().info(f"recorded {state.messages} messages to {state.bag}")
 
     def _record_arrived(self) -> int:
-        """Record what has arrived and was not passed to a callback yet; returns the number of messages."""
+        """Record messages that arrived but were not passed to a callback yet; returns their number."""
         count = 0
         for topic, _, subscription in self._topics.values():
             with subscription.handle:
@@ -146,7 +143,7 @@ class Recorder(Node):
                 self.get_logger().error(f"the configuration of the nodes is not stored: {error}")
 
     def _discover(self) -> None:
-        """Subscribe to new topics, and again to topics that need a weaker quality of service now."""
+        """Subscribe to new topics. Subscribe again to topics that now need a weaker quality of service."""
         for name, types in self.get_topic_names_and_types():
             if name in self._skipped or not self._choice.wanted(name):
                 continue

@@ -1,4 +1,4 @@
-"""The sensor driver: lines of the neutron logger and the GNSS receiver -> corrected, geo-tagged records."""
+"""Converts lines of the neutron logger and the GNSS receiver to corrected, geo-tagged records."""
 
 from __future__ import annotations
 
@@ -57,8 +57,7 @@ class SensorDriver(LifecycleNode):
         if text("intensity_topic"):
             self.create_subscription(Float64, text("intensity_topic"), self._on_intensity, qos.DEFAULT)
         self._arrived = self.create_guard_condition(self._step)
-        # Steady time: simulated time may stand still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(_RELEASE_S, self._step, clock=steady)
         self.create_timer(_DIAGNOSTICS_S, self._report, clock=steady)
         if self._given.flag("autostart"):
@@ -117,7 +116,7 @@ class SensorDriver(LifecycleNode):
         self._driver = Driver(DriverSettings(**settings), sensor, field.frame, self._now_s())
 
     def _activate(self) -> None:
-        assert self._driver is not None  # it is configured
+        assert self._driver is not None  # on_configure made it
         self._driver.start(self._arrived.trigger)
 
     def _now_s(self) -> float:

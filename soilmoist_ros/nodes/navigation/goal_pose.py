@@ -20,8 +20,8 @@ TOPIC = "goal_pose"
 class GoalPoseNavigator:
     """A :class:`Navigator` that publishes poses.
 
-    :param node: the node it belongs to
-    :param client: judges arrival
+    :param node: the node that publishes
+    :param client: decides on arrival
     :param report: called at the end of each goal
     """
 

@@ -27,7 +27,7 @@ from soilmoist_ros.nodes.navigation.route_feedback import RouteFeedback
 class GotoNodeNavigator:
     """A :class:`Navigator` that is a client of ``GotoNode``.
 
-    :param node: the node it belongs to
+    :param node: node of the client
     :param name: name of the action
     :param kind: class of the action, see :func:`action_class`
     :param feedback_topic: plain topic on which some versions publish the node that the robot passes
@@ -51,7 +51,7 @@ class GotoNodeNavigator:
         self._lock = Lock()
         self._ids: dict[int, UUID] = {}
         self._actions = ActionClient(node, kind, name)
-        # a separate service client, since goals are cancelled without the action client's handle as well
+        # Some goals are cancelled without a handle of the action client, so cancelling needs a service client.
         self._cancels = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
         self._feedback = RouteFeedback(node, feedback_topic, kind)
 
@@ -62,7 +62,7 @@ class GotoNodeNavigator:
 
     @property
     def on_the_way(self) -> str:
-        """The node that the navigation named last."""
+        """The last node in the navigation's feedback."""
         return self._feedback.route
 
     def go(self, goal_id: int, stop: Stop) -> None:
@@ -84,8 +84,8 @@ class GotoNodeNavigator:
         self._step(self._client.tick, self._actions.server_is_ready())
 
     def _step(self, happened: Callable[..., tuple[Request, ...]], *values: Any) -> None:
-        # The limits are for messages, so the clock is the computer's. A report may call this method from another
-        # thread, so requests are executed without the lock.
+        # The limits apply to messages, so they use the computer's clock. Requests run without the lock, because a
+        # report may call this method from another thread.
         with self._lock:
             requests = happened(*values, time.monotonic())
         for request in requests:
@@ -119,7 +119,7 @@ class GotoNodeNavigator:
             self._step(self._client.ended, goal_id, int(answer.status), success)
 
     def _ask_to_cancel(self, request: CancelSent) -> None:
-        question = CancelGoal.Request()  # without an id it means all goals
+        question = CancelGoal.Request()  # without an id it cancels all goals
         if request.ours:
             question.goal_info.goal_id = self._ids[request.goal_id]
         self._cancels.call_async(question).add_done_callback(partial(self._cancel_answered, request))
@@ -127,16 +127,16 @@ class GotoNodeNavigator:
     def _cancel_answered(self, request: CancelSent, future: Future) -> None:
         answer = future.result()
         if answer is not None:
-            # an answer for all goals does not say what happened to one of them
+            # The answer for all goals has no result for a single goal.
             code = int(answer.return_code) if request.ours else CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
             self._step(self._client.cancel_answered, request.goal_id, code)
 
 
 def action_class(name: str) -> Any:
-    """Class of an action that goes to a named place; imported here, so that the package installs without it.
+    """Class of an action that drives to a named node; imported only here, so that the package installs without it.
 
-    :param name: its type, such as ``topological_navigation_msgs/action/GotoNode``
-    :raises InputError: if it is not installed or not of this kind
+    :param name: type of the action, such as ``topological_navigation_msgs/action/GotoNode``
+    :raises InputError: if the action is not installed or does not drive to a named node
     """
     remedy = "source the workspace of the navigation, or set navigator: goal_pose"
     package, _, rest = name.partition("/")

@@ -18,7 +18,7 @@ LOOK_EVERY_S = 1.0
 class RouteFeedback:
     """Subscribes to the feedback of goals.
 
-    :param node: the node it belongs to
+    :param node: node of the subscriptions
     :param topic: plain topic of the feedback
     :param kind: class of the action
     """
@@ -33,7 +33,7 @@ class RouteFeedback:
         self._subscription: Subscription | None = None
 
     def heard(self, message: Any) -> None:
-        """Feedback of a goal, or a message of the plain topic."""
+        """Process feedback of a goal, or a message of the plain topic."""
         content = getattr(message, "feedback", message)
         for name in ("route", "data"):
             text = getattr(content, name, None)
@@ -41,7 +41,7 @@ class RouteFeedback:
                 self.route = text
 
     def look_for_topic(self) -> None:
-        """Subscribe to the plain topic when it exists; its type and quality of service depend on the version."""
+        """Subscribe to the plain topic once it exists; its type and quality of service depend on the version."""
         if time.monotonic() < self._next_look_s:
             return
         self._next_look_s = time.monotonic() + LOOK_EVERY_S

@@ -17,13 +17,13 @@ ACTION = "topological_navigation"
 
 
 class NavigationServer:
-    """Serves GotoNode for a virtual system. Its callbacks and those that advance the system share a group.
+    """Serves GotoNode for a virtual system.
 
-    rclpy executes a goal only when it ends, so that no thread waits while the robot drives.
+    rclpy executes a goal only when the goal ends, so that no thread waits while the robot drives.
 
     :param node: node of the server
     :param system: the virtual system that handles goals
-    :param group: mutually exclusive callback group
+    :param group: mutually exclusive callback group, shared with the callbacks that advance the system
     :raises ImportError: if topological_navigation_msgs is not installed
     """
 
@@ -88,7 +88,7 @@ class NavigationServer:
         return self._type.Result(success=bool(event.success))
 
     def _on_goal(self, goal: Any) -> GoalResponse:
-        # The number is needed before there is a handle; the two callbacks run directly one after the other.
+        # The number is needed before the handle exists. The two callbacks run directly one after the other.
         self._accepted = self._system.go_to(goal.target)
         self._node.get_logger().info(f"goal {goal.target}: {'rejected' if self._accepted is None else 'accepted'}")
         return GoalResponse.REJECT if self._accepted is None else GoalResponse.ACCEPT

@@ -1,1 +1,1 @@
-"""Declaration and checks of node parameters, and the table of each node."""
+"""The parameter table of each node, its declaration and its checks."""

@@ -17,7 +17,7 @@ from rclpy.task import Future
 
 _LOOK_S: Final = 1.0
 _AGAIN_S: Final = 10.0
-"""Time between two requests to a node [s]; a node may be restarted with other values."""
+"""Time between two requests to a node [s]; a restart may change its values."""
 _OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 
@@ -25,8 +25,8 @@ class ParameterCollector:
     """Collects the parameters of nodes in the same namespace, or in namespaces below it.
 
     :param node: the node that sends the requests
-    :param names: names of the nodes
-    :param take: called with the name of a node and its parameters, each time they arrive
+    :param names: names of the nodes to ask
+    :param take: called with the name and the parameters of a node each time the parameters arrive
     :param group: callback group of the requests
     """
 
@@ -48,7 +48,7 @@ class ParameterCollector:
         node.create_timer(_LOOK_S, self._look, callback_group=group, clock=steady)
 
     def ask(self, name: str) -> None:
-        """Collect the parameters of this node as well."""
+        """Collect the parameters of another node as well."""
         if name not in self._clients:
             self._due_s[name] = 0.0
             self._clients[name] = (
@@ -61,7 +61,7 @@ class ParameterCollector:
             if time.monotonic() < self._due_s[name]:
                 continue
             self._due_s[name] = time.monotonic() + _AGAIN_S
-            if name in self._asked:  # the node may have ended before its answer
+            if name in self._asked:  # a node that has ended does not answer
                 client, future = self._asked.pop(name)
                 client.remove_pending_request(future)
             if lister.service_is_ready():

@@ -1,4 +1,4 @@
-"""Declare the parameters of a node from its table, and read them by type. Nothing else is accepted."""
+"""Declares the parameters of a node from its table, reads them by type, and rejects all others."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, check_val
 
 
 def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
-    """Namespaces of other robots, written as ROS does. The node's own may be among them, and is left out.
+    """Absolute namespaces of other robots, without the namespace of this node.
 
-    :raises InputError: if one is not a namespace
+    :raises InputError: if a namespace is invalid
     """
     plain = dict.fromkeys(f"/{name.strip('/')}" for name in namespaces)
     for name in plain:
@@ -27,11 +27,11 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
 
 
 class Parameters:
-    """The parameters of a node: checked, declared, and read by type. None may change while the node runs.
+    """The checked and declared parameters of a node, read by type. They cannot change while the node runs.
 
-    :param node: the node; nothing of the table may be declared yet
-    :param table: its parameters
-    :raises InputError: with every name that does not exist and every value that is not allowed
+    :param node: the node; no parameter of the table may be declared yet
+    :param table: rows of the parameters
+    :raises InputError: with every unknown name and every invalid value
     """
 
     def __init__(self, node: Node, table: Sequence[Parameter]) -> None:

@@ -48,7 +48,7 @@ PARAMETERS = (
 
 
 def mission_settings(given: Parameters) -> MissionSettings:
-    """Settings of the simulated field, robot and devices, the same as of a simulation without ROS."""
+    """Settings of the simulated field, robot and devices, as for a simulation without ROS."""
     return MissionSettings(
         field=given.text("field"),
         properties=tuple(map(PropertySettings, given.texts("properties"))),

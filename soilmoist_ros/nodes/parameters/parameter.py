@@ -1,4 +1,4 @@
-"""A row of a node's parameter table, and the check of given values against a table."""
+"""Rows of a node's parameter table, and the check of values against the table."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 class Parameter:
     """A row of a node's parameter table.
 
-    :param name: name; dots group
+    :param name: name; dots separate groups
     :param default: default; its type is the parameter's type
-    :param description: what it sets, without its unit
+    :param description: what the parameter sets, without the unit
     :param unit: unit, empty without one
     :param low: smallest value allowed
     :param high: largest value allowed
     :param choices: texts allowed, any if empty
-    :param old_names: earlier names, which are read for one release with a warning
+    :param old_names: earlier names, accepted for one release with a warning
     """
 
     name: str
@@ -45,13 +45,13 @@ class Parameter:
 
     @property
     def kind(self) -> str:
-        """Name of the type, as ROS has it."""
+        """Name of the ROS type."""
         names = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
         return names[type(self.default)]
 
     @property
     def limits(self) -> str:
-        """Values allowed, for tables and messages; empty if all of the type are."""
+        """Values allowed, for tables and messages; empty if every value of the type is allowed."""
         if self.choices:
             return " | ".join(self.choices)
         if self.low is not None and self.high is not None:
@@ -61,9 +61,9 @@ class Parameter:
         return f"<= {self.high:g}" if self.high is not None else ""
 
     def checked(self, value: Any) -> Value:
-        """The value in the parameter's own type.
+        """The value, converted to the parameter's type.
 
-        :raises ValueError: if it is of another type or not allowed; says what is
+        :raises ValueError: if the type or the value is not allowed; the message names what is allowed
         """
         wanted: Any = type(self.default)
         if wanted is float and type(value) is int:
@@ -88,7 +88,7 @@ class Parameter:
         return checked
 
     def descriptor(self) -> ParameterDescriptor:
-        """What tools such as ``ros2 param describe`` show."""
+        """Descriptor for tools such as ``ros2 param describe``."""
         unit = f" [{self.unit}]" if self.unit else ""
         descriptor = ParameterDescriptor(name=self.name, description=f"{self.description}{unit}", read_only=True)
         if self.choices:
@@ -106,10 +106,10 @@ class Parameter:
 
 
 def of_setting(name: str, **changes: Any) -> Parameter:
-    """The row of a setting that simulated missions have as well, from its one declaration.
+    """Row of a setting that nodes share with simulated missions.
 
     :param name: name of the setting, see :data:`SETTINGS`
-    :param changes: what differs on a robot
+    :param changes: fields of the row that differ on a robot
     """
     setting = SETTINGS[name]
     about: dict[str, Any] = {
@@ -125,13 +125,13 @@ def of_setting(name: str, **changes: Any) -> Parameter:
 def current_names(
     table: Mapping[str, Parameter], given: Mapping[str, Any]
 ) -> tuple[dict[str, Any], list[str], list[Mistake]]:
-    """Given values by today's names of their parameters.
+    """Rename values from old to current parameter names.
 
-    A text becomes the only item of a parameter that is a list today.
+    A text becomes the only item of a parameter that is now a list.
 
     :param table: rows by name
-    :param given: values by today's or old names
-    :returns: the values, a warning for each old name, and a mistake for each value that is given twice
+    :param given: values by current or old names
+    :returns: the values, a warning for each old name, and a mistake for each parameter that is set twice
     """
     names = {old: row.name for row in table.values() for old in row.old_names}
     warnings, mistakes = [], []
@@ -152,12 +152,12 @@ def current_names(
 def check_values(
     table: Mapping[str, Parameter], given: Mapping[str, Any], known: Sequence[str] = ()
 ) -> tuple[dict[str, Value], list[Mistake]]:
-    """Values of all parameters of a table, the given ones instead of the defaults.
+    """Values of all parameters of a table; a given value replaces the default.
 
     :param table: rows by name
-    :param given: values by today's names, from the command line and from files
-    :param known: names of further parameters that the node has anyway
-    :returns: the values, and what is wrong with the given ones
+    :param given: values by current names, from the command line and from files
+    :param known: names of parameters that the node has in addition to the table
+    :returns: the values, and the mistakes in the given values
     """
     values = {name: row.default for name, row in table.items()}
     mistakes = []

@@ -1,4 +1,4 @@
-"""Parameters of the planner, and what they mean for the mission."""
+"""Parameters of the planner, and the mission settings made from them."""
 
 from __future__ import annotations
 
@@ -92,9 +92,9 @@ PARAMETERS: Final = (
 
 
 def explorer_settings(parameters: Parameters) -> ExplorerSettings:
-    """How stops are chosen.
+    """Settings for the choice of stops.
 
-    :raises InputError: if the dwell rule is not one, the strategy's solver is not installed, or the target is the
+    :raises InputError: if the dwell rule is invalid, the strategy's solver is not installed, or the target is the
         moisture and there is no calibration
     """
     text, number = parameters.text, parameters.number
@@ -117,11 +117,11 @@ def _curve(site: str) -> CalibrationCurve:
 
 
 def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:
-    """What governs the mission.
+    """Rules of the mission.
 
     :param parameters: values of :data:`PARAMETERS`
-    :param settings: how stops are chosen
-    :param home: where to return to
+    :param settings: settings for the choice of stops
+    :param home: stop to return to
     """
     number = parameters.number
     return MissionRules(

@@ -56,4 +56,4 @@ PARAMETERS: Final = (
     ),
 )
 SETTINGS: Final = ("logger_uri", "logger_format", "gnss_uri", "silence_limit_s", "fix_wait_s")
-"""Parameters that are settings of :class:`DriverSettings`."""
+"""Parameters that are fields of :class:`DriverSettings`."""

@@ -1,1 +1,1 @@
-"""Shared by all node processes: start and end, quality of service, discovery on loopback."""
+"""Start and end of node processes, quality of service, and discovery on loopback."""

@@ -17,9 +17,9 @@ DOMAINS = range(1, 101)
 
 @contextlib.contextmanager
 def free_domain() -> Iterator[int]:
-    """A domain that no other caller of this function on this machine uses until it is released.
+    """Reserve a domain on this machine among the callers of this function until the context ends.
 
-    :raises InputError: if all are in use, or no lock can be made
+    :raises InputError: if all domains are in use, or no lock can be made
     """
     for domain in DOMAINS:
         path = Path(tempfile.gettempdir()) / f"soilmoist_domain_{domain}.lock"
@@ -27,7 +27,7 @@ def free_domain() -> Iterator[int]:
             try:
                 lock = stack.enter_context(path.open("w"))
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except (BlockingIOError, PermissionError):  # held by us, or made by another user
+            except (BlockingIOError, PermissionError):  # locked, or made by another user
                 continue
             except OSError as error:
                 raise InputError(
@@ -39,17 +39,17 @@ def free_domain() -> Iterator[int]:
 
 
 def loopback_environment(domain: int) -> dict[str, str]:
-    """Environment variables of processes that communicate on the loopback interface only.
+    """Environment variables that restrict processes to the loopback interface.
 
     :param domain: number of the ROS domain
     """
     return {
         "ROS_DOMAIN_ID": str(domain),
-        # Settings of a robot's shell must not apply here.
+        # These override the settings of a robot's shell.
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "ROS_STATIC_PEERS": "",
         "ROS_DISCOVERY_SERVER": "",
-        # The variable of this Fast DDS; its newer name is ignored.
+        # This Fast DDS ignores the newer name of the variable.
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_folder() / "dds" / "loopback.xml"),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
     }

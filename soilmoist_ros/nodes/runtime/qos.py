@@ -7,10 +7,10 @@ from typing import Final
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 RECORDS: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""Counted records: none may be lost, even if a receiver is busy for a quarter of an hour."""
+"""Records: none may be lost, even if a receiver is busy for a quarter of an hour."""
 
 SENSOR: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Fixes and weather: only the latest matters, and drivers of other makers publish like this."""
+"""Fixes and weather: only the latest matters, and drivers of other makers use this profile."""
 
 LATCHED: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -26,10 +26,10 @@ VISITS: Final = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Finished stops: a late receiver gets those of the last hours."""
+"""Visits: a late receiver gets the visits of the last hours."""
 
 DEFAULT: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""``/diagnostics`` and goal poses, as other tools expect them."""
+"""``/diagnostics`` and goal poses: other tools expect this profile."""
 
 CLOCK: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Simulated time: only the latest matters."""

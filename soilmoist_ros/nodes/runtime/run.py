@@ -16,14 +16,13 @@ from rclpy.signals import SignalHandlerOptions
 from soilmoist_ros.foundation.errors import SoilmoistError
 
 THREADS = 2
-"""One for longer work, one for services and diagnostics in the meantime."""
+"""One thread for longer work, one for services and diagnostics."""
 
 
 def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
-    """Run a node until it is interrupted; every ``main`` calls this.
+    """Run a node until it is interrupted; every ``main`` calls this function.
 
-    A node may have a method ``close()``, which is called at the end, and a flag ``finished``, which ends the
-    process.
+    A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node
@@ -60,7 +59,7 @@ def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
         if close is not None:
             close()
         pool = getattr(executor, "_executor", None)
-        if pool is not None:  # rclpy's shutdown does not wait for running callbacks, which then fail
+        if pool is not None:  # rclpy's shutdown does not wait for running callbacks, so they fail
             pool.shutdown()
         executor.shutdown(timeout_sec=2.0)
         if node is not None:

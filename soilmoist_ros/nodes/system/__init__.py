@@ -1,1 +1,1 @@
-"""Several nodes as one system: the demonstration and the launch files."""
+"""Runs several nodes as one system, for the demo and the launch files."""

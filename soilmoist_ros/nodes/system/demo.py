@@ -1,4 +1,4 @@
-"""The whole system in simulation: all nodes as processes on a private ROS domain, a live view, and the report."""
+"""Simulates the whole system: all nodes as processes on a private ROS domain, a live view, and the report."""
 
 from __future__ import annotations
 
@@ -25,20 +25,19 @@ _POLL_S = 0.2
 
 
 class DemoError(SoilmoistError):
-    """A node has ended too early; the message names the node and its log."""
+    """A node ended too early; the message names the node and its log."""
 
 
 def run_demo(settings: DemoSettings, show: Show) -> Replay:
     """Explore a surrogate field with all nodes, and map the recording.
 
-    The folder then holds ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` of each
-    further property.
+    The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` of each further property.
 
     :param settings: the mission and its folder
     :param show: called a few times per second while the mission runs
     :raises InputError: if the settings cannot be used
     :raises DemoError: if a node ends before the mission does
-    :raises KeyboardInterrupt: if interrupted; the nodes have ended and the recording is complete
+    :raises KeyboardInterrupt: if interrupted, after the nodes have ended and the recording is complete
     """
     out, mission = settings.out.absolute(), settings.mission
     if (out / "bag").exists():
@@ -72,7 +71,7 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
 
 
 def _with_ports(path: Path, out: Path, group: ProcessGroup) -> Path:
-    """Complete the driver's parameters with the addresses of the simulated devices."""
+    """Add the addresses of the simulated devices to the driver's parameters."""
     ports = out / "log" / "ports.json"
     deadline = time.monotonic() + _START_LIMIT_S
     while not ports.is_file():
@@ -101,7 +100,7 @@ def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
 
 
 def _require_all(group: ProcessGroup) -> None:
-    """Check that every node runs, or has ended as it should."""
+    """Check that every node runs, or has ended as planned."""
     for name, code in group.ended().items():
         if name != "planner" or code != 0:
             lines = group.log(name).read_text(errors="replace").strip().splitlines()

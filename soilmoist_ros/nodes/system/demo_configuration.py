@@ -15,11 +15,11 @@ from soilmoist_ros.simulation.mission.settings import MissionSettings
 class DemoSettings:
     """Settings of a demo.
 
-    :param out: folder of the run; must not hold a run yet
-    :param mission: the mission; the nodes map all records and travel on a graph, whatever it says of both
+    :param out: folder of the run; must not contain a run yet
+    :param mission: the mission; the nodes always map all records and travel on a graph
     :param time_factor: simulated time per real time
     :param navigator: ``goto_node`` (Thorvald's navigation) or ``goal_pose``
-    :param scenario: faults of navigation and links: a name or a file; empty for none
+    :param scenario: name or file with faults of navigation and links; empty for none
     """
 
     out: Path
@@ -33,7 +33,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     """Write field, site and parameters of the nodes.
 
     :param settings: settings of the demo
-    :param field: the field that is simulated
+    :param field: the simulated field
     :param out: folder of the run
     :returns: parameter files of the nodes by name, in the order of their start
     :raises InputError: if a file cannot be written
@@ -51,7 +51,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         for one in mission.properties
     }  # fmt: skip
     nodes: dict[str, dict[str, object]] = {
-        # The first to start and the last to end, so that it records everything.
+        # The recorder starts first and ends last, so that it records everything.
         "recorder": {"out": str(out), "name": "bag"},
         "mapper": {**files, "save_dir": str(out / "map"), **fitted},
         **mappers,

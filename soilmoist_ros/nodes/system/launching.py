@@ -1,4 +1,4 @@
-"""Parameters of nodes from the arguments of a launch file, which are texts."""
+"""Converts the arguments of a launch file, which are texts, to parameters of nodes."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from soilmoist_ros.nodes.parameters.parameter import Value, check_values
 
 
 def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:
-    """Those arguments that are parameters of a node, by name, in the type of the parameter.
+    """Arguments that are parameters of a node, by name, converted to the type of the parameter.
 
     :param node: name of the node
-    :param arguments: texts by name; an empty one leaves the parameter as it is
-    :raises InputError: with every value that is not allowed
+    :param arguments: texts by name; an empty text leaves the parameter unchanged
+    :raises InputError: with every invalid value
     """
     table = {row.name: row for row in importlib.import_module(f"soilmoist_ros.nodes.{node}").PARAMETERS}
     given = {
@@ -39,8 +39,8 @@ def property_argument(given: str, old_name: str, old: str) -> list[str]:
     ['compaction:2', 'salt']
 
     :param given: the argument
-    :param old_name: name that it had in earlier releases
-    :param old: the argument of that name, maybe in brackets; it is read with a warning
+    :param old_name: name of the argument in earlier releases
+    :param old: value of the old argument, maybe in brackets; accepted with a warning
     :raises InputError: if both are given
     """
     if old and given:

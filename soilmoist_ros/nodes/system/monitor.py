@@ -24,9 +24,9 @@ from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 
 
 class Monitor(Node):
-    """Keeps a :class:`LiveMission` up to date; messages that cannot be read are ignored.
+    """Keeps a :class:`LiveMission` up to date; unreadable messages are ignored.
 
-    :param live: the mission, with a map of each property to subscribe to
+    :param live: the mission, with a map for each property to subscribe to
     :param frame: plane of the field
     :param context: context of the node
     """
@@ -65,7 +65,7 @@ class Monitor(Node):
 def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
     """Run a :class:`Monitor` in a thread.
 
-    :param live: the mission that it keeps up to date
+    :param live: the mission to keep up to date
     :param frame: plane of the field
     :param domain: number of the ROS domain
     """

@@ -1,4 +1,4 @@
-"""Nodes as processes that start and end together."""
+"""Runs nodes as processes that start and end together."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
 
 
 class ProcessGroup:
-    """Processes of nodes; none outlives the group. Use as a context manager.
+    """Context manager of node processes; no process outlives the group.
 
-    On Linux they receive SIGTERM even if this process is killed. The kernel sends it when the *thread* that
-    started them ends, so start them in a thread that lasts.
+    On Linux the processes receive SIGTERM even if this process is killed. The kernel sends SIGTERM when the
+    *thread* that started them ends, so start them in a thread that lasts.
 
-    :param environment: environment variables in addition to those of this process
-    :param log_folder: each node's output goes to ``NAME.log`` in it, with _ for /; made if missing
+    :param environment: environment variables in addition to the variables of this process
+    :param log_folder: folder for each node's output, ``NAME.log`` with _ for /; made if missing
     """
 
     def __init__(self, environment: Mapping[str, str], log_folder: Path) -> None:
@@ -76,7 +76,7 @@ class ProcessGroup:
         return {name: process.returncode for name, process in self._processes.items() if _has_ended(process)}
 
     def stop(self, limit_s: float = 15.0) -> None:
-        """End all nodes, the last started first. A node that does not end in time is killed.
+        """End all nodes, the last started first. Kill a node that does not end in time.
 
         :param limit_s: time limit of each node [s]
         """
@@ -92,7 +92,7 @@ class ProcessGroup:
 
 
 def _interrupt(process: subprocess.Popen[bytes], limit_s: float) -> None:
-    """Send SIGINT to a process, and wait for its end."""
+    """Send SIGINT to a process, and wait until it ends."""
     if _has_ended(process):
         return
     process.send_signal(signal.SIGINT)
@@ -102,9 +102,9 @@ def _interrupt(process: subprocess.Popen[bytes], limit_s: float) -> None:
 
 
 def _has_ended(process: subprocess.Popen[bytes]) -> bool:
-    """Whether a process has ended; the processes that it started are killed then."""
+    """Whether a process has ended; if so, the processes that it started are killed."""
     if process.returncode is None and process.poll() is not None:
-        _kill_group(process)  # at once: later the number may belong to another process
+        _kill_group(process)  # at once, since another process may get the number later
     return process.returncode is not None
 
 
@@ -114,9 +114,9 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
 
 
 def _end_with_parent(parent: int) -> None:
-    """Let the kernel end this process when its parent is killed; called between fork and exec."""
+    """Make the kernel end this process when the parent is killed; called between fork and exec."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _prctl is not None:
         _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:  # it was killed in the meantime
+        if os.getppid() != parent:  # the parent was killed in the meantime
             os._exit(1)

@@ -1,4 +1,4 @@
-"""``soilmoist replay --live``: play a bag to real nodes, with the time of its recording."""
+"""``soilmoist replay --live``: plays a bag to real nodes, with the time of the recording."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _LAST_MESSAGES: Final = Duration(seconds=10)
 
 
 class BagPlayer(Node):
-    """Publishes the messages of a bag at their times, byte by byte as they were recorded.
+    """Publishes the messages of a bag at their recorded times, with unchanged bytes.
 
     :param playback: the messages
-    :param pacer: the time
+    :param pacer: sets the time
     :param context: context of the node
     :param say: shows a note to the user
     :param interrupted: set to end :meth:`wait_for_listeners` and :meth:`play`
@@ -74,7 +74,7 @@ class BagPlayer(Node):
         self._pacer.paused = not self._pacer.paused
 
     def wait_for_listeners(self) -> None:
-        """Wait until the number of subscriptions is above zero and stays the same, but not for ever.
+        """Wait, up to a limit, until the number of subscriptions is above zero and constant.
 
         :raises KeyboardInterrupt: if interrupted
         """
@@ -148,11 +148,11 @@ class BagPlayer(Node):
 def player_of(
     bag: Path, topics: str, speed: float, start_s: float, say: Callable[[str], None]
 ) -> Iterator[BagPlayer]:
-    """A player that answers its services.
+    """Make a player whose services are active.
 
-    :param bag: folder of a bag, or a file of one
+    :param bag: folder or file of a bag
     :param topics: regular expression for the full names of the topics to play
-    :param speed: recorded time per time
+    :param speed: recorded time per real time
     :param start_s: time after the beginning of the bag at which to start [s]
     :param say: shows a note to the user
     :raises InputError: if the bag cannot be played

@@ -24,14 +24,14 @@ from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR
 
 
 class PlannerInputs:
-    """Subscribes, and passes on what can be used; what cannot is logged once.
+    """Subscribes to the inputs, and passes valid messages to the control; each fault is logged once.
 
-    :param node: the node it belongs to
-    :param control: takes what is heard
+    :param node: node of the subscriptions
+    :param control: receives the inputs
     :param frame: the field's plane
-    :param map_topic: topic of the navigation's map; empty if it is not wanted
-    :param others: namespaces of the planners of other robots on the field; the own one is ignored
-    :param properties: namespaces in which further properties are mapped
+    :param map_topic: topic of the navigation's map; empty for no subscription
+    :param others: namespaces of the planners of other robots on the field; this node's namespace is ignored
+    :param properties: namespaces of the mappers of further properties
     """
 
     def __init__(
@@ -103,6 +103,6 @@ class PlannerInputs:
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()
-        if self._faults.get(what) != str(error):  # a publisher in error repeats it
+        if self._faults.get(what) != str(error):  # a faulty publisher repeats the fault
             self._faults[what] = str(error)
             self._node.get_logger().error(f"{what} cannot be used: {error}")

@@ -1,4 +1,4 @@
-"""Outputs of the planner: status and plan of the mission, visits, its own health, and requests to save the map."""
+"""Outputs of the planner: status and plan of the mission, visits, health, and requests to save the map."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 
 SAVE_LIMIT_S: Final = 30.0
-"""Longest time that the process waits for the saved map at its end [s]."""
+"""Longest wait for the saved map at the end of the process [s]."""
 
 
 class PlannerOutputs:
     """The :class:`Outputs` of a node.
 
-    :param node: the node it belongs to
-    :param hand_on: hands plans on, called by the executor after :meth:`wake`
+    :param node: the node that publishes
+    :param hand_on: passes plans to the mission; the executor calls it after :meth:`wake`
     :param properties: namespaces of mappers of further properties
     """
 
@@ -51,7 +51,7 @@ class PlannerOutputs:
 
     @property
     def all_done(self) -> bool:
-        """Whether the mission has ended, and the map is saved as far as can be."""
+        """Whether the mission has ended, and the map is saved or :data:`SAVE_LIMIT_S` is over."""
         if self._leave_by_s is None:
             return False
         return all(saving.done() for saving in self._saving) or time.monotonic() > self._leave_by_s
@@ -93,15 +93,15 @@ class PlannerOutputs:
             self._saving.append(saving)
 
     def finish(self, finish: Finish) -> None:
-        """The mission has ended."""
+        """Handle the end of the mission."""
         self._leave_by_s = time.monotonic() + SAVE_LIMIT_S
 
     def wake(self) -> None:
-        """Let the executor hand plans on."""
+        """Make the executor pass plans to the mission."""
         self._planned.trigger()
 
     def _visit_publisher(self) -> Callable[[Visit], None]:
-        """Publishes visits, where their message type is built."""
+        """Function that publishes visits if their message type is built."""
         try:
             from soilmoist_msgs.msg import Visit as VisitMessage
 
