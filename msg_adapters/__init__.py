@@ -1,1 +1,1 @@
-"""Core dataclasses <-> ROS messages, both ways, and nothing else."""
+"""Core dataclasses <-> ROS messages."""

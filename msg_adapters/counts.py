@@ -13,8 +13,8 @@ from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.recording.bag.point_cloud import STAMP_OFFSET, count_records
 from soilmoist_ros.sensing.records import CountRecord
 
-# Viewers take x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
-# statistics, so they keep all their digits.
+# Viewers read x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
+# statistics, so they keep 64 bits.
 _POINT: Final = np.dtype(
     [
         ("x", "<f4"),
@@ -33,7 +33,7 @@ _STAMPED: Final = np.dtype([*_POINT.descr, (STAMP_OFFSET, "<f8")])
 
 
 def counts_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> PointCloud2:
-    """Message of records; its stamp is the end of the last one's counting interval.
+    """Message of records; its stamp is the end of the last record's counting interval.
 
     The field ``stamp_offset_s`` of a point is the stamp of its record minus the stamp of the message [s].
 

@@ -35,7 +35,7 @@ def health_to_status(health: Health, node: str = "", hardware_id: str = "") -> D
     """One state of health as a message.
 
     :param health: the state
-    :param node: name of the node, which precedes the name of the part; none if empty
+    :param node: name of the node, put before the name of the part unless empty
     :param hardware_id: serial number of the device, empty if there is none
     """
     return DiagnosticStatus(
@@ -48,7 +48,7 @@ def health_to_status(health: Health, node: str = "", hardware_id: str = "") -> D
 
 
 def health_from_status(status: DiagnosticStatus) -> Health:
-    """State of health of a message; a level that does not exist is an error."""
+    """State of health of a message; an unknown level becomes an error."""
     number = status.level[0] if isinstance(status.level, bytes) and status.level else int(Level.ERROR)
     level = Level(number) if number in list(Level) else Level.ERROR
     return Health(status.name, level, status.message, {pair.key: pair.value for pair in status.values})

@@ -15,9 +15,9 @@ _PA_PER_HPA = 100.0
 
 
 def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
-    """Message of a fix. Without one, the place is NaN and the covariance unknown.
+    """Message of a fix. Without a fix, the place is NaN and the covariance unknown.
 
-    The message has the altitude above the ellipsoid, NaN if the receiver does not send the geoid separation.
+    The altitude is above the ellipsoid, NaN if the receiver does not send the geoid separation.
 
     :param fix: the fix
     :param frame_id: frame of the antenna
@@ -38,7 +38,7 @@ def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
 def fix_from_message(message: NavSatFix) -> Fix:
     """Fix of a message. An impossible place means no fix, and a stamp of zero means an unknown time.
 
-    Altitudes are above the ellipsoid: the message knows no geoid.
+    Altitudes are above the ellipsoid: the message has no geoid separation.
     """
     stamp_s = to_seconds(message.header.stamp) or NAN
     latitude_deg, longitude_deg = float(message.latitude), float(message.longitude)

@@ -18,11 +18,11 @@ from soilmoist_ros.foundation.health import Health, Level
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:
     """Message of a status.
 
-    The level is an error if the mission waits for the operator although nobody paused it. It is a warning if the
-    mission is paused, has failed since the last visit, or gets no records.
+    The level is an error if the mission waits for the operator although nobody paused it. The level is a warning
+    if the mission is paused, has failed since the last visit, or gets no records.
 
     :param status: the status
-    :param more: further values to show
+    :param more: further values to display
     """
     target, end_s = status.target, status.estimated_end_s
     values = {
@@ -79,7 +79,7 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             failures=int(values["failures"]),
             blacklisted=tuple(json.loads(values["ruled_out"])),
             estimated_end_s=None if math.isnan(end_s) else end_s,
-            needs_operator=values.get("needs_operator") == "True",  # earlier versions do not have these
+            needs_operator=values.get("needs_operator") == "True",  # missing in messages of earlier versions
             silent=values.get("silent") == "True",
             ended=MissionEnd(values["ended"]) if values.get("ended") else None,
         )

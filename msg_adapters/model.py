@@ -1,4 +1,4 @@
-"""``model``: the variogram of the map as JSON in a std_msgs/String, so that the planner need not fit it again."""
+"""``model``: the variogram of the map as JSON in a std_msgs/String, which saves the planner a fit."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
 class Model:
     """Content of a message.
 
-    :param fit: the variogram and how it was fitted, ``None`` while there is none
-    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]; the ``samples`` of the same
-        map carry the same time
-    :param cell_m: cell size of the map [m]: with the field it makes the map's grid, see :meth:`Field.grid`;
+    :param fit: the variogram and how it was fitted, ``None`` before the first fit
+    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC], equal to the stamp of the map's
+        ``samples``
+    :param cell_m: cell size of the map [m]; field and cell size define the map's grid, see :meth:`Field.grid`;
         ``None`` in models of earlier versions
     """
 
@@ -42,7 +42,7 @@ def model_to_message(model: Model) -> String:
 def model_from_message(message: String) -> Model:
     """Model of a message; unknown keys are ignored.
 
-    :raises ValueError: if it is not JSON, or a key is missing or impossible; names the key
+    :raises ValueError: if the message is not JSON, or a key is missing or impossible; names the key
     """
     try:
         content = json.loads(message.data)

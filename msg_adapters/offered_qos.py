@@ -1,4 +1,4 @@
-"""Quality of service of publishers <-> what a recorder stores and requests."""
+"""Quality of service of publishers <-> offers and requests of a recorder."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _KEEP: Final = 100
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """The offer of a publisher, in the words of rosbag2."""
+    """The offer of a publisher, in the terms of rosbag2."""
     return Qos(
         profile.history.name.lower(),
         int(profile.depth),
@@ -44,7 +44,7 @@ def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
     """
     latched = any(qos.durability == "transient_local" for qos in recorded)
     reliable = latched or not recorded or any(qos.reliability != "best_effort" for qos in recorded)
-    # Fast DDS does not show the depth of others; a late subscription needs the last message of a latched topic.
+    # Fast DDS hides the depth of other publishers. A late subscription needs a latched topic's last message.
     depth = max((qos.depth for qos in recorded), default=0) or (1 if latched else _KEEP)
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,

@@ -24,7 +24,7 @@ _LINE_M: Final = 0.15
 def plan_to_path(stops: Sequence[Stop], stamp_s: float, frame_id: str = FRAME) -> Path:
     """Path through the stops.
 
-    :param stops: the stops ahead, the next one first; none clears the display
+    :param stops: the stops ahead, the next one first; an empty sequence clears the display
     :param stamp_s: time of the plan [s since 1970-01-01 UTC]
     :param frame_id: frame of the places
     """
@@ -33,12 +33,12 @@ def plan_to_path(stops: Sequence[Stop], stamp_s: float, frame_id: str = FRAME) -
 
 
 def path_to_places(path: Path) -> list[tuple[float, float]]:
-    """Places of a path [m]; a path has no names."""
+    """Places of a path [m]; a path has no names of stops."""
     return [(float(pose.pose.position.x), float(pose.pose.position.y)) for pose in path.poses]
 
 
 def pose_stamped(x_m: float, y_m: float, stamp_s: float, frame_id: str = FRAME) -> PoseStamped:
-    """A pose at a place [m] that heads east: the sensor has no heading."""
+    """Pose at a place [m], heading east: the sensor has no heading."""
     pose = Pose(position=_point(x_m, y_m), orientation=Quaternion(w=1.0))
     return PoseStamped(header=Header(stamp=to_time(stamp_s), frame_id=frame_id), pose=pose)
 
@@ -47,7 +47,7 @@ def plan_to_markers(stops: Sequence[Stop], dwell_s: float, stamp_s: float, frame
     """Markers of the stops, with order, name and dwell; they replace the earlier markers.
 
     :param stops: the stops ahead, the next one first
-    :param dwell_s: time that a stop is expected to take [s]
+    :param dwell_s: expected dwell at each stop [s]
     :param stamp_s: time of the plan [s since 1970-01-01 UTC]
     :param frame_id: frame of the places
     """

@@ -21,13 +21,13 @@ _DATATYPES: Final = {"<f4": PointField.FLOAT32, "<f8": PointField.FLOAT64, "<u4"
 def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
     """Message of points.
 
-    :param table: structured array with little-endian fields, among them x, y and z; of shape (n,), or
+    :param table: structured array with little-endian fields that include x, y and z; shape (n,), or
         (rows, columns) for an organised cloud
     :param stamp_s: time of the points [s since 1970-01-01 UTC]
     """
     height, width = table.shape if table.ndim == 2 else (1, len(table))
     fields = table.dtype.fields
-    assert fields is not None  # the array is structured
+    assert fields is not None  # a structured array has fields
     return PointCloud2(
         header=Header(stamp=to_time(stamp_s), frame_id=frame_id),
         height=int(height),

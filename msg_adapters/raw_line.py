@@ -1,10 +1,10 @@
-"""Lines of the devices <-> std_msgs/String, so that a recording can be evaluated again from the bytes."""
+"""Lines of the devices <-> std_msgs/String, so that a replay can start from the bytes."""
 
 from __future__ import annotations
 
 from std_msgs.msg import String
 
-# A ROS string ends at its first zero. Latin-1 does not contain this character, so every line is restored exactly.
+# A ROS string ends at the first zero. Latin-1 lacks this character, so every line is restored exactly.
 _ZERO = "\N{SYMBOL FOR NULL}"
 
 

@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message
 from soilmoist_ros.mapping.samples.samples import Samples
 
-# Viewers take x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
+# Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
 _POINT: Final = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
 )
@@ -21,8 +21,8 @@ _AREA: Final = np.dtype([*_POINT.descr, *((name, "<f4") for name in _SPREAD)])
 def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
     """Message of samples.
 
-    :param samples: any number, also zero; places and spreads are rounded to 32 bits
-    :param stamp_s: end of the last record in them [s since 1970-01-01 UTC]
+    :param samples: any number, including zero; places and spreads are rounded to 32 bits
+    :param stamp_s: end of the last record in the samples [s since 1970-01-01 UTC]
     """
     points = np.zeros(len(samples), _AREA)
     points["x"], points["y"] = samples.xy.T
@@ -34,7 +34,7 @@ def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) 
 
 
 def samples_from_message(message: PointCloud2) -> Samples:
-    """Samples of a message; points if it has no spreads.
+    """Samples of a message; without spreads in the message the samples are points.
 
     :raises ValueError: if a field is missing, or a value is impossible
     """

@@ -1,4 +1,4 @@
-"""``soil_map``: the map as an organised PointCloud2; ``uncertainty``: its uncertainty as an OccupancyGrid.
+"""``soil_map``: the map as an organised PointCloud2; ``uncertainty``: the map's uncertainty as an OccupancyGrid.
 
 Both have the rows and columns of the field's grid: rows from south to north, columns from west to east.
 """
@@ -22,7 +22,7 @@ from soilmoist_ros.mapping.soil_map import SoilMap
 
 BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd")
 CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *BANDS)])
-"""A cell: its centre in the plane z = 0 [m], and the :class:`Bands`."""
+"""A cell: centre in the plane z = 0 [m], and the :class:`Bands`."""
 OUTSIDE: Final = -1
 """Uncertainty of a cell outside the field."""
 
@@ -30,7 +30,7 @@ OUTSIDE: Final = -1
 def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
     """Cells of the message.
 
-    :param soil_map: the map on this grid; without one all bands are NaN
+    :param soil_map: the map on this grid; without a map all bands are NaN
     :returns: array of :data:`CELL`, shape (rows, columns); a cell outside the field is all NaN
     """
     cells = np.full(grid.shape, np.nan, CELL)
@@ -50,7 +50,7 @@ def soil_map_to_message(
     """Message of a map, rounded to 32 bits for viewers.
 
     :param grid: the field
-    :param soil_map: its map, ``None`` before the first
+    :param soil_map: the field's map, ``None`` before the first map
     :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]
     """
     return points_to_message(map_cells(grid, soil_map), stamp_s, frame_id)
@@ -67,12 +67,12 @@ def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
 def uncertainty_to_message(
     grid: FieldGrid, soil_map: SoilMap | None, stamp_s: float, frame_id: str = FRAME
 ) -> OccupancyGrid:
-    """Message of the standard deviation of the rate, as a share of its value without samples nearby.
+    """Message of the standard deviation of the rate, in percent of the value without samples nearby.
 
     0 is exact, 100 is the value without samples or more, -1 is outside the field.
 
     :param grid: the field
-    :param soil_map: its map; without one the whole field is 100
+    :param soil_map: the field's map; without a map the whole field is 100
     :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]
     """
     share = np.ones(grid.shape)
@@ -98,7 +98,7 @@ def uncertainty_to_message(
 
 
 def uncertainty_from_message(message: OccupancyGrid) -> NDArray[np.int8]:
-    """Values of a message, shape (rows, columns): 0 to 100, and :data:`OUTSIDE` the field.
+    """Values of a message, shape (rows, columns): 0 to 100, or :data:`OUTSIDE` the field.
 
     :raises ValueError: if the numbers of values and cells differ
     """

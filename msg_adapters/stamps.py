@@ -10,14 +10,14 @@ _LAST_SECOND = 2**31 - 1
 
 
 def to_time(stamp_s: float) -> Time:
-    """Message of a time. Zero, which means unknown in ROS, if the message cannot represent it.
+    """Message of a time. A time that the message cannot represent becomes zero, which means unknown in ROS.
 
     :param stamp_s: seconds since 1970 UTC; NaN if unknown
     """
     if not (math.isfinite(stamp_s) and 0 <= stamp_s < _LAST_SECOND):
         return Time()
     second = math.floor(stamp_s)
-    nanosecond = round((stamp_s - second) * 1e9)  # of the fraction alone, so that to_seconds gives stamp_s again
+    nanosecond = round((stamp_s - second) * 1e9)  # only the fraction, so that to_seconds restores stamp_s
     return Time(sec=second + nanosecond // 1_000_000_000, nanosec=nanosecond % 1_000_000_000)
 
 

@@ -1,6 +1,6 @@
-"""``visits``: each finished stop as a soilmoist_msgs/Visit.
+"""``visits``: each visit as a soilmoist_msgs/Visit.
 
-The import of this module fails where soilmoist_msgs is not built.
+The import of this module fails if soilmoist_msgs is not built.
 """
 
 from __future__ import annotations
@@ -42,5 +42,5 @@ def visit_to_message(visit: Visit, robot: str = "", frame_id: str = FRAME) -> Vi
 
 
 def visit_from_message(message: VisitMessage, robot: int = 1) -> Visit:
-    """Visit of a message; its ``robot`` is the number given here, since the message has a namespace."""
+    """Visit of a message; ``robot`` sets the visit's robot number, since the message has only a namespace."""
     return visit_of(message, robot)

@@ -31,7 +31,8 @@ class DemoError(SoilmoistError):
 def run_demo(settings: DemoSettings, show: Show) -> Replay:
     """Explore a surrogate field with all nodes, and map the recording.
 
-    The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` of each further property.
+    The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` for each
+    further property.
 
     :param settings: the mission and its folder
     :param show: called a few times per second while the mission runs

@@ -46,9 +46,9 @@ class ProcessGroup:
     def start(self, name: str, parameters_file: Path) -> None:
         """Start a node.
 
-        :param name: name of the node, after its namespace if it is in one: ``compaction/mapper``
-        :param parameters_file: its parameters
-        :raises ValueError: if it was started before
+        :param name: name of the node, with the namespace if there is one: ``compaction/mapper``
+        :param parameters_file: parameters of the node
+        :raises ValueError: if the node was started before
         """
         if name in self._processes:
             raise ValueError(f"{name} was started before")
