@@ -1,4 +1,4 @@
-"""The model of a run with its maps, and its outputs: report, GeoTIFF, GeoJSON, tables and summary."""
+"""Runs and their outputs: report, GeoTIFF, GeoJSON, tables and summary."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class FieldSurvey:
 
     :param field: the field
     :param site: the sensor and its soil
-    :param map: takes the records
+    :param map: map that grows with the records
     :param files: role and path of the files of field and site
     :param simulated: the counts come from a simulation; every output says so
     """
@@ -37,7 +37,7 @@ class FieldSurvey:
     simulated: bool = False
 
     def run(self, snapshot: Snapshot) -> MapRun:
-        """The map of a snapshot with all that its outputs show.
+        """The run of a snapshot, for its outputs.
 
         :raises InputError: if there are too few samples for a map
         :raises IllConditionedError: as :meth:`FieldMap.compute`
@@ -72,7 +72,7 @@ class FieldSurvey:
         )
 
     def save(self, folder: Path, snapshot: Snapshot) -> list[Path]:
-        """Write the output folder of a snapshot, with the table of its records.
+        """Write the output folder of a snapshot, including the table of its records.
 
         :param folder: output folder; made if missing
         :returns: the files
@@ -100,13 +100,13 @@ def open_survey(
     """A field survey without records.
 
     :param field: field file, or the name of a shipped one
-    :param site: site file, or the name of a shipped one; empty for none, then there is a rate map only
+    :param site: site file, or the name of a shipped one; empty for a rate map without a site
     :param cell_m: cell size of the map [m]; 0 for the field's own, or one chosen from its extent
     :param merge_radius_m: records closer together than this become one sample [m]; 0 for a radius chosen from
         the footprint and the extent of the field
     :param simulated: the counts come from a simulation
 
-    The others are those of :class:`FieldMapSettings`.
+    The other parameters are those of :class:`FieldMapSettings`.
 
     :raises InputError: if a file cannot be used or the field cannot be gridded
     """

@@ -1,4 +1,4 @@
-"""Shapes behind the outputs: the field's polygon, the robot's track, both in local metres."""
+"""Geometry of the outputs in local metres: the field's polygon and the robot's track."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def field_polygon(soil_map: SoilMap) -> Any:
     """The field without its holes, as a shapely (multi)polygon in local metres; exteriors counter-clockwise.
 
-    Holes may overlap each other and the boundary, so they are cut out rather than taken as rings.
+    Holes may overlap each other and the boundary, so they are subtracted, not used as rings.
     """
     from shapely import unary_union
     from shapely.geometry import Polygon
@@ -29,7 +29,7 @@ def field_polygon(soil_map: SoilMap) -> Any:
 
 
 def right_handed(shape: Any) -> Any:
-    """The same shape with exteriors counter-clockwise and holes clockwise; lines and points as they are."""
+    """The shape with exteriors counter-clockwise and holes clockwise; lines and points are unchanged."""
     from shapely.geometry import MultiPolygon
     from shapely.geometry.polygon import orient
 
@@ -49,7 +49,7 @@ def rings(soil_map: SoilMap) -> list[NDArray[np.float64]]:
 
 
 def inside_field(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points (n, 2) lie in the field and not in one of its holes."""
+    """Whether each point (n, 2) lies in the field and in none of its holes."""
     from shapely import contains_xy, prepare
 
     polygon = field_polygon(soil_map)
@@ -58,7 +58,7 @@ def inside_field(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.boo
 
 
 def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
-    """Places of the records that have one, in order, shape (n, 2) [m]."""
+    """Places of the records in order, without records that have none, shape (n, 2) [m]."""
     xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)
     return np.asarray(xy[np.isfinite(xy).all(axis=1)])
 

@@ -34,10 +34,10 @@ def make_run(
     """The run behind a map, made now.
 
     :param soil_map: the map
-    :param records: records behind it in order of time, at least one; those without a place included
-    :param site: site of the sensor, whose corrections the records have
+    :param records: records of the map in order of time, at least one; includes records without a place
+    :param site: site of the sensor; the records have its corrections
     :param frame: plane of the field
-    :param title: title of the report, from what is mapped if ``None``
+    :param title: title of the report; ``None`` derives it from what is mapped
 
     The other parameters are those of :class:`MapRun`.
     """
@@ -62,7 +62,7 @@ def make_run(
 
 
 def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
-    """A file that went into a run, with its size and checksum."""
+    """An input file of a run, with its size and checksum."""
     content = path.read_bytes()
     return InputFile(str(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
 

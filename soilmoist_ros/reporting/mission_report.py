@@ -1,4 +1,4 @@
-"""What one simulated mission leaves in its output folder."""
+"""The output folder of one simulated mission."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 NO_MAP = Note(NoteCode.NO_MAP, "The mission ended before its first map.")
 UNUSED_COUNTS = 0.01
-"""Share of the counts that may lie outside the stops without being mentioned."""
+"""Share of the counts outside the stops up to which there is no note."""
 
 
 def write_mission(
@@ -33,13 +33,13 @@ def write_mission(
 ) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``series.csv``, ``visits.csv``.
 
-    A mission that ended before its first map leaves ``summary.json``, ``series.csv`` and ``visits.csv`` only; the
-    other files of an older mission in the folder are removed.
+    A mission without a map leaves only ``summary.json``, ``series.csv`` and ``visits.csv``; other files of an
+    older mission in the folder are removed.
 
     :param folder: output folder; made if missing
     :param result: the mission
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
-    :param created_utc: when the outputs are made; default now
+    :param created_utc: creation time of the outputs; default now
     :returns: the paths written
     :raises InputError: if the folder cannot be written
     """
@@ -73,7 +73,7 @@ def write_mission(
 
 
 def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
-    """A simulated mission as a mapping run, for the outputs.
+    """A simulated mission as a mapping run.
 
     :raises ValueError: if the mission has no map
     """
@@ -109,7 +109,7 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
 
 
 def _left_out(result: MissionResult) -> Iterator[LossRow]:
-    """Records outside the stops, estimated from their counts."""
+    """Loss row of the records outside the stops; their number is estimated from the exposure."""
     total = sum(record.raw_counts for record in result.records)
     left = total - sum(visit.raw_counts for visit in result.visits)
     if left > UNUSED_COUNTS * total:

@@ -27,7 +27,7 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class OpenedRun:
-    """A run folder of ``map``, ``simulate``, ``replay`` or ``demo``. Files are read when they are asked for.
+    """A run folder of ``map``, ``simulate``, ``replay`` or ``demo``. Files are read on first use.
 
     :param folder: the folder
     """
@@ -52,7 +52,7 @@ class OpenedRun:
         """The merged samples of a property: longitude and latitude [deg], counts, exposure, rate and moisture.
 
         :param name: name of the property
-        :returns: one array of shape (n,) for each column; what is undefined is NaN
+        :returns: one array of shape (n,) for each column; undefined values are NaN
         :raises InputError: if there is no such property, or its file is damaged
         """
         features = _json(self._file("samples", name, "geojson")).get("features", ())
@@ -66,13 +66,13 @@ class OpenedRun:
 
     @cached_property
     def series(self) -> Columns:
-        """Columns of ``series.csv``, each of shape (n,); none without a mission."""
+        """Columns of ``series.csv``, each of shape (n,); empty without a mission."""
         rows = _rows(self.folder / "series.csv")
         return {name: np.array([float(row[name] or "nan") for row in rows]) for name in (rows[0] if rows else ())}
 
     @cached_property
     def visits(self) -> list[Visit]:
-        """The visits in order, none without a mission. What an older file lacks is as in :class:`Visit`."""
+        """The visits in order; empty without a mission. Older files get the defaults of :class:`Visit`."""
         return [_visit(row) for row in _rows(self.folder / "visits.csv")]
 
     def bands(self, name: str = "") -> Columns:
@@ -149,7 +149,7 @@ def open_run(folder: Path | str) -> OpenedRun:
     """Open the output folder of a run.
 
     :param folder: output folder of ``map``, ``simulate``, ``replay`` or ``demo``
-    :raises InputError: if the folder holds no ``summary.json``, or a damaged one
+    :raises InputError: if ``summary.json`` is missing or damaged
 
     >>> import tempfile
     >>> from soilmoist_ros.reporting import write_mission

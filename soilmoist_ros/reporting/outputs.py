@@ -1,4 +1,4 @@
-"""The output folder of a run: all files complete, or as they were before."""
+"""Writes the output folder of a run: all files are replaced, or none."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     A mission adds ``series.csv`` and ``visits.csv``; each property after the first adds ``map_NAME.tif`` and
     ``samples_NAME.geojson`` with its name.
 
-    All files are first written to a hidden folder in ``folder`` and moved when every one is complete, so that a
-    reader never meets half a file, nor a map with another run's report after a failure.
+    The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
+    half a file, nor files of different runs after a failure.
 
     :param folder: output folder; made if missing
     :param run: the run

@@ -1,4 +1,4 @@
-"""All that the outputs of one mapping run are made of."""
+"""A mapping run: the data that its outputs show."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class InputFile:
-    """One file that went into the run.
+    """An input file of the run.
 
-    :param name: name or path as the user gave it
+    :param name: name or path as the user wrote it
     :param n_records: records read from it, ``None`` if it holds none (a polygon, a configuration)
     :param size_bytes: its size, ``None`` if unknown
     :param sha256: checksum of its bytes in hexadecimal, empty if unknown
-    :param role: what it was used for
+    :param role: purpose of the file
     """
 
     name: str
@@ -41,7 +41,7 @@ class InputFile:
 
 @dataclass(frozen=True)
 class CorrectionRow:
-    """One correction factor as it was applied.
+    """An applied correction factor.
 
     :param name: quantity corrected for, e.g. ``air pressure``
     :param formula: the formula in plain text
@@ -63,12 +63,12 @@ class CorrectionRow:
 
 @dataclass(frozen=True)
 class LossRow:
-    """One kind of trouble met in the input.
+    """A kind of problem in the input.
 
     :param kind: short name, e.g. ``no position``
     :param count: how often
     :param example: message of one case, with file and line
-    :param consequence: ``lost``: these records are not in the map; ``kept``: they are, with a reservation
+    :param consequence: ``lost``: these records are not in the map; ``kept``: they are, but less reliable
     :param remedy: what the user can do about it
     """
 
@@ -81,7 +81,7 @@ class LossRow:
 
 @dataclass(frozen=True)
 class CalibrationInfo:
-    """Where the relation between count rate and soil moisture came from.
+    """Origin of the relation between count rate and soil moisture.
 
     :param n0_cps: count rate over dry soil [counts/s]
     :param bulk_density_gcm3: dry bulk density [g/cm^3]
@@ -89,7 +89,7 @@ class CalibrationInfo:
     :param lattice_water: gravimetric lattice water [g/g]
     :param organic_water: gravimetric water equivalent of organic matter [g/g]
     :param source: e.g. ``6 soil cores of 2024-05-02``
-    :param illustrative: whether N0 is a guess, so that only patterns of the moisture are real
+    :param illustrative: whether N0 is a guess, so that only patterns of the moisture are meaningful
     """
 
     n0_cps: float
@@ -102,7 +102,7 @@ class CalibrationInfo:
 
 
 class NoteCode(StrEnum):
-    """What a note is about."""
+    """Topic of a note."""
 
     NO_MAP = "no_map"
     NOT_MAPPED = "not_mapped"
@@ -119,10 +119,10 @@ class NoteCode(StrEnum):
 
 @dataclass(frozen=True)
 class Note:
-    """A note to the reader: a code for programs, a sentence for people.
+    """A note to the reader.
 
-    :param code: what it is about
-    :param message: a plain sentence
+    :param code: topic, for programs
+    :param message: a plain sentence, for people
     """
 
     code: NoteCode
@@ -134,32 +134,33 @@ class Note:
 
 @dataclass(frozen=True, repr=False)
 class MapRun:
-    """One finished mapping run: the map of a property and all that a reader needs to judge it.
+    """A finished mapping run: the map of a property with the data needed to judge it.
 
     :param soil_map: the map
     :param frame: local frame in which the map and the track lie
-    :param created_utc: when the outputs are made, time-zone aware
-    :param track: the processed records in order of time, those without a place included
+    :param created_utc: creation time of the outputs, time-zone aware
+    :param track: the processed records in order of time, including records without a place
     :param title: title of the report
     :param site: name of the site
     :param field_name: name of the field
-    :param inputs: files that went in
+    :param inputs: input files
     :param logger_format: name of the logger's format
     :param corrections: corrections as applied
-    :param losses: what was dropped or kept with reservations
-    :param notes: what the reader should know in addition to what follows from the map, see :func:`notes`
-    :param calibration: origin of the calibration; ``None`` says no more than ``soil_map.curve``
+    :param losses: input that was dropped, or kept although less reliable
+    :param notes: notes to the reader in addition to the notes on the map, see :func:`notes`
+    :param calibration: origin of the calibration; ``None`` if unknown
     :param simulated: the counts come from a simulation; every output says so
     :param version: version of this package
     :param settings: settings of the run, name (with its unit) -> value
     :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
     :param footprint_radius_m: radius of the soil seen by the sensor [m], 0 for a point, ``None`` if unknown
-    :param mission: the mission behind the map, if there was one
+    :param mission: the mission that made the map, if any
     :param name: name of the property for files: letters, digits and _
     :param label: name of the property for readers
     :param others: maps of the other properties of this run; they have no mission and no others
     :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
-    :param uncertain_rate_share: the same for the rate, as a share of the rate [-]
+    :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
+        share of the rate [-]
     :raises ValueError: if ``created_utc`` has no time zone
     """
 
@@ -209,18 +210,18 @@ class MapRun:
 
     @property
     def travelled_m(self) -> float:
-        """Distance driven [m]: the mission's own, else the length of the line through the records' places."""
+        """Distance driven [m]: the mission's distance, else the length of the line through the records' places."""
         if self.mission is not None and self.mission.series:
             return self.mission.series[-1].distance_m
         return distance_m(self.track)
 
     @property
     def tracks_xy(self) -> list[NDArray[np.float64]]:
-        """The line of each robot, shape (n, 2) [m]: through its records, or as it drove if there are several."""
+        """Track of each robot, shape (n, 2) [m]: records of a single robot, or driven paths of several."""
         mission = self.mission
         return [track_xy(self.track)] if mission is None or len(mission.tracks) < 2 else list(mission.tracks)
 
     @property
     def calibrated(self) -> bool:
-        """Whether the map has soil moisture, not only a count rate."""
+        """Whether the map has soil moisture in addition to the count rate."""
         return self.soil_map.curve is not None

@@ -1,4 +1,4 @@
-"""The results of a campaign, as its figures and findings ask for them."""
+"""The results of a campaign, prepared for figures and findings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COMPARED = ("strategy", "dwell", "seed")
-"""Settings within which the missions of a case differ."""
+"""Settings that may differ between the missions of a case."""
 NAMES = {
     "hours": "{} h",
     "model": "{} variogram",
@@ -46,7 +46,7 @@ class Case:
 
     :param number: position in the campaign
     :param field: field, as in the settings
-    :param title: name for readers; with those settings in which cases of the same field differ
+    :param title: display name; includes the settings that distinguish cases of one field
     :param hours: mission time [h]
     """
 
@@ -60,7 +60,7 @@ class CampaignData:
     """All finished missions of a campaign.
 
     :param campaign: the campaign
-    :param finished: its finished missions, in its order
+    :param finished: its finished missions, in the campaign's order
     """
 
     def __init__(self, campaign: Campaign, finished: Sequence[tuple[Mission, StoredMission]]) -> None:
@@ -102,7 +102,7 @@ class CampaignData:
         return [case for case in self.cases if self.final(case)["strategy"].nunique() > 1]
 
     def main_dwell(self, case: Case) -> str:
-        """The dwell rule with the most strategies; of several the one with the most missions, then the first."""
+        """The dwell rule with the most strategies, then the most missions, then the first."""
         rows = self._of(self.missions, case)
         dwells = sorted(rows["dwell"].unique(), key=self._dwells.index)
 
@@ -113,17 +113,17 @@ class CampaignData:
         return str(max(dwells, key=size))
 
     def final(self, case: Case) -> pd.DataFrame:
-        """One row per mission of a case with its main dwell rule."""
+        """One row per mission of a case, with the main dwell rule only."""
         rows = self._of(self.missions, case)
         return rows[rows["dwell"] == self.main_dwell(case)]
 
     def over_time(self, case: Case, dwell: str | None = None) -> pd.DataFrame:
-        """Rows of the results of a case, of one dwell rule or all."""
+        """Rows of a case, of one dwell rule or all."""
         rows = self._of(self.results, case)
         return rows if dwell is None else rows[rows["dwell"] == dwell]
 
     def groups(self, case: Case) -> list[tuple[str, str, pd.DataFrame]]:
-        """Strategy, dwell and final values of each combination of a case, in the usual order of strategies."""
+        """Strategy, dwell and final values of each combination of a case, in display order."""
         rows = self._of(self.missions, case)
         found = [
             (str(key[0]), str(key[1]), group) for key, group in rows.groupby(["strategy", "dwell"], sort=False)
@@ -131,7 +131,7 @@ class CampaignData:
         return sorted(found, key=lambda group: strategy_order(group[0]))
 
     def example(self, case: Case, strategy: str) -> StoredMission | None:
-        """The mission of the first seed that has a map, ``None`` if no mission of the strategy has one."""
+        """The strategy's first mission with a map, by seed; ``None`` if there is none."""
         rows = self.final(case)
         for key in rows[rows["strategy"] == strategy].sort_values("seed", kind="stable")["key"]:
             if len(self.stored[key].x_m):
@@ -143,12 +143,12 @@ class CampaignData:
 
 
 def strategies_in(rows: pd.DataFrame) -> list[str]:
-    """Strategies that occur, in the usual order."""
+    """Strategies that occur, in display order."""
     return sorted(rows["strategy"].unique(), key=strategy_order)
 
 
 def strategy_order(strategy: str) -> int:
-    """Place of a strategy in lists and legends."""
+    """Position of a strategy in lists and legends."""
     known = STRATEGIES.names()
     return known.index(strategy) if strategy in known else len(known)
 

@@ -64,7 +64,7 @@ def _is_baseline(strategy: str) -> bool:
 
 
 def strategies_figure(data: CampaignData, case: Case) -> Figure:
-    """Distance and error against time, a line per strategy: mean and standard deviation over the runs."""
+    """Distance and error against time, one line per strategy: mean and standard deviation over the runs."""
     rows = data.over_time(case, data.main_dwell(case))
     figure = new_figure(WIDTH_IN, 3.7)
     left = plain(figure.add_axes((0.065, 0.145, 0.295, 0.76)), "y")
@@ -83,7 +83,7 @@ def strategies_figure(data: CampaignData, case: Case) -> Figure:
 
 
 def intervals_figure(data: CampaignData, case: Case) -> Figure:
-    """Error against time, a panel per strategy, a line per counting interval."""
+    """Error against time: one panel per strategy, one line per counting interval."""
     rows = data.over_time(case)
     strategies = interval_strategies(data, case)
     columns = min(len(strategies), 3)
@@ -109,13 +109,13 @@ def intervals_figure(data: CampaignData, case: Case) -> Figure:
 
 
 def interval_strategies(data: CampaignData, case: Case) -> list[str]:
-    """Strategies that were run with more than one counting interval."""
+    """Strategies with missions of more than one counting interval."""
     rows = data.over_time(case)
     return [name for name in strategies_in(rows) if rows[rows["strategy"] == name]["dwell"].nunique() > 1]
 
 
 def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
-    """Share of the field whose truth lies in the 95 % interval, against time, a panel per field."""
+    """Share of the field whose truth lies in the 95 % interval, against time; one panel per field."""
     columns = min(len(cases), 4 if len(cases) == 4 else 3)
     deep = -(-len(cases) // columns)
     titles = [textwrap.fill(case.title, 30) for case in cases]
@@ -147,7 +147,7 @@ def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
 
 
 def _shared_key(figure: Figure, drawn: dict[str, Look]) -> None:
-    """One key for all panels, above them."""
+    """Legend of all panels, above them."""
     from matplotlib.lines import Line2D
 
     handles = [
@@ -166,7 +166,7 @@ def _key_rows(count: int) -> int:
 
 
 def examples_figure(data: CampaignData, case: Case) -> Figure | None:
-    """Truth, and of each strategy one mission: map, path and stops above, kriging variance below."""
+    """The truth, then one mission per strategy: map, path and stops above, kriging variance below."""
     examples = [
         (name, stored)
         for name in example_strategies(data, case)
@@ -202,7 +202,7 @@ def examples_figure(data: CampaignData, case: Case) -> Figure | None:
 
 
 def example_strategies(data: CampaignData, case: Case) -> list[str]:
-    """Strategies of which a mission is shown: those that explore, the baselines only where there are no others."""
+    """Strategies of the example missions: the exploring ones, or the baselines if there are no others."""
     present = strategies_in(data.final(case))
     return ([name for name in present if not _is_baseline(name)] or present)[:MAX_EXAMPLES]
 
@@ -215,9 +215,9 @@ def _lines(
     log: bool = False,
     band: bool = True,
 ) -> list[EndName]:
-    """Mean lines with bands of one standard deviation over the runs; returns the names for their ends.
+    """Draw mean lines with bands of one standard deviation over the runs; return the names for their ends.
 
-    On a logarithmic axis the band ends at the lowest single run, where mean less deviation has no place.
+    On a logarithmic axis the band does not go below the lowest run: mean minus deviation may be negative.
     """
     names: list[EndName] = []
     for text, rows, (colour, dashes, width) in lines:
@@ -253,7 +253,7 @@ def _log_axis(axes: Axes) -> None:
 
 
 def _end_names(axes: Axes, names: Sequence[EndName], gap: float = 0.072) -> None:
-    """Names at the right end of their lines, pushed apart where they would overlap."""
+    """Write the names at the right ends of the lines, moved apart where they would overlap."""
     axes.figure.canvas.draw()
     place = axes.transAxes.inverted()
     heights = [float(place.transform(axes.transData.transform((0.0, value)))[1]) for value, _, _ in names]
@@ -269,8 +269,8 @@ def _end_names(axes: Axes, names: Sequence[EndName], gap: float = 0.072) -> None
 
 
 def spaced(places: Array, gap: float, low: float = -np.inf, high: float = np.inf) -> Array:
-    """Ascending places moved as little as needed (by least squares) to be ``gap`` apart and within bounds."""
-    groups: list[list[float]] = []  # mean of the places less their offset in the group, and their number
+    """Ascending places, moved by least squares until they are ``gap`` apart and within the bounds."""
+    groups: list[list[float]] = []  # mean of places minus offsets, number of places
     for number, place in enumerate(places):
         groups.append([float(place) - number * gap, 1.0])
         while len(groups) > 1 and groups[-2][0] > groups[-1][0]:
@@ -288,7 +288,7 @@ def _hours(axes: Axes, case: Case) -> None:
 
 
 def _dwell_order(dwell: str) -> tuple[int, float]:
-    """Fixed intervals first, then adaptive ones, each from the longest to the shortest; then all others."""
+    """Sort key: fixed intervals, adaptive intervals, others; fixed and adaptive from longest to shortest."""
     kind, _, number = dwell.partition(":")
     if kind == "fmi":
         return 0, -float(number)
@@ -296,7 +296,7 @@ def _dwell_order(dwell: str) -> tuple[int, float]:
 
 
 def _dwell_look(dwell: str, dwells: Sequence[str]) -> Look:
-    """Fixed orange, adaptive blue, others green; the longest solid, shorter ones dashed."""
+    """Fixed intervals orange, adaptive blue, others green; the longest solid, shorter ones dashed."""
     kind = dwell.partition(":")[0]
     kin = [other for other in dwells if other.partition(":")[0] == kind]
     dashes = ("-", (0, (4, 1.5)), (0, (1.2, 1.4)), "-.")[min(kin.index(dwell), 3)]
@@ -308,7 +308,7 @@ def _inside(values: Array, stored: StoredMission) -> Array:
 
 
 def _map_grid(stored: StoredMission, columns: int) -> tuple[Figure, Callable[[int, int], Axes]]:
-    """A figure for two rows of maps in true shape, and a function that makes the axes of a cell."""
+    """A figure for two rows of maps in true proportions, and a function that makes the axes of a cell."""
     width_m, height_m = (float(axis[-1] - axis[0]) for axis in (stored.x_m, stored.y_m))
     wide = (WIDTH_IN - 0.2) / columns
     across = min(wide - 0.2, 2.6 * width_m / height_m)
@@ -358,7 +358,7 @@ def _stops(axes: Axes, stored: StoredMission) -> None:
 
 
 def _bars(figure: Figure, image: Any, shade: Any, extend: tuple[str, str]) -> None:
-    """The key of the marks and both colour bars, in the strip below the maps."""
+    """Draw the legend of the markers and both colour bars in the strip below the maps."""
     from matplotlib.lines import Line2D
 
     key = [

@@ -1,4 +1,4 @@
-"""What the published experiments found, and whether a campaign sees it too: measured, by rules stated before."""
+"""Tests by fixed rules whether a campaign confirms the findings of the published experiments."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ Reasons = Mapping[FindingKey, str]
 
 MIN_RUNS = 3
 LITTLE = 0.20
-"""Share of the mean squared error up to which a difference is called little."""
+"""Largest difference that counts as little, as a share of the mean squared error."""
 FAR_LESS = 0.25
-"""Share of the distance from which on driving is called far less."""
+"""Smallest saving that counts as far less driving, as a share of the distance."""
 SLIGHTLY = 0.50
-"""Share by which an error may be higher and still be called slightly higher."""
+"""Largest increase that counts as slightly higher, as a share of the error."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One measured difference, paired by seed.
+    """A measured difference, paired by seed.
 
     :param where: field
-    :param what: what is compared with what
-    :param quantity: the measure, with its unit
-    :param value: mean over the runs
-    :param reference: mean over the runs of what it is compared with
-    :param difference: mean of the paired differences, value less reference
-    :param standard_error: of the difference; NaN with fewer than two pairs
-    :param pairs: number of seeds with both
-    :param outcome: whether it shows what the finding says
+    :param what: the two sets of missions
+    :param quantity: measure with its unit
+    :param value: mean over the runs of the first set
+    :param reference: mean over the runs of the second set
+    :param difference: mean of the paired differences, value minus reference
+    :param standard_error: standard error of the difference; NaN with fewer than two pairs
+    :param pairs: number of seeds in both sets
+    :param outcome: whether the difference supports the finding
     """
 
     where: str
@@ -64,15 +64,13 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Finding:
-    """One published finding and what the campaign says about it.
+    """A published finding and the verdict of the campaign.
 
     :param key: short name
     :param statement: the finding
-    :param rule: when it counts as confirmed
-    :param verdict: the outcome, in a word
+    :param rule: condition for the verdict ``confirmed``
     :param summary: the measured numbers in a sentence
-    :param comparisons: all of them
-    :param reason: why the verdict differs, if the campaign says so
+    :param reason: why the finding is not confirmed, from the campaign's file; may be empty
     """
 
     key: FindingKey
@@ -85,7 +83,7 @@ class Finding:
 
 
 def findings(data: CampaignData) -> list[Finding]:
-    """The published findings, judged by the campaign's data; none if the campaign is not to be compared."""
+    """The published findings with verdicts; none if the campaign names no published results."""
     published = data.campaign.published
     if published is None:
         return []
@@ -124,7 +122,7 @@ def _finding(
     key: FindingKey, statement: str, rule: str, comparisons: Sequence[Comparison], reasons: Reasons,
     needed: Sequence[Comparison] = (),
 ) -> Finding:  # fmt: skip
-    """A finding, confirmed if all comparisons show it, not seen if none (of those needed) does."""
+    """A finding: confirmed if all comparisons support it, not seen if none of the needed ones does."""
     judged = [item for item in comparisons if item.outcome != "too few runs"]
     crucial = [item for item in needed or judged if item.outcome != "too few runs"]
     verdict: Verdict
@@ -147,7 +145,7 @@ def _finding(
 
 
 def _shares(comparisons: Sequence[Comparison]) -> str:
-    """Of each quantity, in how many comparisons the finding is seen, and the smallest and largest difference."""
+    """For each quantity: number of comparisons with outcome ``seen``, smallest and largest difference."""
     texts = []
     for quantity in dict.fromkeys(item.quantity for item in comparisons):
         mine = [item for item in comparisons if item.quantity == quantity]
@@ -189,7 +187,7 @@ def _adaptive_sampling(data: CampaignData, reasons: Reasons) -> Finding:
 
 
 def _intervals(data: CampaignData, fields: Sequence[str], judge: _Judge) -> Iterator[Comparison]:
-    """Adaptive against fixed intervals: the longest with the longest, and so on."""
+    """Compare adaptive with fixed intervals: the longest with the longest, and so on."""
     quantity = "error averaged over time [(counts/s)²]"
     for case in data.cases:
         if case.field not in fields:
@@ -206,7 +204,7 @@ def _intervals(data: CampaignData, fields: Sequence[str], judge: _Judge) -> Iter
 
 
 def paired_means(mine: pd.DataFrame, theirs: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Error of two sets of missions, averaged over the times and strategies that both have; one value per seed."""
+    """Errors of two sets of missions, averaged over their common times and strategies; one value per seed."""
     columns = ["seed", "strategy", "time_s"]
     both = mine.merge(theirs, on=columns, suffixes=("", "_theirs")).dropna(subset=["mse", "mse_theirs"])
     means = both.groupby(["seed", "strategy"])[["mse", "mse_theirs"]].mean().groupby("seed").mean()
@@ -235,7 +233,7 @@ _Judge = Callable[[float, float, float], Outcome]
 def _compared(
     where: str, what: str, quantity: str, mine: pd.Series, theirs: pd.Series, judge: _Judge
 ) -> Comparison:
-    """Means and paired difference of two series that share their index of seeds."""
+    """Compare two series that are indexed by seed."""
     pairs = mine.to_frame("mine").join(theirs.to_frame("theirs"), how="inner").dropna()
     a, b = pairs["mine"].to_numpy(float), pairs["theirs"].to_numpy(float)
     n = len(pairs)

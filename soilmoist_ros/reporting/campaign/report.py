@@ -1,4 +1,4 @@
-"""The page of a campaign: what was run, figures, final values, and the comparison with what was published."""
+"""Report of a campaign: settings, figures, final values and the comparison with published results."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class ExperimentRow:
 
 @dataclass(frozen=True)
 class FinalRow:
-    """Final values of one combination, mean ± standard deviation over its runs, as text.
+    """Final values of one combination as text: mean ± standard deviation over its runs.
 
-    ``field_rows`` is the number of rows of the field in its first row, else 0.
+    ``field_rows`` is the number of rows of the field in the field's first row, else 0.
     """
 
     field: str
@@ -75,14 +75,13 @@ class ComparisonRow:
 
 
 def write_campaign_report(campaign: Campaign, out: Path, failures: Sequence[Failure] = ()) -> Path | None:
-    """Write ``report.html`` about the missions stored in the output folder of a campaign; returns its path.
+    """Write ``report.html`` about the stored missions of a campaign; return its path.
 
-    Without a finished mission there is nothing to report: ``None``, and an older report is removed, since the
-    tables in the folder are of this campaign.
+    Without a finished mission, return ``None`` and remove an older report, which would not match the tables.
 
     :param campaign: the campaign
     :param out: its output folder
-    :param failures: missions that failed in the last run, to be named
+    :param failures: missions that failed in the last run
     :raises InputError: if the page cannot be written
     """
     path, workshop = out / NAME, out / f".{NAME}.writing"
@@ -143,7 +142,7 @@ def _experiments(data: CampaignData) -> Iterator[ExperimentRow]:
 
 
 def _common_settings(data: CampaignData) -> list[tuple[str, str]]:
-    """Settings that all missions share."""
+    """Common settings of all missions."""
     names = ("model", "fit", "preset", "travel", "cell_m", "footprint_m", "position_sd_m", "weather")
     table = data.missions
     shared = [(name, table[name].iloc[0]) for name in names if table[name].nunique(dropna=False) == 1]
@@ -157,7 +156,7 @@ def _setting(value: object) -> str:
 
 
 def _sections(data: CampaignData) -> Iterator[Section]:
-    """The figures in the order of a results section: strategies, examples, intervals, coverage."""
+    """The figures in the order strategies, examples, intervals, coverage."""
     for case in data.strategy_cases:
         yield _strategies_section(data, case)
         examples = figures.examples_figure(data, case)
@@ -258,7 +257,7 @@ def _finals(data: CampaignData) -> Iterator[FinalRow]:
 
 
 def mean_sd_text(values: pd.Series, most_decimals: int = 6) -> str:
-    """Mean ± standard deviation, to the decimal of the deviation's second digit at most; a dash without values."""
+    """Mean ± standard deviation, rounded at most to the deviation's second digit; a dash without values."""
     known = values.dropna().to_numpy(float)
     if not len(known):
         return "–"

@@ -15,7 +15,7 @@ from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
 from soilmoist_ros.reporting.run import MapRun
 
 DIGITS = 7
-"""Decimal places of a degree, about 1 cm."""
+"""Decimal places of degrees; the last is about 1 cm."""
 
 
 def write_samples(path: Path, run: MapRun) -> Path:
@@ -30,9 +30,8 @@ def write_samples(path: Path, run: MapRun) -> Path:
 def samples_collection(run: MapRun) -> dict[str, Any]:
     """Field, track and samples as a GeoJSON feature collection.
 
-    Each feature has a ``kind``: ``field`` (polygon), ``track`` (line, if the robot moved; of several robots a
-    line each) or ``sample`` (point). Values that are not defined, such as the moisture of a rate below the curve,
-    are ``null``.
+    Each feature has a ``kind``: ``field`` (polygon), ``track`` (one line for each robot that moved) or ``sample``
+    (point). Undefined values, such as the moisture of a rate below the curve, are ``null``.
     """
     samples = _sample_features(run)
     shapes = [_field_feature(run)]
@@ -105,7 +104,7 @@ def _track_feature(run: MapRun, tracks: Sequence[NDArray[np.float64]]) -> dict[s
 
 
 def _unwrapped(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Longitude and latitude (n, 2); longitudes continuous about the datum, so maybe beyond +-180."""
+    """Longitude and latitude (n, 2); longitudes are continuous about the datum and may exceed +-180."""
     lat, lon = frame.to_geographic(xy_m).T
     lon = frame.longitude_deg + (lon - frame.longitude_deg + 180) % 360 - 180
     return np.column_stack([lon, lat])
@@ -125,7 +124,7 @@ def _bounding_box(frame: LocalFrame, xy_m: NDArray[np.float64]) -> list[float]:
 
 
 def _geometry(frame: LocalFrame, shape: Any) -> dict[str, Any]:
-    """A local shape as GeoJSON geometry, cut at the antimeridian (RFC 7946, 3.1.9), right-hand rule."""
+    """A local shape as GeoJSON geometry: right-hand rule, cut at the antimeridian (RFC 7946, 3.1.9)."""
     from shapely import transform
     from shapely.geometry import box, mapping
 

@@ -1,4 +1,4 @@
-"""The map as a GeoTIFF that any GIS opens in place."""
+"""The map as a georeferenced GeoTIFF."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def write_geotiff(
 ) -> Path:
     """Write the map on a north-up grid in a projected coordinate reference system.
 
-    Nothing is resampled: kriging predicts anywhere, so the centre of each cell is taken back into the
-    local frame and evaluated there. Cells whose centre lies outside the field are NaN.
+    The map is kriged again at the centre of each cell in the local frame, not resampled. Cells whose centre lies
+    outside the field are NaN.
 
     :param path: file to write
     :param soil_map: the map
     :param frame: local frame of the map
-    :param crs: anything pyproj takes; default the UTM zone of the datum
+    :param crs: anything that pyproj accepts; default the UTM zone of the datum
     :param tags: more tags for the file
     :returns: ``path``
     :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
@@ -74,7 +74,7 @@ def write_geotiff(
 
 
 def export_crs(frame: LocalFrame, crs: CRS | str | int | None = None) -> CRS:
-    """The coordinate reference system asked for, else the UTM zone of the datum.
+    """The requested coordinate reference system, by default the UTM zone of the datum.
 
     :raises InputError: if pyproj does not know it
     """

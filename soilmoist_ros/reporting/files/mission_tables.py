@@ -13,7 +13,7 @@ from soilmoist_ros.simulation.mission.result import MissionResult
 
 
 def write_series(path: Path, mission: MissionResult) -> Path:
-    """Write the state over time, one row per entry; returns ``path``. What is not defined is empty.
+    """Write the state over time, one row per entry; return ``path``. Undefined values are empty.
 
     Each further property adds the columns ``mse_NAME`` and ``coverage95_NAME``.
     """
@@ -22,7 +22,7 @@ def write_series(path: Path, mission: MissionResult) -> Path:
 
 
 def write_visits(path: Path, mission: MissionResult) -> Path:
-    """Write the visits in order, one column for each field of :class:`Visit`; returns ``path``."""
+    """Write the visits in order, one column for each field of :class:`Visit`; return ``path``."""
     return _write(path, [field.name for field in fields(Visit)], map(astuple, mission.visits))
 
 

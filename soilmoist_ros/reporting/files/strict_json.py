@@ -1,4 +1,4 @@
-"""JSON as the standard wants it: no NaN, no infinity, plain numbers, UTF-8."""
+"""Standard JSON: no NaN, no infinity, plain numbers, UTF-8."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def jsonable(value: Any) -> Any:
-    """The same value of plain types; not-a-number and infinity become ``None``."""
+    """The value in plain types; NaN and infinity become ``None``."""
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float | np.floating):
@@ -32,6 +32,6 @@ def dumps(value: Any, indent: int | None = None) -> str:
 
 
 def write_json(path: Path, value: Any, indent: int | None = 2) -> Path:
-    """Write strict JSON, ending in a line feed."""
+    """Write strict JSON that ends in a line feed."""
     path.write_text(dumps(value, indent) + "\n", encoding="utf-8")
     return path

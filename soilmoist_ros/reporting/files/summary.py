@@ -1,4 +1,4 @@
-"""``summary.json``: the run in numbers, for programs. Units stand in the names of the keys."""
+"""``summary.json``: the run in numbers, for programs. The names of the keys include the units."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ SCHEMA = 1
 
 
 def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str, Any]:
-    """The run as a dictionary of plain JSON values; what is undefined is ``None``.
+    """The run as a dictionary of plain JSON values; undefined values are ``None``.
 
     :param run: the run
-    :param crs: coordinate reference system of the GeoTIFF; default that of the datum's UTM zone
+    :param crs: coordinate reference system of the GeoTIFF; default the UTM zone of the datum
     :param outputs: names of the files written
     """
     soil_map, found = run.soil_map, notes(run)
@@ -149,7 +149,7 @@ def _score(score: TruthScore) -> dict[str, float]:
 
 
 def mission_summary(mission: MissionResult) -> dict[str, Any]:
-    """What a simulated mission was run with and how it ended."""
+    """Settings and result of a simulated mission."""
     further = [_property(mapped) for mapped in mission.properties[1:]]
     return {
         "settings": settings_summary(mission.settings),
@@ -165,14 +165,14 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
 
 
 def settings_summary(settings: MissionSettings) -> dict[str, Any]:
-    """Settings of a mission, some also under the keys of earlier releases."""
+    """Settings of a mission; some are repeated under keys of earlier releases."""
     also = settings.properties[0] if len(settings.properties) == 1 else PropertySettings("")
     old = {"variogram": settings.model, "also": also.field, "also_weight": also.weight}
     return {**settings.as_dict(), **old}
 
 
 def _property(mapped: MappedProperty) -> dict[str, Any]:
-    """A property that a mission mapped after the first."""
+    """A property of a mission after the first."""
     about = {"name": mapped.name, "field": mapped.title, "weight": mapped.weight, "n_records": len(mapped.records)}
     if mapped.soil_map is None:
         return {**about, "map": None}
@@ -195,7 +195,7 @@ def _rate_map(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str,
 
 
 def _efficiency(mission: MissionResult) -> dict[str, float] | None:
-    """What the mission reached of what any plan could; variances of the smooth rate [(counts/s)^2]."""
+    """Variance reduction of the mission and of the best possible plan; for the smooth rate [(counts/s)^2]."""
     plan = mission_efficiency(mission)
     if plan is None:
         return None
@@ -207,7 +207,7 @@ def _correction(row: Any) -> dict[str, Any]:
 
 
 def _calibration(run: MapRun) -> dict[str, Any] | None:
-    """The curve in use; its origin only if the run knows it."""
+    """The calibration curve, with its origin if the run knows it."""
     curve = run.soil_map.curve
     if curve is None:
         return None

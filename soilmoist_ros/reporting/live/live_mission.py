@@ -14,14 +14,14 @@ from soilmoist_ros.reporting.page.numbers import duration, length
 Array = NDArray[np.float64]
 
 WETTEST = 0.6
-"""Soil moisture that hardly any soil can exceed [m^3/m^3]; early maps do, where the rate is hardly known."""
+"""Upper limit of plausible soil moisture [m^3/m^3]; early maps exceed it where the rate is uncertain."""
 
 
 class LiveMap:
     """The latest map of a property.
 
-    :param name: name of the property, which is the namespace of its mapper; empty for the mission's own field
-    :param true_rate: true rate on the map's raster, shape (ny, nx) [counts/s], if it is known
+    :param name: name of the property and namespace of its mapper; empty for the mission's own field
+    :param true_rate: true rate on the map's raster, shape (ny, nx) [counts/s], if known
     """
 
     def __init__(self, name: str = "", true_rate: Array | None = None) -> None:
@@ -41,7 +41,7 @@ class LiveMap:
 
     @property
     def band(self) -> LiveBand | None:
-        """Moisture, or the rate where there is none; ``None`` without a map."""
+        """Map of the moisture, else of the rate; ``None`` without a map."""
         cells = self.cells
         if cells is None or not (_inside(cells) & np.isfinite(cells["rate"])).any():
             return None
@@ -53,7 +53,7 @@ class LiveMap:
 
 
 class LiveMission:
-    """The latest messages of a mission. They may be set in one thread and viewed in another.
+    """The latest messages of a mission. One thread may set them while another reads the view.
 
     :param title: first line
     :param maps: maps of the properties; the mission's own field is the first
@@ -74,7 +74,7 @@ class LiveMission:
 
     def view(self) -> LiveView:
         """The view now."""
-        status, samples = self.status, self.samples_xy  # each may be replaced in the meantime
+        status, samples = self.status, self.samples_xy  # another thread may replace them
         return LiveView(
             self._title,
             self._facts(status, len(samples)),
@@ -113,12 +113,12 @@ def _target(status: Mapping[str, str]) -> tuple[float, float] | None:
 
 
 def _inside(cells: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Which cells are in the field: cells outside have no place."""
+    """Cells in the field: cells outside have no place."""
     return np.asarray(np.isfinite(cells["x"]) & np.isfinite(cells["y"]))
 
 
 def _field(cells: NDArray[np.void]) -> tuple[NDArray[np.void], tuple[float, float, float, float]]:
-    """The part of a map that holds the field, and where its edges lie: west, east, south, north [m]."""
+    """The part of a map that covers the field, and its edges: west, east, south, north [m]."""
     inside = _inside(cells)
     rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     part = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]

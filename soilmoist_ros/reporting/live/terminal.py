@@ -1,4 +1,4 @@
-"""A running mission on a terminal: state, numbers, and the map of each property as a small picture."""
+"""Terminal view of a running mission: state, numbers, and a small map of each property."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# From dry to wet: light sand over green to deep blue, of even steps in lightness.
+# From dry to wet: light sand over green to deep blue, in even steps of lightness.
 _COLOURS = np.array(
     [
         (253, 237, 196),
@@ -49,14 +49,14 @@ class LiveBand:
 
 @dataclass(frozen=True, eq=False)
 class LiveView:
-    """The content of the view; all of it may still be missing.
+    """The content of the view; every part may be missing.
 
     :param title: first line
     :param facts: short name -> text, one line each
     :param bands: a map of each property
-    :param samples_xy: places measured, shape (n, 2) [m]
+    :param samples_xy: places of the samples, shape (n, 2) [m]
     :param robot_xy: place of the robot [m]
-    :param target_xy: place where it is going or counting [m]
+    :param target_xy: place of the current stop [m]
     """
 
     title: str
@@ -70,8 +70,8 @@ class LiveView:
 def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
     """The view for a rich console.
 
-    :param columns: maximum width of all pictures, which stand side by side
-    :param rows: maximum height of each
+    :param columns: maximum width of all pictures side by side
+    :param rows: maximum height of a picture
     """
     from rich.console import Group
     from rich.table import Table
@@ -81,7 +81,7 @@ def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
     facts.add_column(style="bold", no_wrap=True)
     facts.add_column(overflow="fold")
     for name, value in view.facts.items():
-        facts.add_row(Text(name), Text(value))  # as texts: brackets in them are no markup
+        facts.add_row(Text(name), Text(value))  # as Text: rich would read brackets as markup
     parts: list[RenderableType] = [Text(view.title, style="bold reverse"), facts]
     if not view.bands:
         parts.append(Text("no map yet: it begins with the first samples", style="dim"))
@@ -125,7 +125,7 @@ def scale(band: LiveBand) -> Text:
 
 
 def legend() -> Text:
-    """The marks and their meaning."""
+    """Legend of the markers."""
     from rich.text import Text
 
     text = Text()
@@ -136,7 +136,7 @@ def legend() -> Text:
 
 
 def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> Array:
-    """Colours of the picture, north first, shape (lines, columns, 3); -1 where there is no field."""
+    """Colours of the picture, north first, shape (lines, columns, 3); -1 outside the field."""
     ny, nx = band.values.shape
     factor = max(nx / columns, ny / lines)
     width, height = max(1, round(nx / factor)), max(2, round(ny / factor))
@@ -152,7 +152,7 @@ def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> Array:
     def mark(places: Sequence[Sequence[float]] | Array, colour: tuple[int, int, int]) -> None:
         for x, y in places:
             if np.isfinite(x) and np.isfinite(y):
-                # What lies beyond the map is shown at its edge: it is there, in that direction.
+                # A marker beyond the map is drawn at its edge, to show the direction.
                 i = min(max((north - y) / max(north - south, 1e-9), 0.0), 1.0) * height
                 j = min(max((x - west) / max(east - west, 1e-9), 0.0), 1.0) * width
                 colours[min(int(i), height - 1), min(int(j), width - 1)] = colour
@@ -164,7 +164,7 @@ def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> Array:
 
 
 def _limits(band: LiveBand) -> tuple[float, float]:
-    """Smallest and largest value that the colours show: quantiles, so that a few odd cells do not matter."""
+    """Smallest and largest value of the colours: quantiles, so that a few outliers have no effect."""
     known = band.values[np.isfinite(band.values)]
     return (float(np.quantile(known, 0.02)), float(np.quantile(known, 0.98))) if known.size else (0.0, 0.0)
 

@@ -39,7 +39,7 @@ MAX_PAIRED_SAMPLES = 3000
 
 
 def variogram_chart(run: MapRun) -> Figure:
-    """Empirical classes (area: weight), the fitted curve with its nugget, sill and range, the counting noise."""
+    """Empirical classes (marker area: weight), fitted curve with nugget, sill and range, counting noise."""
     soil_map, variogram = run.soil_map, run.soil_map.variogram
     figure = new_figure(WIDTH_IN, HEIGHT_IN + 0.3)
     axes = plain(figure.add_axes((0.13, 0.135, 0.65, 0.76)))
@@ -97,7 +97,7 @@ def _reach(run: MapRun, lag: NDArray[np.float64]) -> float:
 
 
 def _levels(axes: Axes, levels: Sequence[tuple[float, str, str]], reach: float, bottom: float, top: float) -> None:
-    """Horizontal levels, named at the right; names pushed apart, those above the frame named at its edge."""
+    """Horizontal levels with names at the right, moved apart; levels above the frame are named at its edge."""
     gap = 0.085 * (top - bottom)
     lowest = bottom
     for value, text, colour in sorted(levels):
@@ -116,7 +116,7 @@ def _levels(axes: Axes, levels: Sequence[tuple[float, str, str]], reach: float, 
 
 
 def histogram_chart(run: MapRun) -> Figure:
-    """How often each value occurs: soil moisture of the map if there is one; rates of the map and the samples."""
+    """Histograms: soil moisture of the map if there is one; rates of the map and the samples."""
     soil_map = run.soil_map
     mask = np.asarray(soil_map.grid.mask, bool)
     panels = 2 if run.calibrated else 1
@@ -144,7 +144,7 @@ def histogram_chart(run: MapRun) -> Figure:
 
 
 def _bins(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Edges of bins of equal width; a few around the value if all are (nearly) equal."""
+    """Edges of bins of equal width; a few around the value if all values are (nearly) equal."""
     if values.size == 0:
         return np.linspace(0, 1, 11)
     low, high = float(values.min()), float(values.max())
@@ -159,7 +159,7 @@ def _percent(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def rate_chart(track: Sequence[CountRecord]) -> Figure:
-    """Corrected rate over time with the band of one standard deviation that counting alone causes."""
+    """Corrected rate over time; the band is one standard deviation of the counting noise."""
     from matplotlib.ticker import MaxNLocator
 
     time, counts, exposure, width_s = binned(track)
@@ -206,8 +206,8 @@ def binned(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
     """Time [s], counts and effective exposure [s] of the records, and the bin width [s].
 
-    Few records are returned one by one (width 0); many are added up in bins of equal length, which is exact
-    for counts. A bin without records is NaN and breaks a line.
+    Few records are returned one by one (width 0). Many are summed in bins of equal length, which is exact for
+    counts. A bin without records is NaN and interrupts the line.
     """
     time = np.array([r.stamp_s for r in track])
     counts = np.array([r.raw_counts for r in track], float)
@@ -228,7 +228,7 @@ def _round_up(seconds: float) -> float:
 
 
 def _time_axis(axes: Axes) -> None:
-    """Clock times below an axis of days since 1970, which is what matplotlib counts in."""
+    """Label an axis of days since 1970, matplotlib's unit, with clock times."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
     locator = AutoDateLocator(minticks=3, maxticks=8, tz="UTC")  # type: ignore[no-untyped-call]
@@ -239,7 +239,7 @@ def _time_axis(axes: Axes) -> None:
 
 
 def cross_validation_chart(loo: LeaveOneOut) -> Figure:
-    """Observed rates against those predicted without them, with one standard deviation of the difference."""
+    """Observed rates against leave-one-out predictions, with one standard deviation of the difference."""
     figure = new_figure(WIDTH_IN, 0.75 * WIDTH_IN)
     axes = plain(figure.add_axes((0.14, 0.13, 0.82, 0.83)))
     both = np.concatenate([loo.observed - loo.sd, loo.observed + loo.sd, loo.predicted])

@@ -1,4 +1,4 @@
-"""Maps: one band of the raster, or the samples on the track, drawn in true shape."""
+"""Maps in true proportions: one band of the raster, or the samples on the track."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Band:
 
     :param values: attribute of the map
     :param label: text at the colour bar, with its unit
-    :param colours: matplotlib colour map; light for little, dark for much
-    :param scale: factor from the map's unit to the one shown
+    :param colours: matplotlib colour map; light for low, dark for high values
+    :param scale: factor from the map's unit to the displayed unit
     """
 
     values: str
@@ -49,9 +49,9 @@ RATE_SD = Band("rate_sd", "Standard deviation [counts/s]", "Purples")
 def band_map(
     run: MapRun, band: Band, values: NDArray[np.float64] | None = None, width_in: float = NARROW_IN
 ) -> Figure:
-    """One band with the field's boundary, the samples' places and a colour bar.
+    """One band with the field's boundary, the samples and a colour bar.
 
-    :param values: drawn instead of the map's own band but in its colours, shape (ny, nx), in the band's unit
+    :param values: values to draw instead of the map's band, in the band's unit and colours, shape (ny, nx)
     :param width_in: width of the figure [in]
     """
     soil_map = run.soil_map
@@ -72,7 +72,7 @@ def band_map(
 
 
 def error_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
-    """Estimate minus truth of the rate, in colours that are white where the map is right.
+    """Error of the rate map, estimate minus truth; white is no error.
 
     :raises ValueError: without a truth
     """
@@ -95,11 +95,11 @@ def error_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
 
 
 def colour_range(run: MapRun, band: Band) -> tuple[float, float]:
-    """Colour limits of a band in the unit shown: the middle 95 % of its values, but never so narrow as to mislead.
+    """Colour limits of a band in the displayed unit: the middle 95 % of its values, with a minimum range.
 
-    The range of values spans at least one typical standard deviation to both sides, so that noise is not
-    painted as pattern; that of a standard deviation starts at half its upper end or below. Moisture stops at
-    100 %: near the pole of the calibration curve a few cells would take all colours.
+    The limits of values are at least one typical standard deviation from their middle, so that noise does not
+    look like a pattern. The lower limit of a standard deviation is at most half its upper limit. Moisture stops
+    at 100 %: near the pole of the calibration curve a few cells would use up all colours.
     """
     values = np.asarray(getattr(run.soil_map, band.values), float)
     low, high = robust_range(band.scale * (np.clip(values, -1, 1) if band.values.startswith("vwc") else values))
@@ -118,7 +118,7 @@ def _widened(low: float, high: float, sd: NDArray[np.float64]) -> tuple[float, f
 
 
 def samples_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
-    """The track and the samples, coloured by their own rate, sized by their effective exposure."""
+    """The track and the samples; colour shows the observed rate, size the effective exposure."""
     samples = run.soil_map.samples
     xy, rate = np.asarray(samples.xy, float), np.asarray(samples.rate_cps, float)
     exposure = np.asarray(samples.exposure_s, float)
@@ -138,7 +138,7 @@ def samples_map(run: MapRun, width_in: float = NARROW_IN) -> Figure:
 
 
 def colours(name: str) -> Any:
-    """A sequential colour map without its palest end, which would be lost on white paper."""
+    """A sequential colour map without its palest end, which is invisible on white paper."""
     from matplotlib import colormaps
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -146,7 +146,7 @@ def colours(name: str) -> Any:
 
 
 def map_axes(run: MapRun, width_in: float) -> tuple[Figure, Axes, float]:
-    """Axes of the map's true shape in a figure that fits around them, and the metres per axis unit."""
+    """A figure, axes in the map's true proportions, and the metres per axis unit."""
     west, east, south, north = view(run)
     unit_m = 1000.0 if max(east - west, north - south) >= KILOMETRES_FROM_M else 1.0
     left_in = 0.5 + 0.075 * max(len(f"{edge / unit_m:.0f}") for edge in (south, north))
@@ -166,9 +166,9 @@ def map_axes(run: MapRun, width_in: float) -> tuple[Figure, Axes, float]:
 
 
 def view(run: MapRun) -> tuple[float, float, float, float]:
-    """West, east, south, north of what is drawn [m]: field, samples and track with a margin.
+    """West, east, south, north [m] of the field, the samples and the track, with a margin.
 
-    Very long or tall shapes get more room across, so that the figure stays readable.
+    Very long or tall shapes get a wider margin across, so that the figure stays readable.
     """
     west, east, south, north = map_extent(run.soil_map)
     points = np.vstack([[(west, south), (east, north)], run.soil_map.samples.xy, track_xy(run.track)])
@@ -200,14 +200,14 @@ def _decorate(run: MapRun, figure: Figure, axes: Axes, unit_m: float) -> None:
 
 
 def datum_text(run: MapRun) -> str:
-    """Where the origin of the axes lies."""
+    """Position of the axes' origin."""
     lat, lon = run.frame.latitude_deg, run.frame.longitude_deg
     north, east = "N" if lat >= 0 else "S", "E" if lon >= 0 else "W"
     return f"Datum (0, 0): {abs(lat):.6f}° {north}, {abs(lon):.6f}° {east} (WGS-84)"
 
 
 def _north_and_scale(figure: Figure, axes: Axes, unit_m: float) -> None:
-    """A north arrow and a scale bar in the margin below the map, at its right end."""
+    """A north arrow and a scale bar in the margin below the map, on the right."""
     from matplotlib.lines import Line2D
 
     box = axes.get_position()
@@ -249,7 +249,7 @@ def _sample_places(run: MapRun, axes: Axes, unit_m: float) -> None:
 
 
 def _paint_undefined(run: MapRun, axes: Axes, shown: NDArray[np.float64], unit_m: float) -> None:
-    """Cells of the field without a value: grey, so that they do not look like outside."""
+    """Draw cells of the field without a value in grey, to distinguish them from the outside."""
     missing = np.asarray(run.soil_map.grid.mask, bool) & ~np.isfinite(shown)
     if not missing.any():
         return

@@ -1,4 +1,4 @@
-"""The part of a report about the mission behind the map: its course over time, its stops."""
+"""Report section of the mission: its course over time and its stops."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ Array = NDArray[np.float64]
 MAX_VISITS = 100
 MAX_NUMBERS = 80
 ROBOTS = {"blue": BLUE, "orange": ORANGE, "green": GREEN, "purple": PURPLE, "gold": GOLD, "black": INK}
-"""Colours of the robots, from the first; taken again from the beginning where there are more."""
+"""Colours of the robots in order; further robots repeat them from the first."""
 
 
 @dataclass(frozen=True)
 class MissionPart:
-    """What the page shows of a mission.
+    """The content of the section.
 
-    :param text: how it went, in sentences
+    :param text: the course of the mission in sentences
     :param sections: figures
     :param visits: the first stops
-    :param hidden: number of stops that are left out of the table
+    :param hidden: number of stops missing from the table
     :param several: whether there are several robots
     """
 
@@ -63,7 +63,7 @@ class MissionPart:
 
 
 def mission_part(run: MapRun) -> MissionPart | None:
-    """The mission's part of the report, ``None`` without a mission."""
+    """The section; ``None`` without a mission."""
     mission = run.mission
     if mission is None:
         return None
@@ -143,7 +143,7 @@ def _text(mission: MissionResult) -> str:
 
 
 def course_chart(series: Sequence[SeriesRow], has_truth: bool = True) -> Figure:
-    """Error, coverage and distance against time, one above the other; without a truth the distance only."""
+    """Error, coverage and distance against time, one above the other; without a truth, only the distance."""
     columns = series_columns(series, [""])
     hours, error = columns["time_s"] / 3600, columns["mse"]
     distance, samples, coverage = columns["distance_m"], columns["samples"], columns["coverage95"]
@@ -188,7 +188,7 @@ def _colour(robot: int) -> str:
 
 
 def _key(robots: int) -> str:
-    """Which colour is which robot's."""
+    """Draw the legend of the robots' colours."""
     names = list(ROBOTS)
     return ", ".join(f"robot {number + 1} {names[number % len(names)]}" for number in range(robots))
 
@@ -232,7 +232,7 @@ def trajectory_map(run: MapRun, width_in: float = maps.NARROW_IN) -> Figure:
         axes.plot(
             path[:, 0], path[:, 1], color=colour, linewidth=1.4 if several else 0.9, zorder=2.6,
         )  # fmt: skip
-        # hollow and above all: a mission often starts where it stops, and the number is to be read as well
+        # hollow and on top: a mission often starts at a stop, whose number must stay readable
         for edge, width in (("white", 4.0), (INK, 2.0)):
             axes.scatter(
                 path[:1, 0], path[:1, 1], s=200, marker="s", facecolors="none", edgecolors=edge,

@@ -1,4 +1,4 @@
-"""What a careful reader should know of a map."""
+"""Notes on the limits of a map."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 FEW_SAMPLES = 10
 MAX_RATE_ERROR = 0.05
-"""Error of a map by tiles that needs no note, as a share of the standard deviation."""
+"""Largest error of a tiled map that needs no note, as a share of the standard deviation."""
 _CHECK = "check N0, the bulk density, and whether all tubes were counted"
 
 
@@ -37,7 +37,7 @@ def _on_calibration(run: MapRun) -> Iterator[Note]:
 
 
 def _on_moisture(run: MapRun) -> Iterator[Note]:
-    """Moisture that no soil has."""
+    """Notes on impossible moisture."""
     curve = run.soil_map.curve
     if curve is None:
         return
@@ -58,7 +58,7 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
 
 
 def _on_model(soil_map: SoilMap) -> Iterator[Note]:
-    """A model that the counts hardly support, or that is not computed exactly."""
+    """Notes on a model that the counts hardly support, or that is not computed exactly."""
     count, fit, accuracy = len(soil_map.samples), soil_map.fit, soil_map.accuracy
     if accuracy is not None and accuracy.rate_error > MAX_RATE_ERROR:
         yield Note(

@@ -1,4 +1,4 @@
-"""Numbers as a reader sees them, with as many digits as are meant."""
+"""Numbers as text for readers, rounded to significant digits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with this many significant digits, no exponent where avoidable; a dash if undefined."""
+    """A number with this many significant digits, without an exponent if possible; a dash if undefined."""
     if value is None or not math.isfinite(value):
         return "–"
     if value != 0 and not 1e-4 <= abs(value) < 1e7:
@@ -16,7 +16,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def plain(value: object) -> str:
-    """A setting or parameter as a reader writes it: floats without a tail of digits, a dash for nothing."""
+    """A setting or parameter as text: short floats, a dash for nothing."""
     if value is None or value == "":
         return "–"
     if isinstance(value, float):
@@ -35,7 +35,7 @@ def with_sd(value: float, sd: float | None, digits: int = 3) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share [0..1] in percent: whole, but never a false 0 or 100."""
+    """A share [0..1] in whole percent, but never rounded to 0 or 100."""
     if share is None or not math.isfinite(share):
         return "–"
     if 0 < share < 0.01:
@@ -48,7 +48,7 @@ def percent(share: float | None) -> str:
 def volume(vwc: float | None) -> str:
     """Water content [m^3/m^3] in percent by volume to one decimal, without the unit.
 
-    Near the pole of the calibration curve numbers grow without limit; above 100 % they mean nothing more.
+    Near the pole of the calibration curve numbers grow without limit; above 100 % they are meaningless.
     """
     if vwc is None or not math.isfinite(vwc):
         return "–"
@@ -56,7 +56,7 @@ def volume(vwc: float | None) -> str:
 
 
 def tidy(text: str) -> str:
-    """The same text with spaces that do not break between a number and its sign."""
+    """The text with no-break spaces between a number and its sign."""
     return text.replace(" %", "\u00a0%").replace("± ", "±\u00a0")
 
 
@@ -73,7 +73,7 @@ def length(metres: float) -> tuple[str, str]:
 
 
 def duration(seconds: float) -> str:
-    """A duration in words, to the unit that matters."""
+    """A duration in words, rounded to a suitable unit."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

@@ -1,4 +1,4 @@
-"""The part of a report about several properties: the maps of each, and all of them side by side."""
+"""Report section of several properties: the maps of each, and all of them side by side."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ WIDTH_IN, COLUMNS = 10.0, 4
 LEFT_IN, GAP_IN, TOP_IN, BAR_IN = 0.35, 0.18, 0.32, 0.72
 TALLEST = 1.4
 TOO_LOW, INSIDE, TOO_HIGH = "#e08214", "#eef1f4", "#8073ac"
-"""Where the true rate lies above, in and below the 95 % interval of the map; as on the map of the error."""
+"""Colours of cells whose true rate is above, in and below the 95 % interval, as on the error map."""
 
 
 def property_sections(run: MapRun) -> list[Section]:
-    """Map and uncertainty of each property after the first, whose maps head the page."""
+    """Map and uncertainty of each property after the first."""
     return [section for other in run.others for section in _sections(other)]
 
 
@@ -66,7 +66,7 @@ def _sections(run: MapRun) -> Iterator[Section]:
 
 
 def side_by_side(run: MapRun) -> Section | None:
-    """All properties in rows of small maps, ``None`` if there is only one."""
+    """All properties in rows of small maps; ``None`` if there is only one property."""
     runs = run.properties
     if len(runs) < 2:
         return None
@@ -82,7 +82,7 @@ def side_by_side(run: MapRun) -> Section | None:
 
 @dataclass(frozen=True)
 class _Panel:
-    """One small map, and what its colours mean: those of a bar, or of a text if there is none."""
+    """One small map with a colour bar, or with a text in place of the bar."""
 
     title: str
     values: Array
@@ -91,7 +91,7 @@ class _Panel:
 
 
 def small_multiples(runs: Sequence[MapRun]) -> Figure:
-    """A row of small maps for each run: of its rate and standard deviation, or with a truth of its error."""
+    """A row of small maps for each run: rate and standard deviation, or errors if the truth is known."""
     rows = [_panels(run) for run in runs]
     width = (WIDTH_IN - LEFT_IN) / COLUMNS - GAP_IN
     heights = [width * min(_tallness(run), TALLEST) for run in runs]
@@ -137,7 +137,7 @@ def _panels(run: MapRun) -> list[_Panel]:
 
 
 def _draw(figure: Figure, run: MapRun, panel: _Panel, box_in: tuple[float, float, float, float]) -> None:
-    """A panel at left, bottom, width, height [in], with its colour bar or its key below."""
+    """Draw a panel at left, bottom, width, height [in], with its colour bar or legend below."""
     from matplotlib.colors import ListedColormap
 
     scale = np.array([figure.get_figwidth(), figure.get_figheight()] * 2)
@@ -169,7 +169,7 @@ def _draw(figure: Figure, run: MapRun, panel: _Panel, box_in: tuple[float, float
 
 
 def _key(axes: Axes, run: MapRun) -> None:
-    """What the colours of the interval mean."""
+    """Draw the legend of the interval's colours."""
     from matplotlib.patches import Patch
 
     score = truth_score(run.soil_map, np.asarray(run.truth_rate, float))

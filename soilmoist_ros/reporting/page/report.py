@@ -1,4 +1,4 @@
-"""``report.html``: the run for people, in one file that needs nothing else."""
+"""``report.html``: the report of a run in one self-contained file."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from soilmoist_ros.reporting.page.style import picture
 from soilmoist_ros.reporting.run import MapRun
 
 MAX_READOUT_CELLS = 150
-"""Along each axis of the grid that is embedded for reading values under the pointer."""
+"""Maximum cells along each axis of the embedded grid, which shows values under the pointer."""
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
 
 
 def write_report(path: Path, run: MapRun) -> Path:
-    """Write the report; returns ``path``."""
+    """Write the report; return ``path``."""
     path.write_text(render_report(run), encoding="utf-8")
     return path
 
@@ -54,7 +54,7 @@ def render_report(run: MapRun) -> str:
 
 
 def render_page(template: str, **content: Any) -> str:
-    """A page of one of the package's templates, in the common style."""
+    """Render one of the package's templates in the common style."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
@@ -69,9 +69,9 @@ def render_page(template: str, **content: Any) -> str:
 
 
 def readout(run: MapRun) -> dict[str, Any]:
-    """The main map as small numbers for the page's script: hundredths of % by volume, or 1/1000 counts/s.
+    """The main map as integers for the page's script: hundredths of % by volume, or 1/1000 counts/s.
 
-    The grid is thinned to at most 150 x 150 cells; rows run from south to north; ``None`` has no value.
+    The grid is thinned to at most 150 x 150 cells; rows run from south to north; ``None`` is undefined.
     """
     soil_map, grid = run.soil_map, run.soil_map.grid
     step = max(1, -(-max(soil_map.rate.shape) // MAX_READOUT_CELLS))
@@ -99,7 +99,7 @@ def _integers(values: Any, factor: float) -> list[list[int | None]]:
 
 
 def _maps(run: MapRun) -> Iterator[Section]:
-    """The maps, the one that matters most first."""
+    """The maps, the most important first."""
     where = run.field_name or "the field"
     if run.calibrated:
         alt = f"Map of the soil water content of {where}; {' '.join(wording.headline(run)[1:2])}"
@@ -185,7 +185,7 @@ def _truth(run: MapRun) -> TruthScore | None:
 
 
 def _variogram_rows(run: MapRun) -> list[tuple[str, str, str]]:
-    """Name, value, unit of what describes the model."""
+    """Name, value and unit of each model parameter."""
     soil_map, variogram, fit = run.soil_map, run.soil_map.variogram, run.soil_map.fit
     errors = (None, None, None) if fit is None or fit.log_sd is None else fit.log_sd
     sill_factor, range_factor, nugget_factor = (_factor(error) for error in errors)
@@ -205,7 +205,7 @@ def _variogram_rows(run: MapRun) -> list[tuple[str, str, str]]:
 
 
 def _direction(variogram: Variogram) -> str:
-    """A sentence on the direction in which the range is longest, if there is one."""
+    """A sentence on the direction of the longest range, if the model is anisotropic."""
     if variogram.anisotropy == 1:
         return ""
     root = np.sqrt(variogram.anisotropy)
@@ -218,5 +218,5 @@ def _direction(variogram: Variogram) -> str:
 
 
 def _factor(log_sd: float | None) -> str:
-    """The standard error of a logarithm as a factor to multiply and divide by."""
+    """The standard error of a logarithm as a multiplicative factor."""
     return "" if log_sd is None or not 0 < log_sd < 3 else f" ×/÷ {np.exp(log_sd):.2g}"

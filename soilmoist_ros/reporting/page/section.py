@@ -1,4 +1,4 @@
-"""One figure of a page with its words."""
+"""One figure of a page with its texts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the map says as numbers, and how far the model behind it can be trusted."""
+"""Statistics of a map, cross-validation of its model, and comparison with a truth."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 MAX_SAMPLES = 1000
 MAX_CELLS = 1500
 INTERVAL_SD = 1.96
-"""Half the width of a 95 % interval, in standard deviations."""
+"""Half width of a 95 % interval, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class BandStatistics:
-    """Spread of one band over the cells of the field; NaN throughout if no cell has a value."""
+    """Distribution of one band over the cells of the field; all NaN if no cell has a value."""
 
     mean: float
     sd: float
@@ -43,7 +43,7 @@ def band_statistics(values: ArrayLike) -> BandStatistics:
 
 
 def undefined_share(soil_map: SoilMap) -> float:
-    """Share of the field's cells whose rate lies below the calibration curve, so that VWC is undefined [0..1].
+    """Share of the field's cells with undefined VWC, because the rate lies below the calibration curve [0..1].
 
     1 without a calibration.
     """
@@ -52,10 +52,10 @@ def undefined_share(soil_map: SoilMap) -> float:
 
 
 def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> float:
-    """Share of the field's cells known worse than a limit, or not at all [0..1].
+    """Share of the field's cells whose standard deviation is above a limit or undefined [0..1].
 
-    :param vwc_sd: limit of the standard deviation of VWC [m^3/m^3], used with a calibration
-    :param rate_share: limit of the standard deviation of the rate as a share of the rate, used without
+    :param vwc_sd: limit for VWC [m^3/m^3], used with a calibration
+    :param rate_share: limit for the rate as a share of the rate, used without a calibration
     """
     mask = np.asarray(soil_map.grid.mask, bool)
     if not mask.any():
@@ -66,12 +66,12 @@ def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> floa
 
 
 def pore_volume(bulk_density_gcm3: float) -> float:
-    """Share of a mineral soil's volume that water can fill [m^3/m^3], from the density of quartz, 2.65 g/cm^3."""
+    """Porosity of a mineral soil [m^3/m^3], from the density of quartz, 2.65 g/cm^3."""
     return max(1 - bulk_density_gcm3 / 2.65, 0.0)
 
 
 def implausible_shares(soil_map: SoilMap) -> tuple[float, float]:
-    """Shares of the field's cells with more water than pores, and with less than none [0..1]."""
+    """Shares of the field's cells with more water than pore volume, and with negative moisture [0..1]."""
     mask = np.asarray(soil_map.grid.mask, bool)
     if soil_map.curve is None or not mask.any():
         return 0.0, 0.0
@@ -82,7 +82,7 @@ def implausible_shares(soil_map: SoilMap) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class LeaveOneOut:
-    """Each sample predicted from all others with the map's variogram.
+    """Leave-one-out cross-validation with the map's variogram.
 
     :param observed: observed rates [counts/s]
     :param predicted: rates predicted without the sample [counts/s]
@@ -100,7 +100,7 @@ class LeaveOneOut:
 
     @property
     def standardised_sd(self) -> float:
-        """Root mean square of error / sd; 1 if the stated uncertainty is right, more if too small."""
+        """Root mean square of error / sd; 1 if sd is right, above 1 if sd is too small."""
         return float(np.sqrt(np.mean(((self.observed - self.predicted) / self.sd) ** 2)))
 
     @property
@@ -110,7 +110,7 @@ class LeaveOneOut:
 
 
 class _Kriging:
-    """The Poisson kriging system of a map's samples, factored once, in units of the total sill.
+    """The factored Poisson kriging system of a map's samples, in units of the total sill.
 
     The covariance is ``sill - semivariance`` plus the counting noise ``mean_rate / exposure``.
     """
@@ -133,7 +133,7 @@ class _Kriging:
         return np.asarray(variogram.sill - variogram.semivariance(cdist(a, b)), float)
 
     def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Covariance of the samples with places, shape (samples, places)."""
+        """Covariance between the samples and the places, shape (samples, places)."""
         from soilmoist_ros.mapping.kriging.targets import Points
 
         if not self._spread.any():
@@ -157,7 +157,7 @@ class _Kriging:
 
 
 def _kriging(soil_map: SoilMap) -> _Kriging | None:
-    """The kriging system, or ``None`` if it is too large for a report or numerically singular."""
+    """The kriging system; ``None`` if it is too large for a report or numerically singular."""
     if not 1 <= len(soil_map.samples.xy) <= MAX_SAMPLES or not soil_map.variogram.sill > 0:
         return None
     try:
@@ -186,9 +186,8 @@ def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
 def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     """Standard deviation of the *field mean* of the rate [counts/s] or of VWC [m^3/m^3].
 
-    Errors of neighbouring cells go together, so this is neither the mean standard deviation of the cells
-    nor that divided by the root of their number: it is block kriging over a subset of at most
-    ``MAX_CELLS`` cells, for VWC with the curve's slope as weight. An error of N0 is not part of it.
+    Block kriging over at most ``MAX_CELLS`` cells, since errors of neighbouring cells are correlated; for VWC
+    with the curve's slope as weight. The error of N0 is not included.
 
     :returns: ``None`` if there are too many samples, or nothing to average
     """
@@ -236,11 +235,11 @@ def _some_cells(soil_map: SoilMap) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 @dataclass(frozen=True)
 class TruthScore:
-    """How the map compares with a known truth, over the cells of the field.
+    """Errors of the map against a known truth, over the cells of the field.
 
     :param rmse: root mean squared error of the rate [counts/s]
     :param bias: mean of estimate minus truth [counts/s]
-    :param coverage95: share of cells whose 95 % interval holds the truth [0..1]
+    :param coverage95: share of cells whose 95 % interval contains the truth [0..1]
     """
 
     rmse: float

@@ -1,4 +1,4 @@
-"""The look of the figures: figures without global state, colours that colour-blind readers can distinguish."""
+"""Style of the figures: no global state, colours that colour-blind readers can distinguish."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ LARGEST_SVG = 250_000
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure, ready to stand in an HTML file.
+    """One figure, ready for an HTML file.
 
     :param uri: the image as a data URI
-    :param alt: what it shows, in words
+    :param alt: description in words
     :param width_in: its natural width [in]
-    :param axes: where the main axes lie in the image: left, top, width, height, all 0..1
+    :param axes: position of the main axes in the image: left, top, width, height, all 0..1
     """
 
     uri: str
@@ -40,7 +40,7 @@ class Picture:
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """An empty white figure that knows nothing of pyplot."""
+    """An empty white figure that does not use pyplot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -50,7 +50,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 
 def plain(axes: Axes, grid: str = "") -> Axes:
-    """Take away what carries no data: the upper and right spines, strong ticks."""
+    """Remove the upper and right spines and make the ticks lighter."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(SOFT)
     axes.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8)
@@ -69,7 +69,7 @@ def label(axes: Axes, x: str = "", y: str = "", title: str = "") -> None:
 
 
 def legend(axes: Axes, **kwargs: Any) -> None:
-    """A legend without a frame above the axes, where it hides nothing."""
+    """A legend without a frame above the axes, where it hides no data."""
     where = {
         "loc": "lower left",
         "bbox_to_anchor": (0.0, 1.0),
@@ -81,9 +81,9 @@ def legend(axes: Axes, **kwargs: Any) -> None:
 
 
 def robust_range(values: ArrayLike, share: float = 0.95) -> tuple[float, float]:
-    """Colour limits that hold the middle ``share`` of the values.
+    """Colour limits around the middle ``share`` of the values.
 
-    A flat map gets limits around its value, so that noise of rounding is not painted as contrast.
+    A flat map gets limits around its value, so that rounding errors do not look like contrast.
     """
     finite = np.asarray(values, float)
     finite = finite[np.isfinite(finite)]
@@ -98,13 +98,13 @@ def robust_range(values: ArrayLike, share: float = 0.95) -> tuple[float, float]:
 
 
 def extension(values: ArrayLike, low: float, high: float) -> str:
-    """Which ends of a colour bar need an arrow, in matplotlib's words."""
+    """The ends of a colour bar that need an arrow, as matplotlib's ``extend``."""
     below, above = bool(np.nanmin(values, initial=low) < low), bool(np.nanmax(values, initial=high) > high)
     return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
 
 
 def picture(figure: Figure, alt: str, vector: bool = False) -> Picture:
-    """Render: SVG where asked for and small, else PNG at twice the screen's resolution."""
+    """Render as SVG if requested and small, else as PNG at twice the screen's resolution."""
     width, _ = figure.get_size_inches()
     figure.canvas.draw()
     box = figure.axes[0].get_position()

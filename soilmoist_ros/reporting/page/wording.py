@@ -19,19 +19,19 @@ from soilmoist_ros.reporting.page.statistics import (
 from soilmoist_ros.reporting.run import MapRun
 
 MAX_UNUSABLE = 0.25
-"""Share of the area with impossible or undefined moisture above which the report shows no average moisture."""
+"""Largest share of impossible or undefined moisture in the area at which the report shows average moisture."""
 _CHECK_ALL = "Check N0 and whether all tubes were counted."
 _UNFIT = (
     "Do not use the soil moisture before N0, the bulk density and the tubes that were counted have been checked; "
     "the map of the count rate holds."
 )
 _UNCERTAIN = "The map of the rate is not sure enough for a soil moisture yet: more or longer stops would help."
-"""Advice for simulated counts, whose calibration is the one that they were simulated with."""
+"""Advice for simulated counts, which use the calibration of the simulation."""
 
 
 @dataclass(frozen=True)
 class Fact:
-    """One figure of the headline: its value, its unit, and what it means in a few words."""
+    """One figure of the headline: value, unit and a short explanation."""
 
     value: str
     unit: str
@@ -39,7 +39,7 @@ class Fact:
 
 
 def facts(run: MapRun) -> list[Fact]:
-    """The figures of the headline, most wanted first."""
+    """The figures of the headline, the most important first."""
     soil_map = run.soil_map
     share = percent(uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share))
     text: Callable[[float | None], str]
