@@ -1,9 +1,9 @@
-"""Smooth surfaces on rasters: evaluated at few Chebyshev points, interpolated to all cells.
+"""Smooth surfaces on rasters, interpolated to all cells from few Chebyshev points.
 
-A function that is analytic in a box is interpolated from the Chebyshev points of the box with an error that falls
-geometrically with their number, and the last coefficients show how far that has gone (Trefethen, *Approximation
-Theory and Approximation Practice*, SIAM 2013, chapters 3, 4 and 8). The kriging mean and variance of a Gaussian
-variogram are such functions: sums and products of Gaussians.
+For a function that is analytic in a box, the interpolation error falls geometrically with the number of Chebyshev
+points. The last coefficients show how small the error is (Trefethen, *Approximation Theory and Approximation
+Practice*, SIAM 2013, chapters 3, 4 and 8). The kriging mean and variance of a Gaussian variogram are analytic: sums
+and products of Gaussians.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 TOLERANCE = 3e-12
-"""Size of the last coefficients, relative to the scale of a surface, at which it counts as resolved."""
+"""Size of the last coefficients, relative to the scale of a surface, at which the surface counts as resolved."""
 WORTH_SHARE = 0.5
 """Maximum number of points, as a share of the cells, for which interpolation is faster."""
 _NEGLIGIBLE = TOLERANCE / 30
-"""Size of negligible coefficients, relative to the scale."""
+"""Size of negligible coefficients, relative to the scale of a surface."""
 _TAIL = 3
 _KEPT = 32
 """Number of cached sets of points."""
@@ -42,16 +42,16 @@ def raster_by_interpolation(
 ) -> Array | None:
     """Surfaces on a raster, interpolated from Chebyshev points.
 
-    :param evaluate: gives the k surfaces at some points (p, q along x and y), shape (k, q, p), or ``None``
+    :param evaluate: returns the k surfaces at the points (p along x, q along y), shape (k, q, p), or ``None``
     :param x_m: columns of the raster, shape (nx,), nx >= 1 [m]
     :param y_m: rows, shape (ny,), ny >= 1 [m]
-    :param length_m: length over which the surfaces vary [m], > 0: a start for the search of the number of points
+    :param length_m: length over which the surfaces vary [m], > 0; starts the search of the number of points
     :param scale: size of each surface, shape (k,), to which :data:`TOLERANCE` is relative
-    :param cells: how many cells are wanted in all: what this way must be cheaper than
-    :param growth: how many times more points along each axis to try next; by default what the last coefficients
-        ask for. A fixed factor leads to few different sets of points
-    :returns: shape (k, ny, nx), or ``None`` if it would take too many points (a length too short for the raster,
-        or surfaces that are not smooth enough), or if ``evaluate`` gave ``None``
+    :param cells: number of cells wanted, which limits the number of points
+    :param growth: factor from one number of points along each axis to the next, by default from the last
+        coefficients. A fixed factor leads to few different sets of points
+    :returns: shape (k, ny, nx), or ``None`` if ``evaluate`` returns ``None`` or too many points are needed (a length
+        too short for the raster, or surfaces that are not smooth enough)
     """
     first = degrees = first_degrees(x_m, y_m, length_m)
     spent = 0
@@ -75,11 +75,11 @@ def raster_by_interpolation(
 
 
 class Coefficients(NamedTuple):
-    """Chebyshev coefficients of k surfaces: along each axis those of even degree first, then those of odd degree.
+    """Chebyshev coefficients of k surfaces, along each axis first of even, then of odd degree.
 
     :param values: shape (k, q, p)
-    :param sizes_x: largest of each degree along x, shape (k, p)
-    :param sizes_y: largest of each degree along y, shape (k, q)
+    :param sizes_x: largest absolute value of each degree along x, shape (k, p)
+    :param sizes_y: largest absolute value of each degree along y, shape (k, q)
     """
 
     values: Array
@@ -88,7 +88,7 @@ class Coefficients(NamedTuple):
 
 
 class ChebyshevNodes:
-    """Chebyshev points of the box of a raster, and what takes surfaces from there to the cells.
+    """Chebyshev points of the box of a raster, and the interpolation from the points to the cells.
 
     :param x_m: columns of the raster, shape (nx,), nx >= 1 [m]
     :param y_m: rows, shape (ny,), ny >= 1 [m]
@@ -105,7 +105,7 @@ class ChebyshevNodes:
         self.x_m, self.y_m = self._across.points, self._along.points
 
     def coefficients(self, values: Array) -> Coefficients:
-        """Chebyshev coefficients of k surfaces from their values at the points, shape (k, q, p)."""
+        """Coefficients of k surfaces from their values at the points, shape (k, q, p)."""
         coefficients = self._along.of_values.T @ (values @ self._across.of_values)
         sizes = np.abs(coefficients)
         return Coefficients(coefficients, sizes.max(axis=1), sizes.max(axis=2))
@@ -117,7 +117,7 @@ class ChebyshevNodes:
         return float(tails_x.max()), float(tails_y.max())
 
     def raster(self, coefficients: Coefficients, scale: Array) -> Array:
-        """The surfaces on the raster, shape (k, ny, nx); coefficients too small to matter are left out."""
+        """The surfaces on the raster, shape (k, ny, nx), without negligible coefficients."""
         rasters = np.empty((len(scale), len(self._along), len(self._across)))
         for raster, least, values, sizes_x, sizes_y in zip(
             rasters, _NEGLIGIBLE * scale, *coefficients, strict=True
@@ -130,9 +130,9 @@ class ChebyshevNodes:
 
 
 class _Series:
-    """Sums of Chebyshev polynomials at places of their interval; those of even degree come first.
+    """Sums of Chebyshev polynomials along an axis, first of even, then of odd degree.
 
-    :param axis_m: the places, from one end to the other, shape (places,) [m]
+    :param axis_m: positions, in ascending or descending order, shape (places,) [m]
     :param degree: number of polynomials
 
     Attributes
@@ -140,9 +140,9 @@ class _Series:
     points : NDArray
         Chebyshev points, shape (degree,) [m]
     of_values : NDArray
-        matrix whose row i has the coefficients of what is 1 at point i and 0 at the others
+        matrix whose row i has the coefficients of the polynomial that is 1 at point i and 0 at the others
     last : NDArray
-        which polynomials have the highest degrees
+        numbers of the polynomials of the highest degrees
     """
 
     def __init__(self, axis_m: Array, degree: int) -> None:
@@ -151,7 +151,7 @@ class _Series:
         self.points = _points(degree, low, high)
         self.of_values = np.ascontiguousarray(_coefficients(np.eye(degree))[:, order])
         self.last = np.flatnonzero(order >= degree - _TAIL)
-        # Polynomials of even degree are the same on both sides of the middle, odd ones change their sign.
+        # Even polynomials are equal on both sides of the middle, odd ones change their sign.
         symmetric = np.abs(axis_m + axis_m[::-1] - (low + high)).max() <= 1e-12 * np.abs(axis_m).max()
         self._mirrored = len(axis_m) // 2 if symmetric else 0
         polynomials = _polynomials(axis_m[: len(axis_m) - self._mirrored], degree, low, high)
@@ -161,11 +161,11 @@ class _Series:
         return len(self._even) + self._mirrored
 
     def sums(self, of_even: Array, of_odd: Array, out: Array | None = None) -> Array:
-        """Sums at all places, shape (places, m), of the first polynomials of even and of odd degree.
+        """Sums of the first even and odd polynomials at all positions, shape (places, m).
 
-        :param of_even: coefficients, shape (k, m)
-        :param of_odd: likewise
-        :param out: takes the sums
+        :param of_even: coefficients of the even polynomials, shape (k, m)
+        :param of_odd: coefficients of the odd polynomials
+        :param out: memory for the sums
         """
         half, mirrored = len(self._even), self._mirrored
         sums = np.empty((len(self), of_even.shape[1])) if out is None else out
@@ -177,7 +177,7 @@ class _Series:
 
 
 def _first_terms(matter: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Those of the terms of even and of odd degree, which come after them, up to the last that matters."""
+    """Even terms and the odd terms after them, each up to the last that matters."""
     half = (len(matter) + 1) // 2
     even = half - int(matter[:half][::-1].argmax())
     return slice(even), slice(half, len(matter) - int(matter[half:][::-1].argmax()))
@@ -186,8 +186,8 @@ def _first_terms(matter: NDArray[np.bool_]) -> tuple[slice, slice]:
 def interpolation(axis_m: Array, degree: int) -> tuple[Array, Array]:
     """Polynomial interpolation along an axis.
 
-    :returns: Chebyshev points of its range, shape (degree,); matrix that takes values there to the places of the
-        axis, shape (places, degree)
+    :returns: Chebyshev points of the range of the axis, shape (degree,); matrix from values at these points to values
+        along the axis, shape (places, degree)
     """
     low, high = float(axis_m.min()), float(axis_m.max())
     matrix = _polynomials(axis_m, degree, low, high) @ _coefficients(np.eye(degree)).T
@@ -199,12 +199,12 @@ Evaluate = Callable[[ChebyshevNodes], Array | None]
 
 @lru_cache(maxsize=_KEPT)
 def _nodes(x_m: bytes, y_m: bytes, degrees: tuple[int, ...]) -> ChebyshevNodes:
-    """Points for axes as bytes; cached, because the maps of all missions on a field have the same axes."""
+    """Points for axes as bytes. Cached because all maps of a field have the same axes."""
     return ChebyshevNodes(np.frombuffer(x_m), np.frombuffer(y_m), degrees)
 
 
 def first_degrees(x_m: Array, y_m: Array, length_m: float) -> tuple[int, ...]:
-    """Numbers of points along x and y that may do; parameters as those of :func:`raster_by_interpolation`."""
+    """First guess of the numbers of points along x and y; parameters as :func:`raster_by_interpolation`."""
     return tuple(_first_guess((float(axis.max()) - float(axis.min())) / length_m) for axis in (x_m, y_m))
 
 
@@ -212,15 +212,15 @@ def _first_guess(lengths: float) -> int:
     """Number of points for a product of two Gaussians ``exp(-(h / length)^2)`` over a number of lengths.
 
     The coefficients of ``exp(-k u^2)``, u in [-1, 1], fall below e once their number exceeds about
-    ``2 sqrt(k log(1/e))``; a surface that varies slowly needs a few all the same.
+    ``2 sqrt(k log(1/e))``. The constant is for surfaces that vary slowly.
     """
     return 12 + math.ceil(lengths * math.sqrt(math.log(1 / TOLERANCE)))
 
 
 def _growth(tail: float) -> float:
-    """How many times more points are needed where the last coefficients are still so large.
+    """Factor for the number of points, from the size of the last coefficients.
 
-    Those of a Gaussian fall like a Gaussian: their logarithm with the square of their number.
+    The coefficients of a Gaussian fall like a Gaussian: their logarithm with the square of their number.
     """
     if tail <= TOLERANCE:
         return 1.0
@@ -245,7 +245,7 @@ def _coefficients(values: Array) -> Array:
 
 
 def _polynomials(axis: Array, degree: int, low: float, high: float) -> Array:
-    """Chebyshev polynomials below a degree at places of an interval, shape (places, degree)."""
+    """Chebyshev polynomials below a degree at positions in an interval, shape (places, degree)."""
     half = 0.5 * (high - low)
     unit = (axis - 0.5 * (low + high)) / half if half > 0 else np.zeros_like(axis)
     angles = np.arccos(np.clip(unit, -1.0, 1.0))

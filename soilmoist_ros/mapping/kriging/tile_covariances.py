@@ -1,15 +1,16 @@
-"""Covariances of samples with the cells of a raster: all where a sample is near, from few points where it is far.
+"""Covariances of samples with the cells of a raster, interpolated in each tile that is far from the sample.
 
-A correlation is singular at distance 0 only (the spherical one at its range, too), so that over a part of the
-raster, a tile, it is a smooth function of the place if the sample is elsewhere. Take the plane in which it is
-isotropic, a tile with half sides of lengths up to h there, and a sample at a distance of at least e h from it,
-e <= 2. As a function of one coordinate, counted in half sides from the middle, the other one fixed, the
-correlation is analytic in the Bernstein ellipse of parameter ``rho = e + sqrt(e^2 + 1)``, whose smaller semi-axis
-is e: at a singularity the imaginary part is at least e less what the real part is beyond 1, and all points with
-such coordinates are outside. In the ellipse the exponential is below 1, so that interpolation from p Chebyshev
-points errs by at most ``4 rho^(1-p) / (rho - 1)`` (Trefethen, *Approximation Theory and Approximation Practice*,
-SIAM 2013, chapter 8): 1e-10 with :data:`MARGIN` and :data:`POINTS`. This bound allows for poles. The singularity
-being a branch point, none of the models errs by more than 1e-12 of the structured sill, whatever the range.
+A correlation is singular only at distance 0 (the spherical one also at its range). Over a tile, a part of the
+raster, it is therefore smooth if the sample is elsewhere. In the plane where the correlation is isotropic, let the
+half sides of the tile have lengths up to h. Let the sample be at a distance of at least e h, e <= 2.
+
+Fix one coordinate and count the other in half sides from the middle. The correlation is then analytic in the
+Bernstein ellipse of parameter ``rho = e + sqrt(e^2 + 1)``, whose smaller semi-axis is e. At a singularity the
+imaginary part is at least e minus the excess of the real part over 1, and all such points are outside the ellipse.
+In the ellipse the exponential is below 1. The error of interpolation from p Chebyshev points is therefore at most
+``4 rho^(1-p) / (rho - 1)`` (Trefethen, *Approximation Theory and Approximation Practice*, SIAM 2013, chapter 8):
+1e-10 with :data:`MARGIN` and :data:`POINTS`. This bound allows for poles. The singularities are branch points, so
+the error is at most 1e-12 of the structured sill for all models and ranges.
 """
 
 from __future__ import annotations
@@ -28,37 +29,37 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MARGIN = 2.0
-"""Distance from a tile, in half sides, from which on a sample is far."""
+"""Minimum distance of a far sample from a tile, in half sides."""
 POINTS = 18
 """Chebyshev points of a tile along each axis."""
 CELLS = 2000
-"""Cells that a tile is to have: about what leaves the fewest numbers of 70,000."""
+"""Target number of cells of a tile; about the optimum for a raster of 70,000 cells."""
 _AT_ONCE = 8
-"""Tiles that sums are made for at a time: what comes between stays in the cache."""
+"""Tiles processed at a time, so that intermediate results stay in the cache."""
 _ROWS = 64
 """Rows of W computed at a time."""
 _KEPT_AT_ONCE = 4_000_000
-"""Covariances kept at a time where none is needed again (32 MB)."""
+"""Covariances stored at a time where none is needed again (32 MB)."""
 WORTH_SHARE = 0.75
-"""Maximum numbers per sample, as a share of the cells, for which tiles are faster."""
+"""Maximum stored values per sample, as a share of the cells, for which tiles are faster."""
 
 
 class TileCovariances:
     """Covariances with the cells of a raster; see :class:`Covariances`.
 
-    The targets are the cells of all tiles in which one is wanted. Tiles have one size: those at the end of an axis
-    have cells twice.
+    The targets are all cells of the tiles that contain a wanted cell. All tiles have one size, so tiles at the end
+    of an axis repeat cells.
 
     :param x_m: columns, ascending, shape (nx,) [m]
     :param y_m: rows, ascending, shape (ny,) [m]
     :param mask: cells wanted, at least one, shape (ny, nx)
-    :param nugget: whether a cell exactly where a sample is shares its nugget
+    :param nugget: whether a cell exactly at a sample shares the sample's nugget
     :param shape: rows and columns of a tile, see :func:`tile_shape`
 
     Attributes
     ----------
     position : NDArray
-        numbers of the cells among the targets, shape (ny, nx); any numbers where no cell is wanted
+        numbers of the cells among the targets, shape (ny, nx); arbitrary for unwanted cells
     """
 
     def __init__(self, x_m: Array, y_m: Array, mask: Mask, nugget: bool, shape: tuple[int, int]) -> None:
@@ -129,7 +130,7 @@ class TileCovariances:
 
         :param inverse: inverse of the Cholesky factor L, lower triangle, shape (n, n)
         :param data: factors of the rows, shape (k, n)
-        :returns: data W, and below it the sum of the squares, shape (k + 1, size)
+        :returns: data W, then a row with the sum of squares of W, shape (k + 1, size)
         """
         sums = np.zeros((len(data) + 1, self.size))
         for start in range(0, len(inverse), _ROWS):
@@ -146,7 +147,7 @@ class _NearRows:
     Attributes
     ----------
     count : int
-        how many samples
+        number of samples
     """
 
     def __init__(self, cells: int) -> None:
@@ -165,7 +166,7 @@ class _NearRows:
         self.count = count + 1
 
     def add_combined(self, weights: Array, sums: Array) -> None:
-        """Add the weighted sums over the first samples; weights of shape (m, n), sums of shape (m, cells)."""
+        """Add the weighted sums over the first n samples; shapes (m, n) of weights, (m, cells) of sums."""
         count = int(self._samples[: self.count].searchsorted(weights.shape[1]))
         if count:
             sums += weights.take(self._samples[:count], axis=1) @ self._rows[:count]
@@ -182,7 +183,7 @@ class _Boxes:
     def __init__(self, variogram: Variogram, x: Array, y: Array) -> None:
         middle = [(axis.min(axis=1) + axis.max(axis=1)) / 2 for axis in (x, y)]
         half = [np.ptp(axis, axis=1) / 2 for axis in (x, y)]
-        least = 1e-6 * (half[0] + half[1])  # a tile of one row is as good as one of two close together
+        least = 1e-6 * (half[0] + half[1])  # treats a tile of one row like one of two close rows
         none = np.zeros(len(x))
         self._middle = scaled(variogram, *middle)
         self._sides = [
@@ -197,11 +198,11 @@ class _Boxes:
         self._has_edge = variogram.correlation_model.has_edge
 
     def are_near(self, samples: SamplePoints) -> Mask:
-        """Which samples are near which tiles, shape (samples, tiles): if any of the points of a sample is."""
+        """Which samples have a point near which tiles, shape (samples, tiles)."""
         near = np.zeros((len(samples.layers[0][1]), len(self._area)), bool)
         for which, x, y, _ in samples.layers:
             way = x[:, None] - self._middle[0], y[:, None] - self._middle[1]
-            # From the two lines along the sides of each kind: no more than the distance from the tile
+            # Distances from the lines along each pair of sides; the distance from the tile is at least as large.
             first, second = (
                 (np.abs(_cross(way, side)) - self._area) / length
                 for side, length in zip(self._sides, self._lengths, strict=True)
@@ -217,12 +218,12 @@ class _Boxes:
 
 
 def tile_shape(variogram: Variogram, x_m: Array, y_m: Array, mask: Mask) -> tuple[int, int] | None:
-    """Rows and columns of tiles about as wide as high in the plane where the variogram is isotropic.
+    """Rows and columns of tiles that are about square in the plane where the variogram is isotropic.
 
     :param x_m: columns, ascending, shape (nx,) [m]
     :param y_m: rows, ascending, shape (ny,) [m]
     :param mask: cells wanted, shape (ny, nx)
-    :returns: ``None`` if with tiles not much less is kept than all covariances
+    :returns: ``None`` if tiles save little memory compared with all covariances
     """
     most = WORTH_SHARE * np.count_nonzero(mask)
     if most < 9 * CELLS:
@@ -240,12 +241,12 @@ def tile_shape(variogram: Variogram, x_m: Array, y_m: Array, mask: Mask) -> tupl
 def bands(
     variogram: Variogram, samples: Array, x_m: Array, y_m: Array, mask: Mask, nugget: bool, shape: tuple[int, int]
 ) -> Iterator[tuple[slice, TileCovariances]]:
-    """Covariances of samples with the cells of a raster, some rows of it at a time, so that little is kept.
+    """Covariances of samples with the cells of a raster, some rows at a time to save memory.
 
-    The other parameters are those of :class:`TileCovariances`.
+    Other parameters as :class:`TileCovariances`.
 
     :param samples: x, y and the spread, shape (n, 5)
-    :returns: rows, and the covariances with their cells; rows without a wanted cell are left out
+    :returns: rows, and the covariances with the cells of these rows; rows without a wanted cell are skipped
     """
     parts = -(-len(samples) * _kept(mask, shape) // _KEPT_AT_ONCE)
     height = -(-len(y_m) // (shape[0] * parts)) * shape[0]
@@ -264,35 +265,35 @@ def _kept(mask: Mask, shape: tuple[int, int]) -> int:
 
 
 def _step(axis: Array) -> Array:
-    """Mean distance of the places of an axis."""
+    """Mean distance between positions of an axis."""
     return np.array([max(axis[-1] - axis[0], 1e-9) / max(len(axis) - 1, 1)])
 
 
 def _length(count: int, side: float) -> int:
-    """Length of parts of about this side."""
+    """Length of equal parts, near ``side``."""
     return math.ceil(count / max(1, round(count / side)))
 
 
 def _parts(count: int, length: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Numbers below a count: in parts of one length, where the last may be repeated, and in all."""
+    """Numbers below a count: in parts of one length, repeating the last number if need be, and in all."""
     numbers = np.arange(math.ceil(count / length) * length)
     return np.minimum(numbers, count - 1).reshape(-1, length), numbers[:count]
 
 
 def _wanted(mask: Mask, shape: tuple[int, int]) -> Mask:
-    """In which tiles any cell is wanted, shape (down, across)."""
+    """Whether a tile contains a wanted cell, shape (down, across)."""
     rows = np.logical_or.reduceat(mask, range(0, mask.shape[0], shape[0]), axis=0)
     return np.asarray(np.logical_or.reduceat(rows, range(0, mask.shape[1], shape[1]), axis=1))
 
 
 def _interpolations(axes: Array) -> tuple[Array, Array]:
-    """Chebyshev points of each axis, shape (k, p), and what takes values there to its places, (k, places, p)."""
+    """Chebyshev points of each axis, shape (k, p), and interpolation matrices, shape (k, places, p)."""
     points, matrices = zip(*(interpolation(axis, POINTS) for axis in axes), strict=True)
     return np.array(points), np.array(matrices)
 
 
 def _grids(x: Array, y: Array) -> tuple[Array, Array]:
-    """Coordinates of the places of k grids, each of shape (k, rows * columns), from their axes."""
+    """Coordinates of the points of k grids, each of shape (k, rows * columns), from their axes."""
     shape = len(x), y.shape[1], x.shape[1]
     return (
         np.broadcast_to(x[:, None, :], shape).reshape(len(x), -1),

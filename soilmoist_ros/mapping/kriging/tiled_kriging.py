@@ -1,12 +1,11 @@
-"""Poisson kriging of very many samples, tile by tile: in bounded memory, and on many processors.
+"""Poisson kriging of very many samples, tile by tile, in bounded memory and on many processors.
 
-The area is halved both ways until a tile is small against the circle that holds its nearest samples. All cells of
-a tile share one Cholesky factor: that of the nearest samples one by one and of the farther ones merged in groups
-(:mod:`sample_tree`). The mean is one for the whole map, so tiles join without seams: the
-generalised least-squares mean under Vecchia's approximation by blocks (Stein, Chi & Welty 2004, Journal of the
-Royal Statistical Society B 66:275-296). With W = L^-1 C_.0, b = L^-1 1 of the tile, and the mean c and its
-variance v of the whole, ``rate = c + a.W`` and ``variance = C_00 - |W|^2 + v (b.W - 1)^2``: where the tile holds
-all samples, that is exact.
+The area is halved both ways until a tile is small compared with the circle around its nearest samples. All cells of
+a tile share one Cholesky factor L, of the nearest samples and of groups of merged farther ones
+(:mod:`sample_tree`). One mean for the whole map avoids seams between tiles: the generalised least-squares mean under
+Vecchia's approximation by blocks (Stein, Chi & Welty 2004, Journal of the Royal Statistical Society B 66:275-296).
+For a tile, W = L^-1 C_.0 and b = L^-1 1; for the whole map, c is the mean and v its variance. Then
+``rate = c + a.W`` and ``variance = C_00 - |W|^2 + v (b.W - 1)^2``, which is exact if the tile has all samples.
 """
 
 from __future__ import annotations
@@ -33,23 +32,23 @@ from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""Applies a function to each item and gives the results in the order of the items, as the built-in ``map``."""
+"""Applies a function to each item and returns the results in order, like the built-in ``map``."""
 
 NEAREST = (300, 600, 1200)
-"""Numbers of nearest samples to choose from."""
+"""Candidate numbers of nearest samples."""
 REFERENCE = 2400
-"""Number of nearest samples against which the choice is judged."""
+"""Number of nearest samples of the reference for the choice."""
 TOLERANCE = 0.01
-"""Error of the rate at which more samples are not worth their time, as a share of the kriging sd."""
+"""Acceptable error of the rate, as a share of the kriging sd."""
 OPENING = 0.35
-"""Largest width of a group of far samples over its distance from the tile."""
+"""Maximum ratio of the width of a group of far samples to its distance from the tile."""
 REACH = 2.0
-"""Distance from which on samples are left out, in practical ranges."""
+"""Distance from which samples are ignored, in practical ranges."""
 _TILE_RADIUS = 0.4
-"""Largest half diagonal of a tile over the radius of the circle that holds its nearest samples."""
+"""Maximum ratio of the half diagonal of a tile to the radius of the circle around its nearest samples."""
 _PILOT_TILES = 4
 _BLOCK_PLACES = 300
-"""Places of a block, and smallest number of places before it, in the estimate of the mean."""
+"""Places of a block, and minimum number of places before it, in the estimate of the mean."""
 _TILE_ELEMENTS = 400_000
 _MAX_HALVINGS = 40
 
@@ -58,9 +57,9 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How far a tiled map is from the same with many more neighbours, measured on a few tiles of it.
+    """Difference between a tiled map and a map with many more neighbours, measured on a few tiles.
 
-    :param nearest: nearest samples of each tile that are not merged
+    :param nearest: number of nearest samples of each tile that are not merged
     :param rate_error: largest difference of the rate, as a share of the kriging sd; NaN if nothing was left out
     :param sd_error: largest relative difference of the kriging sd
     """
@@ -91,7 +90,7 @@ class _Square(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What every tile needs; small enough to be sent to each worker."""
+    """Data that every tile needs; small enough to send to each worker."""
 
     variogram: Variogram
     keep_nugget: bool
@@ -102,7 +101,7 @@ class _Model:
     mean_variance: float = 0.0
 
     def leaves(self, xy: Array, square: _Square, most: int = 0, depth: int = 0) -> Iterator[tuple[_Square, bool]]:
-        """Tiles that hold targets, or squares of several with no more than ``most`` targets; and whether tiles."""
+        """Tiles with targets, or larger squares with at most ``most`` targets; and whether each is a tile."""
         margin_m = self.tree.margin_m(square.low, square.high, self.nearest)
         half_diagonal = square.side / np.sqrt(2)
         is_tile = half_diagonal <= _TILE_RADIUS * (margin_m + half_diagonal) or depth > _MAX_HALVINGS
@@ -126,7 +125,7 @@ class _Model:
         return self.tree.neighbourhood(square.low, square.high, margin_m, reach_m, OPENING)
 
     def krige_tile(self, square: _Square, xy: Array) -> Array:
-        """Rate and variance of targets (g, 2) in a tile, shape (2, g)."""
+        """Rate and variance of targets in a tile, shape (2, g); targets of shape (g, 2)."""
         from scipy.linalg.blas import dtrsm
 
         near, variogram = self.neighbourhood(square), self.variogram
@@ -154,7 +153,7 @@ class _Model:
         return result
 
     def factor(self, xy: Array, exposure_s: Array, spread: Array) -> Array:
-        """Lower Cholesky factor of the covariance of the samples, their counting noise included."""
+        """Lower Cholesky factor of the covariance of the samples, including counting noise."""
         from scipy.linalg.lapack import dpotrf
 
         def correlation(points: Array) -> Array:
@@ -177,31 +176,36 @@ class _Model:
 class TiledKriging:
     """Kriging of Poisson counts with unknown constant mean, from a bounded number of neighbours.
 
-    Replaces :class:`PoissonKriging` for very many samples: cost
-    and memory grow with their number and with that of the targets, not with a power of them. The answer depends
-    on the samples and the place alone: neither on what else is predicted nor on ``compute``.
+    Replaces :class:`PoissonKriging` for very many samples. Cost and memory grow linearly with the numbers of samples
+    and targets. The result at a place depends only on the samples and the place, not on other targets or
+    ``compute``.
 
-    The number of neighbours is chosen on the data: as few as keep the rate on a few tiles within 1 % of its
-    kriging sd from that of 2400 neighbours, at most 1200. Against exact kriging of 4000 to 5000 samples 6 m apart,
-    of 10 and 120 s each, Matern 3/2, the largest error of the rate anywhere was 2 % of the kriging sd at ranges of
-    15 and 50 m and 5 % at 150 m (root mean square 0.2 and 0.9 %), and the sd was right to 0.02 %. With an
-    exponential model single cells were off by up to 8 % (0.7 %). A Gaussian model far wider than the distance of
-    the samples sees so far that no neighbourhood is enough: 10 to 35 % (3 to 12 %), the sd right to 1 %.
-    :attr:`accuracy` is measured on some tiles. It is no bound: single cells may be several times as far off.
+    :meth:`fit` chooses the smallest number of neighbours, at most 1200, that keeps the rate on a few tiles within
+    1 % of the kriging sd of the rate from 2400 neighbours. :attr:`accuracy` is measured on these tiles and is no
+    bound: the error of single cells may be several times as large.
+
+    Errors of the rate against exact kriging of 4000 to 5000 samples 6 m apart, of 10 and 120 s each, as shares of
+    the kriging sd:
+
+    * Matern 3/2: at most 2 % at ranges of 15 and 50 m and 5 % at 150 m (root mean square 0.2 and 0.9 %); error of
+      the sd 0.02 %
+    * exponential: at most 8 % (root mean square 0.7 %)
+    * Gaussian with a range far above the sample spacing, for which no neighbourhood is large enough: 10 to 35 %
+      (root mean square 3 to 12 %); error of the sd 1 %
 
     :param variogram: variogram of the latent rate
     :param keep_nugget: as :class:`PoissonKriging`
-    :param nearest: number of nearest samples that a tile takes one by one; chosen by :meth:`fit` if ``None``
-    :param compute: computes the tiles; by default here, one after the other
+    :param nearest: number of nearest samples of a tile that are not merged; chosen by :meth:`fit` if ``None``
+    :param compute: computes the tiles; by default in this process, one after the other
     :param mean_rate: mean rate m* in the noise variances [counts/s], > 0; by default that of the samples
     :raises ValueError: if ``nearest`` is not positive
 
     Attributes
     ----------
     accuracy : Accuracy or None
-        what the neighbours left out amount to; ``None`` if there are none, or ``nearest`` was given
+        error from neighbours left out; ``None`` if there are none, or ``nearest`` was given
     clipped_variances : int
-        how many variances of the last prediction were negative and set to 0
+        number of negative variances of the last prediction that were set to 0
     noise_mean_rate : float
         mean rate m* in the noise variances m*/t [counts/s]
     """
@@ -228,13 +232,13 @@ class TiledKriging:
 
     @property
     def map_mean(self) -> float:
-        """Mean of the rate, which the map tends to far from all samples [counts/s]."""
+        """Mean of the rate, the limit of the map far from all samples [counts/s]."""
         return self._fitted().mean
 
     def fit(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> TiledKriging:
-        """Take samples, replacing earlier ones; find their mean and the number of neighbours.
+        """Replace the samples; estimate their mean and choose the number of neighbours.
 
         :param xy: places, shape (n, 2), n >= 1 [m]
         :param counts: raw counts, shape (n,)
@@ -262,8 +266,7 @@ class TiledKriging:
 
         :param xy: targets, shape (g, 2) [m]
         :param progress: called with the fraction done, from above 0 to 1
-        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (g,); counting noise is not
-            part of the variance
+        :returns: rate [counts/s] and variance without counting noise [(counts/s)^2], each of shape (g,)
         :raises RuntimeError: before :meth:`fit`
         """
         model, targets = self._fitted(), check_xy(xy)
@@ -293,7 +296,7 @@ class TiledKriging:
 
         :param x_m: centres of the columns, shape (nx,) [m]
         :param y_m: centres of the rows, shape (ny,) [m]
-        :param mask: cells wanted, shape (ny, nx); the others are NaN. All by default
+        :param mask: cells wanted, shape (ny, nx), by default all; other cells are NaN
         :param progress: as :meth:`predict`
         :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (ny, nx)
         :raises ValueError: if an axis is not a finite vector or the mask does not fit
@@ -338,7 +341,7 @@ def _mean_sums(model: _Model, places: Samples, block: tuple[int, int]) -> tuple[
 
 
 def _chosen(model: _Model, places: Samples) -> tuple[_Model, Accuracy | None]:
-    """The model with as few neighbours as do, judged on tiles around some of the places."""
+    """The model with the smallest sufficient number of neighbours, judged on tiles around some places."""
     if len(places) <= NEAREST[-1] // 2:
         return replace(model, nearest=len(places)), None
     pilot = np.linspace(0, len(places) - 1, _PILOT_TILES + 2).astype(int)[1:-1]
@@ -377,7 +380,7 @@ _Task = tuple[list[tuple[_Square, bool]], Array]
 
 
 def _tasks(model: _Model, xy: Array, everything: _Square) -> Iterator[_Task]:
-    """The squares of the map in parcels of about equal numbers of targets, with those targets."""
+    """The squares of the map in parcels of about equal numbers of targets, and these targets."""
     most = int(np.clip(len(xy) / 64, 64, 8192))
     squares: list[tuple[_Square, bool]] = []
     size = 0
@@ -392,7 +395,7 @@ def _tasks(model: _Model, xy: Array, everything: _Square) -> Iterator[_Task]:
 
 
 def _krige(model: _Model, task: _Task) -> Array:
-    """Rate and variance of the targets of a task, in their order there, shape (2, g)."""
+    """Rate and variance of the targets of a task, in the order of the task, shape (2, g)."""
     squares, xy = task
     result, start = np.empty((2, len(xy))), 0
     for square, is_tile in squares:

@@ -1,7 +1,7 @@
-"""Restricted maximum likelihood (REML) of a variogram, with the known Poisson noise and weak priors.
+"""Restricted maximum likelihood (REML) of a variogram, with known Poisson noise and weak priors.
 
-Patterson & Thompson (1971), Biometrika 58:545-554; blocks as in Eidsvik et al. (2014), Journal of
-Computational and Graphical Statistics 23:295-315 (their composite likelihood, with one block at a time).
+Source: Patterson & Thompson (1971), Biometrika 58:545-554. The blocks follow the composite likelihood of Eidsvik
+et al. (2014), Journal of Computational and Graphical Statistics 23:295-315, with one block at a time.
 """
 
 from __future__ import annotations
@@ -23,51 +23,50 @@ from soilmoist_ros.mapping.variogram.support import SupportCorrelation
 Array = NDArray[np.float64]
 
 ONE_BLOCK_PLACES = 1000
-"""Number of places up to which the likelihood is the full one."""
+"""Maximum number of places for the full likelihood."""
 BLOCK_PLACES = 500
-"""Beyond that, the largest number of places in a block."""
+"""Maximum number of places in a block of the composite likelihood."""
 MAX_BLOCKS = 16
-"""Maximum number of blocks. Beyond it, a subset of them is used, plus blocks of places from the whole field."""
+"""Maximum number of blocks. With more, the fit uses some of them, plus blocks of places from the whole field."""
 
 _MIN_POOLS = 8
 _FEW_PLACES = 100
-"""Number of places beyond which one start is enough if the likelihood of the model has one peak only."""
+"""Number of places beyond which one start is enough if the model's likelihood has only one peak."""
 ANISOTROPIES = (2.0, 4.0, 8.0)
-"""Ratios of the longest range over the shortest among which the likelihood chooses."""
+"""Candidate ratios of the longest to the shortest range."""
 ANGLES_DEG = tuple(22.5 * step for step in range(8))
-"""Directions of the longest range among which it chooses."""
+"""Candidate directions of the longest range."""
 ANISOTROPY_PENALTY = 3.0
-"""Minimum increase of the logarithm of the posterior for an anisotropic variogram."""
+"""Minimum increase of the log posterior for an anisotropic variogram."""
 MIN_ANISOTROPIC = 15
-"""Minimum number of places for the search of a direction."""
+"""Minimum number of places for a search of the direction."""
 ISOTROPIC = (1.0, 0.0)
 """Anisotropy and angle of an isotropic variogram."""
 _MAX_DIRECTIONS = 3
 _DIRECTED_PLACES = 150
-"""Number of places whose likelihood ranks the directions."""
+"""Number of places used to rank the directions."""
 _LARGEST_STEP = 5.0
 """Search bounds of the parameters, in prior standard deviations."""
 _TOLERANCE = 1e-5
-"""The same, about."""
+"""Tolerance of the optimiser, roughly in prior standard deviations."""
 
 
 @dataclass(frozen=True)
 class Prior:
     """Independent log-normal priors of (structured variance, range, nugget).
 
-    They are weak (one standard deviation is a factor of three to five either way) and fixed. Their influence
-    fades as the likelihood grows with the number of samples:
+    The priors are fixed and weak: one standard deviation is a factor of three to five either way. Their influence
+    fades as the number of samples grows.
 
-    * **structured variance**: median the noise-corrected sample variance ``S^2 - mean(m*/t)`` (of pooled
-      neighbours where counts are short), averaged
-      with a guess that is worth ten samples: a coefficient of variation of the rate of 15 % (half of a
-      field dry and half wet gives 5 to 35 %). Standard deviation of the logarithm 1. The sample variance
-      alone is useless from three samples, and too low along the first ways, whose samples are all near each
-      other; a guess on the low side claims a map that is not there
-    * **range**: median such that the practical range is a third of the extent, standard deviation 1: what
-      is much shorter cannot be separated from the nugget, what is much longer not from a trend
-    * **nugget**: median 5 % of the prior's structured variance, standard deviation 1.5; a count integrates
-      over a footprint of some hundred square metres, so little variance is left below it
+    * **structured variance**: standard deviation of the logarithm 1. The median averages the noise-corrected
+      sample variance ``S^2 - mean(m*/t)`` (of pooled neighbours where counts are short) with a guess worth ten
+      samples. The guess is a coefficient of variation of the rate of 15 % (a field half dry and half wet gives
+      5 to 35 %). The sample variance alone is useless from three samples. It is too low early in a mission, when
+      all samples are close together, and a value too low makes the map look more certain than it is
+    * **range**: standard deviation 1; at the median the practical range is a third of the extent. A much shorter
+      range cannot be separated from the nugget, a much longer one not from a trend
+    * **nugget**: median 5 % of the prior's structured variance, standard deviation 1.5. A count integrates over a
+      footprint of some hundred square metres, so little variance remains below it
 
     :param log_median: logarithms of the medians, (structured, range, nugget)
     :param log_sd: standard deviations of the logarithms
@@ -81,10 +80,7 @@ class Prior:
 
     @classmethod
     def of(cls, places: Samples, model: ModelName, extent_m: float) -> Prior:
-        """The prior for these merged samples.
-
-        :param extent_m: extent of the field [m], > 0
-        """
+        """Prior for merged samples in a field of extent ``extent_m`` [m], > 0."""
         m = noise_rate(places)
         n = len(places)
         corrected = _variance_without_noise(places, m)
@@ -95,10 +91,10 @@ class Prior:
 
 
 def _variance_without_noise(places: Samples, mean_rate: float) -> float:
-    """Sample variance of the rates less that of the counting [(counts/s)^2], >= 0.
+    """Sample variance of the rates minus the counting variance [(counts/s)^2], >= 0.
 
-    Of many short counts the difference of the two is mostly chance, so neighbours are pooled until what is left is
-    more than the noise, or few pools are left.
+    With many short counts the difference is mostly chance. Neighbours are therefore pooled until the difference
+    exceeds the noise or few pools remain.
     """
     size = 1
     while True:
@@ -116,12 +112,11 @@ def _variance_without_noise(places: Samples, mean_rate: float) -> float:
 class RemlEstimate:
     """Result of :func:`maximise_reml`.
 
-    :param variogram: the variogram to krige with: the posterior means of structured variance and nugget
-    :param mode: the posterior mode
+    :param variogram: variogram to krige with; structured variance and nugget are posterior means
+    :param mode: posterior mode
     :param log_likelihood: restricted log-likelihood at the mode, without the prior
-    :param log_sd: standard errors of log (structured variance, range, nugget): Laplace's approximation
-    :param prior_share: share of the prior in the knowledge of each of them; near 0 the data decided,
-        near 1 the prior did
+    :param log_sd: standard errors of log (structured variance, range, nugget) by Laplace's approximation
+    :param prior_share: influence of the prior on each parameter, from 0 (data only) to 1 (prior only)
     :param converged: whether the optimiser reports convergence
     :param message: message of the optimiser
     """
@@ -138,14 +133,13 @@ class RemlEstimate:
 class RestrictedLikelihood:
     """Log restricted likelihood of rates ``Z/t`` with covariance ``s R(range) + nugget I + diag(m*/t)``.
 
-    The unknown constant mean is integrated out. With several blocks it is the sum over the blocks
-    (a composite likelihood), each with its own mean. Samples with a spread are means over their areas, and so
-    are the correlations R between them.
+    The unknown constant mean is integrated out. With several blocks, the value is the sum over the blocks, each
+    with its own mean (a composite likelihood). For samples with a spread, R averages over their areas.
 
     :param places: merged samples
     :param model: name of the variogram model
-    :param blocks: numbers of the places of each block; one block of all by default
-    :param plane: matrix, shape (2, 2), that takes places to where the variogram is isotropic
+    :param blocks: numbers of the places of each block; by default one block with all places
+    :param plane: matrix that maps places to the plane where the variogram is isotropic, shape (2, 2)
     """
 
     def __init__(
@@ -178,8 +172,8 @@ class RestrictedLikelihood:
     def expand(self, log_parameters: Array) -> tuple[float, Array, Array]:
         """Log-likelihood, its exact gradient, and the average information of the log-parameters, shape (3, 3).
 
-        It is the mean of the observed and the expected information, about minus the Hessian, and costs no more
-        than solving for three vectors: Gilmour, Thompson & Cullis (1995), Biometrics 51:1440-1450.
+        The average information is the mean of the observed and the expected information. It approximates minus the
+        Hessian and costs three solves: Gilmour, Thompson & Cullis (1995), Biometrics 51:1440-1450.
         """
         total, gradient, information = 0.0, np.zeros(3), np.zeros((3, 3))
         for block in self._blocks:
@@ -190,7 +184,7 @@ class RestrictedLikelihood:
         return total, gradient, information
 
     def _correlation(self, xy: Array, spread: Array, kept: int, packed: Packed) -> Array | SupportCorrelation:
-        """Squared distances of points, packed; of areas, what knows the correlations between them."""
+        """Packed squared distances of points, or a :class:`SupportCorrelation` of areas."""
         if spread.any():
             return SupportCorrelation(self._model, xy, spread, kept, self._plane, packed.pack)
         return packed.pack(_squared_distances(xy if self._plane is None else xy @ self._plane))
@@ -225,8 +219,8 @@ class RestrictedLikelihood:
             [rate - mean - (nugget + noise) * q, structured * packed.times(dR, q), nugget * q]
         )  # dK q
         turned = dpotrs(factor, moved, lower=1)[0] - np.outer(b, b @ moved / b.sum())
-        # d(value)/d(parameter) = -<P - q q', dK>/2: the inverse's elements are needed for the trace, so here it is
-        # formed (from the factor, lower triangle only).
+        # d(value)/d(parameter) = -<P - q q', dK>/2. The trace needs the elements of the inverse, so the inverse is
+        # formed here (from the factor, lower triangle only).
         inverse = dpotri(factor, lower=1, overwrite_c=1)[0]
         inverse = dsyr(-1 / b.sum(), b, a=inverse, lower=1, overwrite_a=1)
         inverse = dsyr(-1.0, q, a=inverse, lower=1, overwrite_a=1)
@@ -240,7 +234,7 @@ class RestrictedLikelihood:
 
 
 class _Block(NamedTuple):
-    """A block: how its matrices are packed, squared distances or correlations, rates, noise variances."""
+    """Packing of the matrices, squared distances or correlations, rates and noise variances of a block."""
 
     packed: Packed
     correlation: Array | SupportCorrelation
@@ -249,25 +243,26 @@ class _Block(NamedTuple):
 
 
 def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy: bool = True) -> RemlEstimate:
-    """The variogram under the restricted likelihood and :class:`Prior`: its mode, and what to krige with.
+    """Variogram under the restricted likelihood and :class:`Prior`.
 
-    Kriging with the mode makes the intervals too narrow: the posteriors of the variances are skewed, and the mode
-    is on their low side. The correct kriging variance is the average over the posterior (law of total variance).
-    The variances enter it almost linearly, so kriging uses their posterior *means*. Laplace's approximation of a
-    mean is the mode times ``exp(log_sd^2 / 2)`` (a log-normal mean), at the range of the mode. Mean and mode
-    converge as the number of samples grows.
+    Kriging with the mode makes the intervals too narrow, because the posteriors of the variances are skewed and
+    the mode is on their low side. The correct kriging variance is the average over the posterior (law of total
+    variance). The variances enter it almost linearly, so kriging uses their posterior *means*. Laplace's
+    approximation of a mean is the mode times ``exp(log_sd^2 / 2)`` (a log-normal mean), at the range of the mode.
+    Mean and mode converge as the number of samples grows.
 
-    Along the ways of simulated missions on twelve kinds of fields, the 95 % intervals of a Matern 3/2 map covered
-    93 to 99 % from 20 samples, 92 to 99 % from 40 and 91 to 99.7 % from 200: least in rough fields (patches, or
-    exponential of a short range), most in the smoothest. Those of the mode covered
-    88 to 97, 88 to 97 and 88 to 99 %.
+    Coverage of the 95 % intervals of a Matern 3/2 map in simulated missions on twelve kinds of fields:
 
-    The variogram is anisotropic only if the data support it. From :data:`MIN_ANISOTROPIC` places on, the range may
-    depend on the direction if this raises the logarithm of the posterior by more than
-    :data:`ANISOTROPY_PENALTY`; angle and ratio come from a short list. In simulated surveys that had no part in
-    choosing the penalty, fields without a direction got one in at most 8 % of the fits, which raised their mean
-    squared error by 0 to 3 %. From 160 samples on, that of fields with a border across fell by 38 to 46 %, with a
-    ridge by 50 to 55 %, with ranges in the ratio of 4 by 9 to 19 %. Coverage changed by 2 % at most.
+    * posterior means: 93 to 99 % from 20 samples, 92 to 99 % from 40, 91 to 99.7 % from 200; lowest in rough fields
+      (patches, or exponential with a short range), highest in the smoothest
+    * mode: 88 to 97 %, 88 to 97 % and 88 to 99 %
+
+    From :data:`MIN_ANISOTROPIC` places on, the range may depend on the direction if this raises the log posterior
+    by more than :data:`ANISOTROPY_PENALTY`. Angle and ratio come from a short list. In simulated surveys not used
+    to choose the penalty, at most 8 % of the fits of isotropic fields were anisotropic. These fits raised the mean
+    squared error by 0 to 3 %. From 160 samples on, the anisotropic fit lowered the mean squared error by 38 to
+    46 % in fields with a border across, 50 to 55 % with a ridge, and 9 to 19 % with ranges in the ratio of 4.
+    Coverage changed by 2 % at most.
 
     :param places: merged samples, at least one
     :param model: name of the variogram model
@@ -298,12 +293,12 @@ def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy
 class _Peak:
     """A maximum of the posterior.
 
-    :param u: where, in prior standard deviations from the prior's medians, shape (3,)
-    :param cost: what was minimised: minus the logarithm of likelihood and prior
-    :param gradient: its gradient there, shape (3,)
-    :param slope: its gradient at any u
+    :param u: position in prior standard deviations from the prior's medians, shape (3,)
+    :param cost: minus the logarithm of likelihood times prior
+    :param gradient: gradient of the cost at ``u``, shape (3,)
+    :param slope: gradient of the cost as a function of u
     :param direction: anisotropy and angle [deg]
-    :param converged: whether the gradient is next to nothing, but for bounds
+    :param converged: whether the gradient is negligible, apart from parameters at bounds
     """
 
     u: Array
@@ -356,12 +351,12 @@ def _direction(places: Samples, model: ModelName, prior: Prior, u: Array) -> tup
 def spatial_blocks(
     xy: Array, one_block: int = ONE_BLOCK_PLACES, size: int = BLOCK_PLACES
 ) -> list[NDArray[np.intp]]:
-    """Disjoint compact blocks of places: halved across the wider side until no block exceeds ``size``.
+    """Disjoint compact blocks of places, halved across the wider side until no block exceeds ``size``.
 
     :param xy: places, shape (n, 2) [m]
-    :param one_block: number of places up to which all are one block
-    :param size: largest block otherwise
-    :returns: the numbers of the places of each block
+    :param one_block: maximum number of places for a single block
+    :param size: maximum number of places in a block otherwise
+    :returns: numbers of the places of each block
     """
     if len(xy) <= one_block:
         return [np.arange(len(xy))]
@@ -380,7 +375,7 @@ def spatial_blocks(
 def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
     """Start values in prior standard deviations: the best of a few ranges, or the three best.
 
-    The likelihood of a subset of the places as points ranks them: more places would cost more than they save.
+    The likelihood of a subset of the places ranks the ranges, because all places would cost more than they save.
     """
     likelihood = RestrictedLikelihood(_some(places, _FEW_PLACES), model)
 
@@ -396,15 +391,15 @@ def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
 
 
 def _some(places: Samples, most: int) -> Samples:
-    """Every k-th of the places, as points, so that there are no more than ``most``."""
+    """Every k-th place as a point, at most ``most`` in all."""
     some = slice(None, None, -(-len(places) // most))
     return Samples(places.xy[some], places.counts[some], places.exposure_s[some])
 
 
 def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
-    """Blocks of the likelihood; their number is bounded, so the cost of a fit does not grow with the survey.
+    """Blocks of the likelihood. Their number is bounded, so the cost of a fit does not grow with the survey.
 
-    Compact blocks contain short distances only, so a quarter of the blocks is spread over the whole field.
+    Compact blocks contain only short distances, so a quarter of the blocks spans the whole field.
     """
     blocks = spatial_blocks(xy)
     if len(blocks) <= MAX_BLOCKS:
@@ -417,11 +412,11 @@ def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
 
 
 def _laplace_covariance(gradient: Callable[[Array], Array], mode: Array, at_mode: Array) -> Array:
-    """Variances of the parameters at the mode, from differences of the gradient, which is ``at_mode`` there."""
+    """Variances of the parameters at the mode, from differences of the gradient (``at_mode`` at the mode)."""
     step = 1e-4
     hessian = np.array([(gradient(mode + d) - at_mode) / step for d in step * np.eye(len(mode))])
     eigenvalues, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
-    # The prior alone has curvature 1; less means that the mode lies on a bound or a saddle.
+    # The prior alone has curvature 1; a lower curvature means that the mode lies on a bound or a saddle.
     inverse = vectors / np.maximum(eigenvalues, 1.0) @ vectors.T
     return np.diag(inverse)
 
