@@ -2,8 +2,8 @@
 
 For a function that is analytic in a box, the interpolation error falls geometrically with the number of Chebyshev
 points. The last coefficients show how small the error is (Trefethen, *Approximation Theory and Approximation
-Practice*, SIAM 2013, chapters 3, 4 and 8). The kriging mean and variance of a Gaussian variogram are analytic: sums
-and products of Gaussians.
+Practice*, SIAM 2013, chapters 3, 4 and 8). The kriging mean and variance of a Gaussian variogram are analytic:
+sums and products of Gaussians.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def raster_by_interpolation(
     :param cells: number of cells wanted, which limits the number of points
     :param growth: factor from one number of points along each axis to the next, by default from the last
         coefficients. A fixed factor leads to few different sets of points
-    :returns: shape (k, ny, nx), or ``None`` if ``evaluate`` returns ``None`` or too many points are needed (a length
-        too short for the raster, or surfaces that are not smooth enough)
+    :returns: shape (k, ny, nx), or ``None`` if ``evaluate`` returns ``None`` or too many points are needed (a
+        length too short for the raster, or surfaces that are not smooth enough)
     """
     first = degrees = first_degrees(x_m, y_m, length_m)
     spent = 0
@@ -186,8 +186,8 @@ def _first_terms(matter: NDArray[np.bool_]) -> tuple[slice, slice]:
 def interpolation(axis_m: Array, degree: int) -> tuple[Array, Array]:
     """Polynomial interpolation along an axis.
 
-    :returns: Chebyshev points of the range of the axis, shape (degree,); matrix from values at these points to values
-        along the axis, shape (places, degree)
+    :returns: Chebyshev points of the range of the axis, shape (degree,); matrix from values at these points to
+        values along the axis, shape (places, degree)
     """
     low, high = float(axis_m.min()), float(axis_m.max())
     matrix = _polynomials(axis_m, degree, low, high) @ _coefficients(np.eye(degree)).T

@@ -1,10 +1,10 @@
 """Poisson kriging of very many samples, tile by tile, in bounded memory and on many processors.
 
-The area is halved both ways until a tile is small compared with the circle around its nearest samples. All cells of
-a tile share one Cholesky factor L, of the nearest samples and of groups of merged farther ones
-(:mod:`sample_tree`). One mean for the whole map avoids seams between tiles: the generalised least-squares mean under
-Vecchia's approximation by blocks (Stein, Chi & Welty 2004, Journal of the Royal Statistical Society B 66:275-296).
-For a tile, W = L^-1 C_.0 and b = L^-1 1; for the whole map, c is the mean and v its variance. Then
+The area is halved both ways until a tile is small compared with the circle around its nearest samples. All cells
+of a tile share one Cholesky factor L, of the nearest samples and of groups of merged farther ones
+(:mod:`sample_tree`). One mean for the whole map avoids seams between tiles: the generalised least-squares mean
+under Vecchia's approximation by blocks (Stein, Chi & Welty 2004, Journal of the Royal Statistical Society B
+66:275-296). For a tile, W = L^-1 C_.0 and b = L^-1 1; for the whole map, c is the mean and v its variance. Then
 ``rate = c + a.W`` and ``variance = C_00 - |W|^2 + v (b.W - 1)^2``, which is exact if the tile has all samples.
 """
 
@@ -176,8 +176,8 @@ class _Model:
 class TiledKriging:
     """Kriging of Poisson counts with unknown constant mean, from a bounded number of neighbours.
 
-    Replaces :class:`PoissonKriging` for very many samples. Cost and memory grow linearly with the numbers of samples
-    and targets. The result at a place depends only on the samples and the place, not on other targets or
+    Replaces :class:`PoissonKriging` for very many samples. Cost and memory grow linearly with the numbers of
+    samples and targets. The result at a place depends only on the samples and the place, not on other targets or
     ``compute``.
 
     :meth:`fit` chooses the smallest number of neighbours, at most 1200, that keeps the rate on a few tiles within

@@ -253,8 +253,8 @@ def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy
 
     Coverage of the 95 % intervals of a Matern 3/2 map in simulated missions on twelve kinds of fields:
 
-    * posterior means: 93 to 99 % from 20 samples, 92 to 99 % from 40, 91 to 99.7 % from 200; lowest in rough fields
-      (patches, or exponential with a short range), highest in the smoothest
+    * posterior means: 93 to 99 % from 20 samples, 92 to 99 % from 40, 91 to 99.7 % from 200; lowest in rough
+      fields (patches, or exponential with a short range), highest in the smoothest
     * mode: 88 to 97 %, 88 to 97 % and 88 to 99 %
 
     From :data:`MIN_ANISOTROPIC` places on, the range may depend on the direction if this raises the log posterior
