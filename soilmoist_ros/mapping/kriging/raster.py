@@ -1,4 +1,4 @@
-"""Kriging of the cells of one raster: by interpolation or by tiles where that is quicker, else cell by cell."""
+"""Kriging of the cells of one raster, by interpolation or tiles where faster, else cell by cell."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MIN_TILED = 256
-"""Samples from which on a factored system is solved by tiles on a large raster: about where that is a gain."""
+"""Minimum number of samples to solve a factored system by tiles on a large raster, where tiles become faster."""
 _GROWTH = 1.15
-"""How many times more Chebyshev points along each axis rows are kept for where the surfaces are not resolved."""
+"""Factor for the Chebyshev points along each axis where the surfaces are not resolved."""
 
 
 class RasterKriging:
-    """Krigs the cells of one raster, again and again (:meth:`update`) or once (:meth:`solve`).
+    """Krigs the cells of one raster repeatedly (:meth:`update`) or once (:meth:`solve`).
 
-    Both take the same routes: for Gaussian variograms the surfaces are interpolated from few Chebyshev points
-    (:mod:`chebyshev`); on large rasters covariances come from few points of each tile (:mod:`tile_covariances`);
-    otherwise every cell is kriged. Not for two threads at a time.
+    For Gaussian variograms, the surfaces are interpolated from few Chebyshev points (:mod:`chebyshev`). On large
+    rasters, covariances come from few points of each tile (:mod:`tile_covariances`). Otherwise every cell is
+    kriged. Not thread-safe.
 
     :param x_m: centres of the columns, shape (nx,) [m]
     :param y_m: centres of the rows, shape (ny,) [m]
@@ -56,18 +56,18 @@ class RasterKriging:
         self._rows_of: Variogram | None = None
 
     def update(self, samples: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
-        """Rate and kriging variance from rows of the matrix that are kept for the next update (:mod:`rows`).
+        """Rate and kriging variance from stored rows of the matrix (:mod:`rows`).
 
-        Quick where samples have most in common with those of the last update. The answer depends on the samples
-        and the variogram alone, bit for bit, and differs from that of :meth:`solve` by some 1e-12 of the
-        standard deviation and of the variance of the rate.
+        Fast if most samples are as in the last update. The result depends only on the samples and the variogram,
+        bit for bit. It differs from :meth:`solve` by some 1e-12 of the standard deviation and of the variance of
+        the rate.
 
         :param samples: at least one
         :param variogram: variogram of the latent rate
         :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], > 0
-        :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN where
-            no cell is wanted; ``None`` if there is too much to keep or the matrix is too near to singular: which
-            does not depend on earlier updates
+        :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN in
+            unwanted cells; ``None``, independent of earlier updates, if the limits of memory are exceeded or the
+            matrix is nearly singular
         """
         places = samples if _are_distinct(samples.xy) else merge_exactly(samples)[0]
         found = self._interpolated_rows(places, variogram, mean_rate)
@@ -107,16 +107,17 @@ class RasterKriging:
         at_places: Callable[[NDArray[np.intp], Array], Array],
         growth: float | None = None,
     ) -> Array | None:
-        """Both surfaces from as few Chebyshev points as resolve them; ``None`` if that is no gain.
+        """Both surfaces from as few Chebyshev points as resolve them; ``None`` if that is not faster.
 
-        :param evaluate: gives the surfaces at Chebyshev points, shape (2, q, p)
-        :param at_places: gives the surfaces where cells have a sample, shape (2, k): their numbers and places
+        :param evaluate: returns the surfaces at Chebyshev points, shape (2, q, p)
+        :param at_places: returns the surfaces at samples on cells, shape (2, k), from the samples' numbers and
+            places
         """
         if not variogram.correlation_model.is_product or variogram.structured_sill == 0 or self._is_empty:
             return None
         x_m, y_m, mask = self._inside
-        # A product of two Gaussians, as the variance has them, is narrower than one by the root of two;
-        # across the longest range, by that of the anisotropy too.
+        # The variance has products of two Gaussians, which are narrower than one Gaussian by the root of two.
+        # Across the longest range they are also narrower by the root of the anisotropy.
         length_m = variogram.range_m / math.sqrt(2 * variogram.anisotropy)
         scale = np.array([math.sqrt(variogram.sill), variogram.sill])
         cells = int(np.count_nonzero(mask))
@@ -167,7 +168,7 @@ class RasterKriging:
     # -- cells, by tiles if that is a gain -------------------------------------------------------------
 
     def _solved_by_tiles(self, system: KrigingSystem, progress: Progress | None) -> Array | None:
-        """``None`` if that is no gain, or the matrix is too near to singular for its inverse."""
+        """``None`` if tiles are not faster or the matrix is too near to singular for its inverse."""
         from scipy.linalg.lapack import dtrtri
 
         variogram, places, factor, ones, residual, mean = system
@@ -212,7 +213,7 @@ class RasterKriging:
     # -- cells and rasters -----------------------------------------------------------------------------
 
     def _whole(self, inside: Array) -> Array:
-        """Rasters of the whole grid from those of the box around the cells wanted."""
+        """Rasters of the whole grid from rasters of the box around the wanted cells."""
         rasters = inside
         if inside.shape[1:] != self._mask.shape:
             rasters = np.empty((2, *self._mask.shape))
@@ -222,7 +223,7 @@ class RasterKriging:
         return rasters
 
     def _cells_at(self, xy: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of the cells whose centre is exactly at a place, row by row; numbers of the places."""
+        """Rows and columns of cells with their centre exactly at a place, row by row; numbers of the places."""
         column, row = (_positions(axis, values) for axis, values in zip((self._x_m, self._y_m), xy.T, strict=True))
         number = np.flatnonzero((self._x_m[column] == xy[:, 0]) & (self._y_m[row] == xy[:, 1]))
         number = number[self._mask[row[number], column[number]]]
@@ -231,14 +232,14 @@ class RasterKriging:
 
 
 def target_variance(variogram: Variogram, keep_nugget: bool) -> float:
-    """Variance C_00 of a target before anything is known of it [(counts/s)^2]."""
+    """Prior variance C_00 of a target [(counts/s)^2]."""
     return variogram.sill if keep_nugget else variogram.structured_sill
 
 
 def check_raster(
     x_m: ArrayLike, y_m: ArrayLike, mask: NDArray[np.bool_] | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Axes of shapes (nx,) and (ny,) [m], and the cells wanted, of shape (ny, nx); all of them without a mask.
+    """Axes of shapes (nx,) and (ny,) [m], and the cells wanted (all without a mask), shape (ny, nx).
 
     :raises ValueError: if an axis is not a finite vector or the mask does not fit
     """
@@ -253,7 +254,7 @@ def check_raster(
 
 
 def _positions(axis: Array, values: Array) -> NDArray[np.intp]:
-    """Where in an axis the values are, if they are."""
+    """Indices of the values in an axis, valid only for values that the axis contains."""
     order = np.argsort(axis, kind="stable")
     return order[np.minimum(np.searchsorted(axis, values, sorter=order), len(axis) - 1)]
 

@@ -1,16 +1,15 @@
-"""Kriging of one set of targets again and again, while samples are added or grow: row by row.
+"""Repeated kriging of fixed targets, row by row, while samples are added or grow.
 
-With the samples in order, row i of the Cholesky factor L, of its inverse and of W = L^-1 C_.0 (see
-:mod:`poisson_kriging`) depends on the samples up to i alone. When a record has changed the
-last sample, or begun a new one, all rows before are as they were: one row of 70,000 numbers is new, not 300. It is
-a weighted sum of the covariances C_.0 of all samples; rate and variance are sums over the rows.
+Row i of the Cholesky factor L, of its inverse and of W = L^-1 C_.0 (see :mod:`poisson_kriging`) depends only on
+the samples up to i. When a record changes the last sample or begins a new one, all earlier rows stay valid: one
+row of 70,000 numbers is new, not 300. The new row is a weighted sum of the covariances C_.0 of all samples; rate
+and variance are sums over the rows.
 
-The answer must not depend on what was kept: its last bits are those of a fresh computation. So each number is
-made by the same operations on arrays of the same shapes, whenever that happens. Of rows in full blocks of fixed
-size no more is kept than their sums; those behind the last full block, the *tail*, are made one by one. Which rows
-are full follows from the number of samples, and each row is made from nothing but the samples up to its own, or to
-the end of its block. That holds for one BLAS thread; two may share out a product differently from one time to the
-next.
+The result must not depend on the stored rows: it equals a fresh computation bit for bit. Each number therefore
+always comes from equal operations on arrays of equal shapes. Rows in full blocks of fixed size are stored only as
+sums. Rows after the last full block, the *tail*, are computed one by one. The number of samples determines which
+blocks are full. Each row depends only on the samples up to the row or to the end of its block. This holds for one
+BLAS thread; two threads may split a product differently each time.
 """
 
 from __future__ import annotations
@@ -31,19 +30,19 @@ Array = NDArray[np.float64]
 BLOCK = 32
 """Rows of a full block."""
 MIN_TAIL = 8
-"""Rows that stay in the tail: places where robots stand now, whose exposure grows with every record."""
+"""Minimum rows of the tail, for places where robots stand now and the exposure grows with every record."""
 MAX_ROWS = 2000
-"""Samples that rows are kept of."""
+"""Maximum number of samples."""
 MAX_ELEMENTS = 32_000_000
-"""Numbers kept of covariances and sums (256 MB): 900 samples and 70,000 cells with Matern 3/2, 400 in full."""
+"""Maximum stored covariances and sums (256 MB): 900 samples and 70,000 cells with Matern 3/2, 400 in full."""
 MIN_PIVOT = 1e-6
-"""Share of a sample's variance that those before must leave unexplained; the inverse of L is too inexact below."""
+"""Minimum share of a sample's variance unexplained by earlier samples; below, the inverse of L is too inexact."""
 _MIN_ROOM = 64
-"""Rows and columns that there is memory for from the beginning."""
+"""Rows and columns allocated at the start."""
 _PART = 256
-"""Elements of a row of L that are computed at a time."""
+"""Elements of a row of L computed at a time."""
 _AT_ONCE = 8192
-"""Targets that sums are made for at a time: what comes between stays in the cache."""
+"""Targets processed at a time, so that intermediate results stay in the cache."""
 
 
 class KrigingRows:
@@ -72,9 +71,9 @@ class KrigingRows:
         :param places: samples at distinct places, n >= 1
         :param variogram: variogram of the latent rate
         :param mean_rate: mean rate m* in the noise variances m*/t [counts/s]
-        :returns: rate [counts/s], and what samples and unknown mean add to the variance of a target (mostly < 0)
-            [(counts/s)^2], shape (2, size), new memory; ``None`` if that is too much to keep, or if the matrix is
-            so near to singular (:data:`MIN_PIVOT`) that its inverse must not be used
+        :returns: rate [counts/s], and the change of a target's variance by samples and unknown mean (mostly < 0)
+            [(counts/s)^2], shape (2, size), new memory; ``None`` if the limits of memory are exceeded or the
+            matrix is nearly singular (:data:`MIN_PIVOT`)
         """
         n = len(places)
         noise = variogram.nugget + mean_rate / places.exposure_s
@@ -105,7 +104,7 @@ class KrigingRows:
     def _forget(self, first: int, samples: Array) -> None:
         """Forget the rows from ``first`` on, where samples differ from the known ones."""
         known = self._samples
-        # The row of a sample that has but grown is as before, only the diagonal of L is not.
+        # If a sample has only grown, its row stays valid and only the diagonal of L changes.
         same_place = first < min(len(known), len(samples)) and (known[first, :5] == samples[first, :5]).all()
         self._numbers[self._numbers >= first + same_place] = -1
         self._samples = known[:first]
@@ -146,7 +145,7 @@ class KrigingRows:
     # -- W ---------------------------------------------------------------------------------------------
 
     def _add_block(self, start: int) -> None:
-        """Sum up the rows of the next block, with those before."""
+        """Add the sums over all rows up to the end of the next block."""
         stop = start + BLOCK
         sums = self._blocks[-1].copy() if start else self._no_rows()
         data = np.ascontiguousarray(self._data[:, start:stop])
@@ -155,7 +154,7 @@ class KrigingRows:
         self._blocks.append(sums)
 
     def _make_tail(self, full: int, n: int) -> None:
-        """Make the rows from ``full`` on that are not known."""
+        """Compute the unknown rows from ``full`` on."""
         slots = np.arange(full, n) % len(self._tail)
         for number in (np.flatnonzero(self._numbers[slots] != np.arange(full, n)) + full).tolist():
             slot = number % len(self._tail)
@@ -183,7 +182,7 @@ class KrigingRows:
         return surfaces
 
     def at_samples(self, numbers: NDArray[np.intp]) -> Array:
-        """The same exactly where some of the samples of the last :meth:`update` are, their nugget shared."""
+        """Results as :meth:`update` at some samples of the last update, including their nugget."""
         known, n, variogram = self._samples, len(self._samples), self._variogram
         assert variogram is not None
         covariance = np.empty((n, len(numbers)))
@@ -205,7 +204,7 @@ class KrigingRows:
         return sums
 
     def _add_row(self, number: int, sums: Array, out: Array) -> None:
-        """Sums of (L^-1 rate) W, W^2 and (L^-1 1) W, the last less 1, shape (3, g), with another row of W."""
+        """Add a row of W to the sums of (L^-1 rate) W, W^2 and (L^-1 1) W minus 1, shape (3, g)."""
         rate, ones = self._data[:, number].tolist()
         factor = 1 / self._diagonal[number]
         row = self._tail[number % len(self._tail)]
@@ -232,7 +231,7 @@ class KrigingRows:
 
 
 def _between(variogram: Variogram, samples: Array, first: int) -> Array:
-    """Structured covariance of the samples from ``first`` on with all, shape (n - first, n)."""
+    """Structured covariance of the samples from ``first`` on with all samples, shape (n - first, n)."""
     every, later = SamplePoints(variogram, samples), Supports(samples[first:, :2], samples[first:, 2:5])
 
     def with_points(xy: Array) -> Array:

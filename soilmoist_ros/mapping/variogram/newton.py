@@ -1,4 +1,4 @@
-"""Minimisation by damped Newton steps within a box, for a few parameters and a function that costs much."""
+"""Minimisation of a costly function of few parameters, by damped Newton steps within a box."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _FIRST_DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-3, 1e-6, 1e8
 
 
 class Minimum(NamedTuple):
-    """Where a function is lowest.
+    """Minimum of a function.
 
-    :param at: place, shape (p,)
-    :param value: value there
-    :param gradient: gradient there, shape (p,)
-    :param converged: whether the gradient is small there, as far as the bounds allow
+    :param at: parameters, shape (p,)
+    :param value: value at the minimum
+    :param gradient: gradient at the minimum, shape (p,)
+    :param converged: whether the gradient is small, as far as the bounds allow
     """
 
     at: Array
@@ -34,17 +34,18 @@ class Minimum(NamedTuple):
 def minimise(
     expand: Callable[[Array], Expansion], start: Array, bound: float, tolerance: float, most_steps: int = 100
 ) -> Minimum:
-    """The minimum that a descent from a start ends in.
+    """Descend from a start to a minimum.
 
-    The matrix that comes with the gradient need not be the Hessian: what it lacks is learned from the gradients by
-    symmetric secant updates (as Dennis, Gay & Welsch 1981, ACM Transactions on Mathematical Software 7:348-368, do
-    for least squares).
+    ``expand`` may return an approximate Hessian. Symmetric secant updates learn the missing part from the
+    gradients, as Dennis, Gay & Welsch (1981), ACM Transactions on Mathematical Software 7:348-368, do for least
+    squares.
 
-    :param expand: place -> value, gradient (p,), and about the Hessian (p, p), symmetric and positive definite
-    :param start: where to begin, shape (p,)
-    :param bound: each parameter is kept within plus and minus this
-    :param tolerance: largest component of the gradient at the end, bounds left out
-    :param most_steps: evaluations at most
+    :param expand: parameters -> value, gradient (p,), and approximate Hessian (p, p), symmetric and positive
+        definite
+    :param start: start values, shape (p,)
+    :param bound: maximum absolute value of each parameter
+    :param tolerance: largest component of the gradient at the end, without parameters at bounds
+    :param most_steps: maximum number of steps
     """
     at = _within(start, bound)
     value, gradient, hessian = expand(at)
@@ -63,7 +64,7 @@ def minimise(
         tried[free] -= axes @ (axes.T @ gradient[free] / (curvature * (1 + damping)))
         tried = _within(tried, bound)
         then = expand(tried)
-        # So near to the minimum that values differ by rounding only, a flatter place is a better one.
+        # Close to the minimum, where values differ only by rounding, accept a step to a smaller gradient.
         flatter = np.abs(then[1][_free(tried, then[1], bound)]).max(initial=0.0) < steepest
         if not (then[0] < value or (flatter and then[0] <= value + _ROUNDING * abs(value))):
             damping = max(10 * damping, 1.0)
@@ -85,5 +86,5 @@ def _within(place: Array, bound: float) -> Array:
 
 
 def _free(at: Array, gradient: Array, bound: float) -> NDArray[np.bool_]:
-    """Parameters that are not held at a bound."""
+    """Which parameters are not held at a bound."""
     return ~(((at <= -bound) & (gradient > 0)) | ((at >= bound) & (gradient < 0)))

@@ -1,8 +1,8 @@
 """Soft-L1 fit of a variogram model to the classes of an empirical semivariogram.
 
-The semivariance is linear in nugget and structured sill, so for a given range their fit is convex (variable
-projection: Golub & Pereyra 2003, Inverse Problems 19:R1-R26) and cheap enough to try many ranges at once. From the
-best of them, damped Newton steps on all three parameters within their bounds find the minimum.
+The semivariance is linear in nugget and structured sill. For a given range their fit is therefore convex (variable
+projection: Golub & Pereyra 2003, Inverse Problems 19:R1-R26) and cheap enough to try many ranges at once. Damped
+Newton steps on all three parameters within their bounds then find the minimum from the best ranges.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _USUAL_REACH = 0.6
 """Practical range, in units of the largest lag, where the classes do not determine it."""
 _TIE = 1e-6
 _TIES = _TIE * np.array([1.0, 0.0, 1.0, *_USUAL])
-"""What holds nugget and structured sill near the usual, in the normal equations."""
+"""Terms of the normal equations that pull nugget and structured sill towards the usual values."""
 _TRIED = np.geomspace(*RANGES, 40)
 _REWEIGHTINGS = 5
 _POLISHED = 3
@@ -42,7 +42,7 @@ _CONVERGED = 1e-8
 _MIN_DAMPING, _MAX_DAMPING = 1e-8, 1e12
 _LOG_STEP = 1e-4
 _SHORTER = np.array([[1.0], [math.exp(-2 * _LOG_STEP)]])
-"""Factors of the squared lags: none, and that of a range a little longer."""
+"""Factors of the squared lags for the range and for a slightly longer range."""
 _DIAGONAL = np.arange(3)
 
 
@@ -53,7 +53,7 @@ class SoftL1Fit(NamedTuple):
     :param range_: in units of the lag
     :param structured: structured sill, in units of the semivariance
     :param cost: cost
-    :param converged: whether the last step changed next to nothing
+    :param converged: whether the change of the last step was negligible
     """
 
     nugget: float
@@ -90,9 +90,9 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
 class _Descent:
     """A descent from one start by damped Newton steps within the bounds.
 
-    :param at: nugget, logarithm of the range and structured sill to begin with, shape (3,)
+    Other parameters as :func:`_promising`.
 
-    The other parameters are those of :func:`_promising`.
+    :param at: start values of nugget, logarithm of the range and structured sill, shape (3,)
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class _Descent:
             slope = np.where(held, 0.0, slope)
         tried = at - np.linalg.solve(system, slope)
         kept = np.minimum(np.maximum(tried, lower), upper)
-        if (over := kept != tried).any():  # go to the bound, and as far with the others as is best then
+        if (over := kept != tried).any():  # go to the bound and solve again for the other parameters
             system[over] = 0.0
             system[_DIAGONAL, _DIAGONAL] += over
             tried = at - np.linalg.solve(system, np.where(over, at - kept, slope))
@@ -131,15 +131,15 @@ class _Descent:
             self.at = kept
             self.cost, self._gradient, self._hessian, self._scale = then
         self._damping = max(self._damping * (0.1 if gain > 0 else 10.0), _MIN_DAMPING)
-        if self._damping > _MAX_DAMPING:  # no lower point is to be found
+        if self._damping > _MAX_DAMPING:  # there is no lower point
             self.converged = True
 
 
 def _promising(lag: Array, gamma: Array, model: CorrelationModel, lower: Array, upper: Array) -> Array:
-    """Starting points (nugget, log range, structured sill), shape (k, 3): the ranges at which a rough fit is best.
+    """Start values (nugget, log range, structured sill) at the ranges where a rough fit is best, shape (k, 3).
 
-    Each is fitted by a few rounds of weighted least squares. Two classes, or lags that say nothing of the range,
-    leave parameters open; they stay near the usual ones.
+    The rough fit is a few rounds of weighted least squares. Parameters that the classes do not determine stay near
+    the usual values.
     """
     x = 1 - model.correlation((lag / _TRIED[:, None]) ** 2)
     terms = np.stack([np.ones_like(x), x, x * x, np.broadcast_to(gamma, x.shape), x * gamma], axis=2)

@@ -1,18 +1,19 @@
-"""The support of samples: counts gathered while driving, or over a footprint, are means over an area.
+"""The support of samples: the area over which counts are averaged while driving or over a footprint.
 
-Of the area only the second moments are kept, the *spread*: the covariance matrix (sxx, sxy, syy) [m^2] of a place
-drawn from it. A straight way of length l along the unit vector u has l^2/12 u u', a Gaussian footprint of standard
-deviation s has s^2 along each axis, and what is independent adds up.
+The area is described by its second moments, the *spread*: the covariance matrix (sxx, sxy, syy) [m^2] of a random
+place in the area. A straight path of length l along the unit vector u has l^2/12 u u'. A Gaussian footprint of
+standard deviation s has s^2 along each axis. Independent contributions add up.
 
 Covariances between supports are averages over both (block kriging; Gotway & Young 2002, Journal of the American
-Statistical Association 97:632-648). Here every support is replaced by a few points with its mean and second
-moments: a line by two (Gauss-Legendre), an area by its centre and two on each principal axis (whose fourth
-moments are then those of a Gaussian as well). The same points stand for a support against samples and targets, so
-the matrix remains positive definite whatever the error. For practical ranges from 30 m, ways up to 10 m and a
-footprint of 10 m the correlations of smooth models are right to 0.012, those of the exponential and the spherical
-model, which have a kink at every point, to 0.05; as points they would be wrong by up to 0.4 and 0.5.
+Statistical Association 97:632-648). A few points with the mean and second moments of a support replace it: two for
+a line (Gauss-Legendre); for an area the centre and two on each principal axis, which also match the fourth moments
+of a Gaussian. Samples and targets use equal points, so the matrix remains positive definite whatever the error.
 
-The nugget, micro-scale variance, stays with the sample whatever its support.
+Errors of the correlations for practical ranges from 30 m, paths up to 10 m and a footprint of 10 m: 0.012 for
+smooth models and 0.05 for the exponential and the spherical model, which have a kink at every point. Without a
+support, as single points, the errors would be up to 0.4 and 0.5.
+
+The nugget (micro-scale variance) of a sample does not depend on its support.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
 """Weight of each point around the centre, and its distance from there in standard deviations."""
 _LOG_STEP = 0.5
 _FEW_ELEMENTS = 30_000
-"""Larger temporary matrices are slower: their memory is asked for anew each time."""
+"""Maximum size of temporary matrices; larger ones are slower because their memory is allocated anew each time."""
 
 
 class Supports:
-    """Points that stand for the supports of samples: one each, and more where a support has an extent.
+    """Points that represent the supports of samples: one each, more where a support has an extent.
 
     :param xy: centres, shape (n, 2) [m]
     :param spread: shape (n, 3) [m^2]; all points if ``None``
@@ -47,8 +48,8 @@ class Supports:
     Attributes
     ----------
     layers : list
-        (samples, points, weights): whose points they are (all, or numbers), the points of shape (m, 2) [m], and
-        their weights, of shape (m,) or one for all; ``None`` for a weight of 1
+        (samples, points, weights): the samples of the points (all, or numbers), the points, shape (m, 2) [m], and
+        their weights, shape (m,) or one for all; ``None`` for a weight of 1
     """
 
     def __init__(self, xy: Array, spread: Array | None = None) -> None:
@@ -73,13 +74,13 @@ class Supports:
     def average(self, of_points: Callable[[Array], Array]) -> Array:
         """Averages of a function over the supports.
 
-        :param of_points: takes m points, gives new memory of shape (..., m)
+        :param of_points: returns new memory of shape (..., m) for m points
         :returns: shape (..., n)
         """
         return self.combine(of_points(points) for _, points, _ in self.layers)
 
     def combine(self, of_layers: Iterable[Array]) -> Array:
-        """Averages over the supports of what is known at the points of each layer, as :meth:`average`."""
+        """Averages over the supports, as :meth:`average`, from values at the points of each layer."""
         result = np.empty(0)
         for (samples, _, weight), values in zip(self.layers, of_layers, strict=True):
             if weight is not None:
@@ -94,15 +95,15 @@ class Supports:
 class SupportCorrelation:
     """Correlations between all supports as a function of the range, for the fit of a variogram.
 
-    They are computed at a few ranges and interpolated by cubic Hermite polynomials of the logarithm of the range,
-    so that many evaluations cost little; the slope is exactly that of the interpolated correlation.
+    Correlations at a few ranges are interpolated by cubic Hermite polynomials in the logarithm of the range, so
+    many evaluations cost little. The slope is the exact derivative of the interpolated correlation.
 
     :param model: correlation model
     :param xy: centres, shape (n, 2) [m]
     :param spread: shape (n, 3) [m^2]
-    :param kept: ranges to keep at most, >= 2; each takes two matrices of shape (n, n)
-    :param plane: matrix, shape (2, 2), that takes places to where the model is isotropic
-    :param pack: what to make of the matrices; they are left as they are by default
+    :param kept: maximum number of cached ranges, >= 2, of two matrices of shape (n, n) each
+    :param plane: matrix that maps places to the plane where the model is isotropic, shape (2, 2)
+    :param pack: conversion of the matrices for storage, by default none
     """
 
     def __init__(
@@ -175,7 +176,7 @@ class SupportCorrelation:
 
 
 def _index(rows: Indices, columns: Indices) -> tuple[slice, slice] | tuple[Indices, Indices]:
-    """Index of the elements in these rows and columns; a view, if all of them follow each other."""
+    """Index of the elements in these rows and columns; slices if rows and columns are consecutive."""
     if rows[-1] - rows[0] == len(rows) - 1 and columns[-1] - columns[0] == len(columns) - 1:
         return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     return rows[:, None], columns[None, :]
