@@ -6,8 +6,8 @@ Sensor*). The docstring of each field states the choices that the paper leaves o
 
 The rate at signed distance d from the border between two soils is ``wet + (dry - wet) Phi(d / 5 m)``. It is the
 rate of a sensor with a Gaussian footprint of standard deviation 5 m (86 % of the counts within 10 m). All fields
-are extrapolated with the exponential model, which hardly overshoots a border. Its range is long against the
-distance of points, which keeps the rate constant beyond the outermost points.
+are extrapolated with the exponential model, which hardly overshoots a border. Its range is much longer than the
+distance between points, which keeps the rate constant beyond the outermost points.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ AIRFIELD_SEED = 20
 AIRFIELD_SOIL = CalibrationCurve(n0_cps=4.4, bulk_density_gcm3=1.4)
 """Soil of the low-contrast airfield: 4.0 counts/s at 5 % moisture and 3.0 counts/s at 20 %."""
 TURF = CalibrationCurve(n0_cps=4.75, bulk_density_gcm3=1.1)
-"""Soil of the high-contrast airfield. A soil of 1.4 g/cm^3 cannot contain enough water for the 2 : 1 contrast of
-5.0 to 2.5 counts/s. A loose turf of 1.1 g/cm^3 (porosity 58 %) at 45 % moisture can, against concrete at 0.4 %."""
+"""Soil of the high-contrast airfield: loose turf of 1.1 g/cm^3 (porosity 58 %) at 45 % moisture, and concrete at
+0.4 %. A soil of 1.4 g/cm^3 cannot contain enough water for the 2 : 1 contrast of 5.0 to 2.5 counts/s."""
 
 
 def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -> SurrogateField:
     """A surrogate field by name or from a file, cached per process.
 
-    :param name_or_path: a built-in field (see :func:`surrogate_field_names`), a shipped field file with a
-        truth, or the path of one
-    :param rng: source of randomness for the field (point rates of ``airfield-simulated``, random formulas).
-        Without it, a fixed seed makes the field always the same; with it, the field is computed again.
+    :param name_or_path: name of a built-in field (see :func:`surrogate_field_names`), or name or path of a field
+        file with a truth
+    :param rng: source of randomness for the field (point rates of ``airfield-simulated``, random formulas); a
+        fixed seed if ``None``. A field with ``rng`` is not cached.
     :raises InputError: if the field is unknown, or for any mistake in its files
     """
     if name_or_path in BUILT_IN:
@@ -67,7 +67,7 @@ def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -
 
 
 def known_field(name_or_path: str) -> Field:
-    """The outline of a built-in field, a shipped field file, or a field file by path; it needs no truth.
+    """A field by the name of a built-in field, or by name or path of a field file; the file needs no truth.
 
     :raises InputError: if the field is unknown, or for any mistake in its file
     """
@@ -88,7 +88,7 @@ def _built_in(name: str) -> SurrogateField:
 
 @lru_cache(maxsize=16)
 def _loaded(path: Path, stamps: tuple[int, ...]) -> SurrogateField:
-    """Load a field file; the stamps identify its version for the cache."""
+    """A field file in the cache; the stamps identify its version."""
     return load_surrogate(path)
 
 
@@ -119,7 +119,7 @@ def half_wet_field(
     :param height_m: extent to the north [m]
     :param dry_vwc: moisture of the dry half [m^3/m^3]
     :param wet_vwc: moisture of the wet half [m^3/m^3]
-    :param transition_m: distance over which most of the change happens [m]
+    :param transition_m: width of the transition, which contains most of the change [m]
     """
     curve = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4)
 
@@ -153,8 +153,8 @@ def _synthetic_airfield(
 ) -> SurrogateField:
     """Grass in the west, concrete in the east, without noise.
 
-    78 points: the 13 distances of the measured airfield along six lines 10 m apart. The border slants by 1 : 5,
-    so that it does not run along the rows of a grid; it passes the middle of the field.
+    The field has 78 points: the 13 distances of the measured airfield on six lines 10 m apart. The border passes
+    the middle of the field. It slants by 1 : 5 and thus does not run along the rows of a grid.
     Exponential model of range 60 m (practical range 180 m), no nugget; cells of 1 m.
     """
     places = [(30 + 0.2 * (y - 25) + offset, y) for y in _line_positions() for offset in BORDER_OFFSETS_M]
@@ -165,13 +165,13 @@ def _synthetic_airfield(
 
 
 def _airfield_simulated(rng: np.random.Generator | None) -> SurrogateField:
-    """The measured airfield: one line of 13 points across the border, repeated at 10 m distance five times.
+    """The measured airfield: one line of 13 points across the border, repeated five times at a distance of 10 m.
 
-    The original rates are not public. They are drawn once for the line: Poisson counts of 600 s about the rate
-    at 5 % (concrete) and 20 % VWC (grass); the other lines repeat them. The border is straight, at x = 30 m.
-    Exponential model of range 60 m, sill 0.9, with the variance of the Poisson noise as a nugget that is
-    filtered: the truth passes the drawn rates to within about their noise, as no real soil varies so much over
-    1 m as counts do. Cells of 1 m.
+    The original rates are not public. The rates of the line are Poisson counts of 600 s at 5 % (concrete) and
+    20 % VWC (grass); the other lines repeat them. The border is straight, at x = 30 m.
+    Exponential model of range 60 m, sill 0.9; cells of 1 m. The nugget is the variance of the Poisson noise. It is
+    filtered, because over 1 m counts vary more than any real soil: the truth matches the drawn rates to within
+    about their noise.
     """
     rng = rng or np.random.default_rng(AIRFIELD_SEED)
     concrete, grass = AIRFIELD_SOIL.rate_cps([0.05, 0.20])
@@ -187,10 +187,10 @@ def _airfield_simulated(rng: np.random.Generator | None) -> SurrogateField:
 def _validation(rng: np.random.Generator | None) -> SurrogateField:
     """Field of 210 x 330 m (7 ha), 18 % VWC, with an irrigated part of 24 %.
 
-    72 points on a lattice of 30 m: x = 30..180 m, y = 0..330 m. The part east of 105 m and north of 165 m, a
-    quarter of the field, is irrigated. The same sensor and soil as on the airfield: 3.10 and 2.88 counts/s.
-    Exponential model of range 150 m, no nugget; the change happens between two rows of points, so over 30 m.
-    Cells of 3 m.
+    The field has 72 points on a lattice of 30 m: x = 30..180 m, y = 0..330 m. The quarter of the field east of
+    105 m and north of 165 m is irrigated. The sensor and the soil of the airfield give 3.10 and 2.88 counts/s.
+    Exponential model of range 150 m, no nugget; cells of 3 m. The rate changes between two rows of points, over
+    30 m.
     """
     places = np.array([(x, y) for y in np.arange(0.0, 331.0, 30.0) for x in np.arange(30.0, 181.0, 30.0)])
     irrigated = (places[:, 0] > 105) & (places[:, 1] > 165)
@@ -210,12 +210,12 @@ BUILT_IN: dict[str, Callable[[np.random.Generator | None], SurrogateField]] = {
 
 
 def _line_positions() -> Array:
-    """Distances of the six lines of an airfield along its border [m]."""
+    """Positions of the six lines of an airfield along its border [m]."""
     return np.arange(0.0, 51.0, 10.0)
 
 
 def _across_border(wet_cps: float, dry_cps: float) -> Array:
-    """Expected rates at the distances of an airfield line [counts/s], seen through the sensor's footprint."""
+    """Expected rates at the points of an airfield line [counts/s], smoothed by the footprint of the sensor."""
     from scipy.special import ndtr
 
     return np.asarray(wet_cps + (dry_cps - wet_cps) * ndtr(np.array(BORDER_OFFSETS_M) / FOOTPRINT_SD_M))

@@ -1,4 +1,4 @@
-"""Files of a surrogate field: field and site file for the mission, and the truth for reports."""
+"""Write the files of a surrogate field: field and site for the mission, truth for reports."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ def write_site_file(field: SurrogateField, path: Path) -> None:
 
 
 def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
-    """Write a field file with the truth, readable as a surrogate field, and its grid as CSV in the same folder.
+    """Write the truth as a field file, readable as a surrogate field, and its grid as CSV in the same folder.
 
     :param field: the field
-    :param grid: grid whose cell centres get the truth, also outside the field
-    :param path: field file to write; the grid is written to the same name with ``.csv``
+    :param grid: grid; the truth is written at all cell centres, also outside the field
+    :param path: field file to write; the grid gets the suffix ``.csv``
     :raises InputError: if the files cannot be written
     """
     table = path.with_suffix(".csv")

@@ -14,17 +14,17 @@ from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_m
 Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-6
-"""Share of negative eigenvalues that is cut off: the largest relative error of the field's covariances."""
+"""Share of negative eigenvalues that may be cut off; it limits the relative error of the covariances."""
 MAX_NODES = 16_000_000
 
 
 def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: np.random.Generator) -> Array:
     """A Gaussian random field of mean 0 and variance 1 on the nodes of an even grid.
 
-    The covariances of the grid are embedded in those of a torus, whose eigenvalues come from an FFT. If none is
-    negative, the field on the nodes has *exactly* the covariance of the model. The torus is enlarged until the
-    negative ones sum to less than 1e-6 of the variance. They are set to 0: the error of every covariance is then
-    at most 1e-6. Bilinear interpolation between nodes loses variance. With a step of a tenth of the range, the
+    An FFT yields the eigenvalues of the covariance on a torus that contains the grid. Without negative
+    eigenvalues, the field on the nodes has *exactly* the covariance of the model. The torus is enlarged until the
+    negative eigenvalues sum to less than 1e-6 of the variance. They are set to 0, which changes every covariance
+    by at most 1e-6. Bilinear interpolation between nodes loses variance. With a step of a tenth of the range, the
     mean loss is 1 % with the Gaussian and Matern models and 6 % with the exponential.
 
     :param x_m: columns, evenly spaced, shape (nx,) [m]
@@ -33,7 +33,7 @@ def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: 
     :param range_m: range parameter [m], > 0
     :param rng: source of randomness
     :returns: the field, shape (ny, nx)
-    :raises ValueError: if the range is too long for this grid: the torus would not fit into memory
+    :raises ValueError: if the range is too long for the grid, because the torus would not fit into memory
     """
     eigenvalues = _torus_eigenvalues((len(y_m), len(x_m)), (_step(y_m), _step(x_m)), model, range_m)
     noise = rng.standard_normal(eigenvalues.shape) + 1j * rng.standard_normal(eigenvalues.shape)
@@ -46,7 +46,7 @@ def _step(axis: Array) -> float:
 
 
 def _torus_eigenvalues(shape: tuple[int, int], steps: tuple[float, float], model: str, range_m: float) -> Array:
-    """Eigenvalues of the covariance on the smallest torus on which none is noticeably negative."""
+    """Eigenvalues of the covariance on the smallest torus without noticeably negative eigenvalues."""
     from scipy.fft import next_fast_len
 
     least = [2 * (count - 1) for count in shape]

@@ -15,18 +15,18 @@ from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 Array = NDArray[np.float64]
 
 MAX_POINTS = 1000
-"""Points beyond which the dense kriging system of PyKrige takes too long."""
+"""Maximum number of points; with more, the dense kriging system of PyKrige takes too long."""
 NUMBERS_AT_ONCE = 4_000_000
 
 
 def default_variogram(xy: Array, values: Array, model: ModelName = "exponential") -> Variogram:
     """Default variogram for the interpolation of points.
 
-    It has no nugget, which reproduces the points. The practical range is half the diagonal of their box. The sill
-    is their variance; without a nugget it cancels from the estimate.
+    Without a nugget, the interpolation reproduces the points. The practical range is half the diagonal of their
+    box. The sill is their variance; without a nugget, the sill cancels from the estimate.
 
-    :param xy: places, shape (n, 2) [m]
-    :param values: values there, shape (n,)
+    :param xy: positions, shape (n, 2) [m]
+    :param values: values at the positions, shape (n,)
     :param model: variogram model
     """
     diagonal = float(np.hypot(*np.ptp(xy, axis=0)))
@@ -37,17 +37,17 @@ def default_variogram(xy: Array, values: Array, model: ModelName = "exponential"
 def krige(xy: Array, values: Array, variogram: Variogram, x_m: Array, y_m: Array) -> Array:
     """Ordinary kriging of point values onto the nodes of a grid.
 
-    The nugget is treated as noise of the values and filtered. Without a nugget the surface reproduces the points;
-    with one it passes them smoothly, without spikes.
+    The nugget is treated as noise of the values and filtered. Without a nugget, the surface reproduces the points;
+    with a nugget, it passes them smoothly, without spikes.
 
-    :param xy: distinct places, shape (n, 2) [m]
-    :param values: values there, shape (n,)
+    :param xy: distinct positions, shape (n, 2) [m]
+    :param values: values at the positions, shape (n,)
     :param variogram: variogram, not fitted
     :param x_m: columns, shape (nx,) [m]
     :param y_m: rows, shape (ny,) [m]
     :returns: estimates, shape (ny, nx)
-    :raises ValueError: if there are too few or too many points, or the kriging system is ill-conditioned, as with
-        smooth models without a nugget and points close together
+    :raises ValueError: if there are too few or too many points, or the kriging system is ill-conditioned (smooth
+        models without a nugget, points close together)
     """
     if not 3 <= len(xy) <= MAX_POINTS:
         raise ValueError(f"kriging takes 3 to {MAX_POINTS} points, got {len(xy)}")
@@ -66,8 +66,8 @@ def krige(xy: Array, values: Array, variogram: Variogram, x_m: Array, y_m: Array
 def kriged_grid(xy: Array, rate_cps: Array, variogram: Variogram, extent: Extent) -> RateGrid:
     """Point rates extrapolated to a field.
 
-    :param xy: distinct places, shape (n, 2) [m]
-    :param rate_cps: rates there [counts/s], shape (n,), > 0
+    :param xy: distinct positions, shape (n, 2) [m]
+    :param rate_cps: rates at the positions [counts/s], shape (n,), > 0
     :param variogram: variogram model of the rate
     :param extent: box of the field
     :raises ValueError: as :func:`krige`, or if the extrapolated rate is not positive somewhere
@@ -95,12 +95,12 @@ class KrigedRate:
         self._make = partial(kriged_grid, xy, rate_cps, variogram, extent)
 
     def __call__(self, xy_m: Array) -> Array:
-        """Rate [counts/s] at places of shape (n, 2) [m], shape (n,)."""
+        """Rate [counts/s] at positions of shape (n, 2) [m], shape (n,)."""
         return self.grid(xy_m)
 
     @cached_property
     def grid(self) -> RateGrid:
-        """The rate on a grid.
+        """Rate on a grid.
 
         :raises ValueError: as :func:`kriged_grid`
         """
@@ -117,7 +117,7 @@ def _estimate(xy: Array, values: Array, variogram: Variogram, places: Array) -> 
         return variogram.nugget + variogram.structured_sill * (1 - variogram.correlation(distance))
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LinAlgWarning)  # krige() checks the result
+        warnings.simplefilter("ignore", LinAlgWarning)  # krige checks the result
         try:
             kriging = OrdinaryKriging(
                 *xy.T, values, "custom", [0.0], variogram_function=semivariance, exact_values=False

@@ -1,7 +1,7 @@
-"""Families of fields defined by a formula and a few parameters, with any range, smoothness and shape.
+"""Families of fields that a formula and a few parameters define.
 
 A formula computes one quantity, the corrected rate [counts/s] or the soil moisture [m^3/m^3], at any position.
-Angles count anticlockwise from east. The middle is that of the field's bounding box.
+Angles count anticlockwise from east. The middle of a field is the middle of its bounding box.
 """
 
 from __future__ import annotations
@@ -31,15 +31,14 @@ MAX_VWC = 0.9
 
 
 class RateFormula(Section):
-    """Base of all families."""
+    """Base class of all families."""
 
     values: ClassVar[tuple[str, ...]] = ()
-    """Names of the parameters that are values of the quantity."""
+    """Names of the parameters in units of the quantity."""
 
     family: str
-    """Name of the family."""
     quantity: Quantity = "rate_cps"
-    """Quantity of the values: corrected rate [counts/s] or soil moisture [m^3/m^3]."""
+    """Corrected rate [counts/s] or soil moisture [m^3/m^3]."""
 
     @model_validator(mode="after")
     def _fractions(self) -> RateFormula:
@@ -49,7 +48,7 @@ class RateFormula(Section):
         return self
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
-        """Values at positions of shape (n, 2) [m], as a function.
+        """A function of positions, shape (n, 2) [m], that returns values, shape (n,).
 
         :param extent: box of the field
         :param rng: source of randomness; the seed of the formula if ``None``
@@ -60,8 +59,8 @@ class RateFormula(Section):
 class RandomFieldFormula(RateFormula):
     """A stationary Gaussian random field, drawn at the nodes of a grid (see :mod:`.random_field`).
 
-    Values below 5 % of the mean are raised to this limit. With a standard deviation of at most a quarter of the
-    mean, this affects fewer than one position in 10,000.
+    Values below 5 % of the mean are raised to 5 % of the mean. With a standard deviation of at most a quarter of
+    the mean, this limit affects fewer than one position in 10,000.
     """
 
     values: ClassVar[tuple[str, ...]] = ("mean",)
@@ -72,10 +71,9 @@ class RandomFieldFormula(RateFormula):
     sd: Positive
     """Standard deviation of the quantity, at most a quarter of the mean."""
     range_m: Positive = 15.0
-    """Range parameter of the correlation [m]; 95 % of the variance lie within 1.7 (Gaussian), 3 (exponential)
-    or 2.7 (Matern 3/2) times this distance."""
+    """Range parameter of the correlation [m]. The variogram reaches 95 % of the variance at a multiple of this
+    distance: 1.7 (Gaussian), 3 (exponential) or 2.7 (Matern 3/2)."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Seed of the field."""
 
     @model_validator(mode="after")
     def _stays_positive(self) -> RandomFieldFormula:
@@ -126,7 +124,7 @@ class Patches(RateFormula):
     radius_m: Positive = 8.0
     """Mean radius [m]; each radius is drawn between 0.6 and 1.4 times the mean."""
     edge_m: Positive = 4.0
-    """Distance over which three quarters of the change happen at a patch's edge [m]."""
+    """Width of the edge of a patch, which contains three quarters of the change [m]."""
     seed: Annotated[int, Field(ge=0)] = 1
     """Seed of positions and radii."""
 
@@ -207,13 +205,13 @@ class Half(RateFormula):
     low: Positive
     """Value on the near side of the border."""
     high: Positive
-    """Value on the far side."""
+    """Value on the far side of the border."""
     transition_m: Positive = 6.0
-    """Distance over which three quarters of the change happen [m]."""
+    """Width of the transition, which contains three quarters of the change [m]."""
     angle_deg: float = 0.0
     """Direction from 'low' to 'high', across the border [deg]."""
     offset_m: float = 0.0
-    """Distance of the border from the field's middle, in that direction [m]."""
+    """Distance of the border from the middle of the field, in the direction of ``angle_deg`` [m]."""
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
@@ -233,7 +231,7 @@ FAMILIES: dict[str, type[RateFormula]] = {
 
 
 def smooth_step(distance_m: Array, width_m: float) -> Array:
-    """Share from 0 to 1 that rises across distance 0, by three quarters within ``width_m``."""
+    """Share that rises from 0 to 1 and is 0.5 at distance 0; three quarters of the rise lie within ``width_m``."""
     return np.asarray(0.5 * (1 + np.tanh(distance_m / (width_m / 2))))
 
 
@@ -247,7 +245,7 @@ def formula(family: str, **parameters: Any) -> RateFormula:
     """A formula by the name of its family.
 
     :param family: one of ``FAMILIES``
-    :param parameters: its parameters
+    :param parameters: parameters of the family
     :raises pydantic.ValidationError: (a ValueError) for an unknown family, or a bad or unknown parameter
     """
     return parse_formula({"family": family, **parameters})

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MARGIN_M = 10.0
-"""Margin of the grid around the box of the field [m]: robots and footprints may cross the boundary."""
+"""Margin of the grid around the box of the field [m]; robots and footprints may cross the boundary."""
 MAX_NODES = 1_000_000
 """Maximum number of nodes of a grid; the step is doubled until the grid fits."""
 
@@ -57,7 +57,7 @@ class Extent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RateGrid:
-    """Values on a regular grid: bilinear between nodes, constant beyond the edges.
+    """Interpolates values on a regular grid: bilinear between nodes, constant beyond the edges.
 
     :func:`scipy.ndimage.map_coordinates` interpolates a single position five times as fast as
     ``RegularGridInterpolator``, with equal results.
@@ -89,7 +89,7 @@ class RateGrid:
 
 
 def filled(values: Array) -> Array:
-    """The raster with each NaN replaced by the nearest number; it needs at least one number."""
+    """Replace each NaN by the nearest number; the raster needs at least one number."""
     from scipy.ndimage import distance_transform_edt
 
     gaps = np.isnan(values)

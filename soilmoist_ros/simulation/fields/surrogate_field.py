@@ -25,8 +25,8 @@ class SurrogateField:
     :param truth: corrected rate of the whole sensor [counts/s], shape (n,), at positions of shape (n, 2) [m]
     :param curve: calibration that links moisture and rate, ``None`` without a calibration
     :param hours: usual mission time [h]
-    :param points_xy: positions of the points that the rate is extrapolated from [m], shape (k, 2), if any
-    :param points_rate: rates at these points [counts/s], shape (k,)
+    :param points_xy: positions of the points for a truth from points [m], shape (k, 2)
+    :param points_rate: rates at the points [counts/s], shape (k,)
     """
 
     name: str
@@ -51,7 +51,7 @@ class SurrogateField:
     def rate_at(self, xy_m: ArrayLike) -> Array:
         """True corrected count rate of the whole sensor [counts/s] at positions of shape (n, 2) [m], shape (n,).
 
-        It is defined everywhere: far beyond the boundary it is the rate at the nearest known position.
+        Far beyond the boundary, it is the rate at the nearest known position.
         """
         return self.truth(np.atleast_2d(np.asarray(xy_m, float)))
 

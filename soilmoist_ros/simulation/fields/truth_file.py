@@ -34,11 +34,11 @@ class TruthVariogram(Section):
     model: ModelName = "exponential"
     """Model; the exponential one hardly overshoots where the rate jumps."""
     range_m: Positive | None = None
-    """Range parameter [m]; if left out, the practical range is half the diagonal of the points' box."""
+    """Range parameter [m]; by default, the practical range is half the diagonal of the points' box."""
     sill: Positive | None = None
-    """Total sill [(counts/s)^2]; the variance of the points plus the nugget if left out."""
+    """Total sill [(counts/s)^2]; by default, the variance of the points plus the nugget."""
     nugget: Annotated[float, Setting(ge=0)] = 0.0
-    """Variance of the points' noise [(counts/s)^2], which is filtered; with 0 the points are reproduced."""
+    """Variance of the noise of the points [(counts/s)^2]. The noise is filtered; 0 reproduces the points."""
 
     @model_validator(mode="after")
     def _sill_is_total(self) -> TruthVariogram:
@@ -48,24 +48,24 @@ class TruthVariogram(Section):
 
 
 class TruthSection(Section):
-    """What the rate or the moisture of a field truly is."""
+    """True rate or moisture of a field."""
 
     points: Path | None = None
-    """CSV of x_m, y_m and rate_cps or vwc, extrapolated by ordinary kriging; relative to the field file."""
+    """CSV with x_m, y_m and rate_cps or vwc, extrapolated by ordinary kriging; path relative to the field file."""
     grid: Path | None = None
-    """The same on an even grid, interpolated linearly; or a GeoTIFF (.tif) in any reference system."""
+    """CSV like ``points`` on a regular grid, interpolated linearly, or GeoTIFF (.tif) in any reference system."""
     formula: Formula | None = None
-    """A family of fields and its parameters."""
+    """Family of fields and its parameters."""
     band: str | None = None
-    """Name of the GeoTIFF's band; the first one if left out."""
+    """Name of the GeoTIFF's band; by default the first one."""
     variogram: TruthVariogram | None = None
-    """How points are extrapolated."""
+    """Variogram for ``points``."""
     hours: Positive = 2.0
     """Usual mission time [h]."""
     soil: Soil | None = None
-    """Soil properties; without them there is a rate only."""
+    """Soil properties; without them the field has a rate only."""
     calibration: Calibration | None = None
-    """Calibration; without it there is a rate only."""
+    """Calibration; without it the field has a rate only."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> TruthSection:
@@ -94,18 +94,17 @@ class TruthSection(Section):
 
 
 class SurrogateFile(FieldFile):
-    """A field file with a truth."""
+    """A field file that may have a truth."""
 
     truth: TruthSection | None = None
-    """The truth of the field."""
 
 
 def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> SurrogateField:
     """Read a surrogate field from a field file with a truth.
 
     :param path: field file
-    :param rng: source of randomness of a random formula; its own seed if ``None``
-    :raises InputError: with the mistakes in the file or in those that it names
+    :param rng: source of randomness of a random formula; the seed of the formula if ``None``
+    :raises InputError: with the mistakes in the field file or in the files that it names
     """
     content = load_model(path, SurrogateFile)
     field = load_field(path)
@@ -128,7 +127,7 @@ def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> Surrog
 
 
 def truth_stamps(path: Path) -> tuple[int, ...]:
-    """When the field file and the files that it names were last changed [ns]; 0 for a missing one.
+    """Modification times of the field file and the files that it names [ns]; 0 for a missing file.
 
     :raises InputError: with every mistake in the field file
     """
@@ -141,7 +140,7 @@ def truth_stamps(path: Path) -> tuple[int, ...]:
 
 
 def _cells(field: Field, path: Path) -> tuple[Array, Extent]:
-    """Cell centres inside the field [m], and its box."""
+    """Cell centres inside the field [m], and the box of the field."""
     try:
         grid = field.grid()
     except InputError as error:
@@ -194,10 +193,10 @@ def _from_grid(section: TruthSection, path: Path, field: Field, extent: Extent, 
 
 
 def _require_cover(layer: Layer, cells: Array, field: Field, file: Path) -> None:
-    """Refuse a grid that does not have a value in every cell of the field.
+    """Refuse a grid without a value in some cell of the field.
 
-    Within one and a half steps of the boundary a neighbour's value will do: a raster that was cut along the
-    same boundary on other axes lacks some of these cells.
+    Within one and a half steps of the boundary, the value of a neighbour is enough: a raster on other axes that
+    was cut along the boundary lacks some of these cells.
     """
     if not layer.inside.any():
         raise InputError(
@@ -244,7 +243,7 @@ def _from_formula(section: TruthSection, path: Path, extent: Extent, rng: np.ran
 
 
 def _rate(values: Array, quantity: Quantity, section: TruthSection, path: Path) -> Array:
-    """The values as rates [counts/s]."""
+    """Convert values to rates [counts/s]."""
     return values if quantity == "rate_cps" else _curve_for_moisture(section, path).rate_cps(values)
 
 

@@ -64,12 +64,12 @@ class Layer:
 
 
 def read_points(path: Path, least: int = 3) -> Table:
-    """Read a CSV with the columns x_m, y_m and rate_cps or vwc; others are ignored, as are lines with ``#``.
+    """Read a CSV with the columns x_m, y_m and rate_cps or vwc; other columns and lines with ``#`` are ignored.
 
     :param path: file
     :param least: minimum number of points
-    :raises InputError: with every mistake: a missing column, a value that is no number or out of range, a
-        position that occurs twice, too few points
+    :raises InputError: with every mistake: a missing column, a value that is not a number or out of range, a
+        duplicate position, too few points
     """
     return _read_table(path, gaps=False, least=least)
 
@@ -81,7 +81,7 @@ def read_grid(path: Path, cells: Array) -> Layer:
 
     :param path: file
     :param cells: cell centres inside the field, shape (g, 2) [m]
-    :raises InputError: with every mistake in the file, or if the positions are no regular grid
+    :raises InputError: with every mistake in the file, or if the positions do not form a regular grid
     """
     table = _read_table(path, gaps=True, least=4)
     x, y = (_even_axis(path, name, table.xy[:, axis]) for axis, name in enumerate(("x_m", "y_m")))
@@ -104,11 +104,11 @@ def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent
 
     :param path: file, in any coordinate reference system
     :param band: name of the band; the first one if ``None``. A name that contains ``vwc`` means soil moisture
-        [m^3/m^3], any other the corrected rate [counts/s]
+        [m^3/m^3], any other name the corrected rate [counts/s]
     :param frame: plane of the field
     :param extent: box of the field
     :param cells: cell centres inside the field, shape (g, 2) [m]
-    :raises InputError: if the file cannot be read, lacks its CRS or the band, or is not positive somewhere
+    :raises InputError: if the file cannot be read, lacks its CRS or the band, or has a value that is not positive
     """
     import rasterio
     from pyproj import CRS, Transformer
@@ -179,7 +179,7 @@ def _pixel_places(transformer: Transformer, to_pixel: Any, xy: Array) -> Array:
 
 
 def _coverage(raster: Array, places: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """For positions (column, row): on the raster; value at the nearest node; value at it or a neighbour."""
+    """For positions (column, row): inside the raster; value at the nearest node; value there or at a neighbour."""
     from scipy.ndimage import binary_dilation
 
     last = np.array(raster.shape[::-1]) - 1
@@ -281,7 +281,7 @@ def _columns(path: Path, line: int, header: list[str]) -> tuple[dict[str, int], 
 def _numbers(
     path: Path, line: int, row: list[str], columns: dict[str, int], gaps: bool, mistakes: list[Mistake]
 ) -> tuple[float, ...] | None:
-    """The numbers of a row, ``None`` if one cannot be used; mistakes are added to the list."""
+    """The numbers of a row, ``None`` after a mistake; mistakes are appended to the list."""
     numbers: list[float] = []
     for name, index in columns.items():
         cell = row[index].strip() if index < len(row) else ""

@@ -23,13 +23,13 @@ from soilmoist_ros.simulation.mission.streams import field_stream
 
 
 class Channel:
-    """Maps one property; all robots of a mission share it.
+    """Maps one property for all robots of a mission.
 
     :param field: true field of the property
     :param grid: cells of the map
     :param settings: settings of the mission
     :param curve: calibration for a moisture map, if any
-    :param wanted: the property in the settings
+    :param wanted: settings of the property
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Channel:
             self.field_map.add(record)
 
     def take_stop(self, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
-        """Add a complete visit; for maps of stops only.
+        """Add a complete visit to a map of stops.
 
         :param visit: the visit
         :param counted: records of the visit
@@ -95,7 +95,7 @@ class Channel:
 
     @property
     def soil_map(self) -> SoilMap | None:
-        """The last map with all bands, ``None`` before the first."""
+        """The last map with all bands, ``None`` before the first map."""
         return self.field_map.soil_map
 
     @property
@@ -107,7 +107,7 @@ class Channel:
 
 
 def mission_properties(settings: MissionSettings) -> tuple[PropertySettings, ...]:
-    """All properties that a mission measures; the first is the one of the mission field."""
+    """All properties that a mission measures; the first belongs to the mission field."""
     return PropertySettings(settings.field), *settings.properties
 
 

@@ -1,4 +1,4 @@
-"""What a mission leaves: its course, its visits, and a map of each property."""
+"""Result of a mission: state over time, visits, and a map of each property."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class SeriesRow:
     """The state of a mission at one time.
 
     :param time_s: mission time [s]
-    :param distance_m: distance travelled, of all robots together [m]
+    :param distance_m: distance travelled by all robots together [m]
     :param samples: finished visits
-    :param counting_s: time spent counting at stops, of all robots together [s]
-    :param errors: of the map of each property; the mission's own field is the first
+    :param counting_s: time that all robots together spent counting at stops [s]
+    :param errors: errors of the map of each property; the first belongs to the mission field
     """
 
     time_s: float
@@ -41,12 +41,12 @@ class SeriesRow:
 
     @property
     def mse(self) -> float:
-        """Mean squared error of the rate of the mission's own field [(counts/s)^2]."""
+        """Mean squared error of the rate of the mission field [(counts/s)^2]."""
         return self.errors[0].mse
 
     @property
     def mse_10s(self) -> float:
-        """The mean squared error in the authors' unit [(counts/10 s)^2]."""
+        """Mean squared error in the unit of the publication [(counts/10 s)^2]."""
         return 100 * self.mse
 
     @property
@@ -61,13 +61,13 @@ class SeriesRow:
 
 
 def series_columns(series: Sequence[SeriesRow], names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """A series as columns: those of the mission, then error and coverage of each further property.
+    """A series as columns: mission and first property, then error and coverage of each additional property.
 
     :param series: rows
-    :param names: names of all properties; the first has the columns without a name
+    :param names: names of all properties; columns of the first property have no suffix
     :returns: ``time_s``, ``distance_m``, ``samples``, ``mse``, ``mse_10s``, ``vwc_rmse``, ``coverage95``,
-        ``counting_s``, and ``mse_NAME`` and ``coverage95_NAME`` of each further property; with exactly one
-        further property also ``also_mse`` and ``also_coverage95``, the names that earlier releases had
+        ``counting_s``, and ``mse_NAME`` and ``coverage95_NAME`` of each additional property; with exactly one
+        additional property also ``also_mse`` and ``also_coverage95``, the names in earlier releases
     """
     shared = ("time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s")
     columns: dict[str, NDArray[Any]] = {
@@ -88,12 +88,12 @@ def series_columns(series: Sequence[SeriesRow], names: Sequence[str]) -> dict[st
 class MappedProperty:
     """A property that a mission mapped.
 
-    :param name: its name for files, see :func:`property_name`
-    :param title: its name for reports
+    :param name: name in files, see :func:`property_name`
+    :param title: name in reports
     :param records: all records of its sensors in order of time
-    :param soil_map: final map of its rate, ``None`` if the mission ended before the first
+    :param soil_map: final map of its rate, ``None`` if the mission ended before the first map
     :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside and if unknown
-    :param weight: value of a share of its variation to the planner, 0 if it was mapped only
+    :param weight: value of a share of its variation to the planner; 0 means mapped, but not planned for
     """
 
     name: str
@@ -111,16 +111,16 @@ class MappedProperty:
 
 @dataclass(frozen=True, eq=False)
 class MissionResult:
-    """What a mission leaves.
+    """Result of a mission.
 
-    :param settings: what it was run with
+    :param settings: settings of the mission
     :param series: state over time, in order; the last row is the end of the mission
-    :param visits: visits in the order in which they were finished
+    :param visits: visits in the order in which they finished
     :param tracks: corner points of each robot's path [m], shape (p, 2)
-    :param properties: the mapped properties; the mission's own field is the first
+    :param properties: mapped properties; the first belongs to the mission field
     :param frame: plane of the field
-    :param ended: why the mission ended
-    :param log: what happened, line by line
+    :param ended: reason for the end
+    :param log: lines of the mission log
     """
 
     settings: MissionSettings
@@ -134,22 +134,22 @@ class MissionResult:
 
     @property
     def records(self) -> Sequence[CountRecord]:
-        """Records of the mission's own field."""
+        """Records of the mission field."""
         return self.properties[0].records
 
     @property
     def soil_map(self) -> SoilMap | None:
-        """Final map of the mission's own field, ``None`` if the mission ended before the first."""
+        """Final map of the mission field, ``None`` if the mission ended before the first map."""
         return self.properties[0].soil_map
 
     @property
     def truth_rate(self) -> Array:
-        """True rate of the mission's own field on the map's grid [counts/s], shape (ny, nx), NaN outside."""
+        """True rate of the mission field on the map's grid [counts/s], shape (ny, nx), NaN outside."""
         return self.properties[0].truth_rate
 
     @property
     def field_title(self) -> str:
-        """Name of the mission's own field for reports."""
+        """Name of the mission field in reports."""
         return self.properties[0].title
 
     @property
@@ -158,7 +158,7 @@ class MissionResult:
         return series_columns(self.series, [mapped.name for mapped in self.properties])
 
     def to_dataframe(self) -> Any:
-        """The series as a :class:`pandas.DataFrame`, a row per entry.
+        """The series as a :class:`pandas.DataFrame`.
 
         :raises InputError: if pandas is not installed
         """

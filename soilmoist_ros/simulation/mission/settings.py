@@ -1,7 +1,7 @@
-"""What determines a simulated mission: each setting is declared once, here.
+"""Settings of a simulated mission; each is declared once, here.
 
-Options of the command line, keys of campaign files, columns of their tables and all checks are made from
-:data:`SETTINGS`. To add a setting, add a field to :class:`MissionSettings`, and use it where it matters.
+:data:`SETTINGS` defines command-line options, keys and table columns of campaigns, and all checks.
+To add a setting, add a field to :class:`MissionSettings` and use it.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ _PUBLISHED = MappingProxyType(
 PRESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {"recommended": _RECOMMENDED, "paper": _PUBLISHED, "authors": _PUBLISHED}
 )
-"""Settings that a preset chooses where none is given."""
+"""Default values of the settings that a preset chooses."""
 
 
 @dataclass(frozen=True)
 class Setting:
     """The declaration of a setting.
 
-    :param name: its name, with the unit where it is not obvious
+    :param name: name, with the unit where it is not obvious
     :param kind: type of a value; ``tuple`` for a list of properties
-    :param default: its default; ``None`` if it is chosen by the preset, or left to the field
+    :param default: default; ``None`` if the preset or the field chooses it
     :param help: what it sets, and what happens at its limits
     :param unit: unit for tables and help
     :param low: smallest value
     :param above: whether a value must be greater than ``low``
-    :param choices: values allowed; any if empty
-    :param registered: function that returns the registered names; these are read when a value is checked
-    :param check: function that returns a value in its plain form, and raises :class:`InputError`
-    :param method: from Python an object with this method is allowed, too, instead of its name; empty for none
+    :param choices: permitted values; any if empty
+    :param registered: function that returns the registered names; called when a value is checked
+    :param check: function that returns a value in its plain form, or raises :class:`InputError`
+    :param method: in Python, objects with this method are permitted instead of a name; empty for names only
     """
 
     name: str
@@ -68,7 +68,7 @@ class Setting:
 
     @property
     def option(self) -> str:
-        """Its option on the command line: the name without its unit."""
+        """Command-line option: the name without its unit."""
         if self.kind is tuple:
             return "--property"
         stem = next((self.name.removesuffix(end) for end in _UNITS if self.name.endswith(end)), self.name)
@@ -76,7 +76,7 @@ class Setting:
 
     @property
     def limits(self) -> str:
-        """Values allowed, for help; empty if all of the type are."""
+        """Permitted values as text for help; empty if the type is the only limit."""
         if self.choices:
             return "|".join(self.choices)
         if self.low is None:
@@ -84,7 +84,7 @@ class Setting:
         return f"{'>' if self.above else '>='} {self.low:g}"
 
     def checked(self, given: Any) -> Any:
-        """A value in its plain form.
+        """Check a value and return it in its plain form.
 
         >>> SETTINGS["hours"].checked(2)
         2.0
@@ -95,7 +95,7 @@ class Setting:
         ...
         ValueError: must be >= 1, but it is 0
 
-        :raises ValueError: if it is of another type or not allowed
+        :raises ValueError: if it is of another type or not permitted
         """
         value: Any = given
         if value is None and self.default is None:
@@ -125,9 +125,9 @@ class Setting:
             raise ValueError(str(error)) from None
 
     def parsed(self, text: str) -> Any:
-        """The value of a text from the command line.
+        """Read a value from the text of a command-line option.
 
-        :raises ValueError: if it is not allowed
+        :raises ValueError: if it is not permitted
         """
         if self.kind in (int, float):
             try:
@@ -144,7 +144,7 @@ _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 
 def _is_of(value: object, kind: type) -> bool:
-    """Whether a value has a type; truth values are no numbers, and texts of an enumeration are texts."""
+    """Whether a value has a type; truth values do not count as numbers, texts of an enumeration count as texts."""
     return isinstance(value, kind) and isinstance(value, bool) == (kind is bool)
 
 
@@ -177,11 +177,11 @@ def _setting(default: Any, help: str, kind: type | None = None, **about: Any) ->
 
 @dataclass(frozen=True)
 class PropertySettings:
-    """A further property that the robots count and map.
+    """An additional property that the robots measure and map.
 
-    :param field: surrogate field whose rate is its truth: a built-in name, the path of a field file, or the field
-    :param weight: value of a share of its variation to the planner, that of the mission's own field being 1; with
-        0 it is mapped, but not planned for
+    :param field: surrogate field with the true rate: a built-in name, the path of a field file, or the field
+    :param weight: value of a share of its variation to the planner, relative to 1 for the mission field; with 0,
+        the property is mapped, but not planned for
     """
 
     field: str | SurrogateField
@@ -211,12 +211,12 @@ class PropertySettings:
 
     @property
     def name(self) -> str:
-        """Its name in topics and files."""
+        """Name in topics and files."""
         return property_name(self.field_name)
 
     @property
     def field_name(self) -> str:
-        """Name or path of its field."""
+        """Name or path of the field."""
         return self.field if isinstance(self.field, str) else self.field.name
 
     def __str__(self) -> str:
@@ -227,15 +227,15 @@ class PropertySettings:
 class MissionSettings:
     """Everything that determines a simulated mission, bit for bit.
 
-    What is not given is as the preset has it, see :data:`PRESETS`; what is given wins. Two settings are equal if
-    they mean the same mission.
+    The preset chooses settings that are not given, see :data:`PRESETS`. Two settings are equal if they describe
+    the same mission.
 
     >>> MissionSettings().strategy, MissionSettings(preset="paper").strategy
     ('gcb', 'greedy')
     >>> MissionSettings(preset="paper", model="matern32").model
     'matern32'
 
-    The meaning of each is in :data:`SETTINGS`, for instance ``SETTINGS["dwell"].help``.
+    :data:`SETTINGS` describes each setting, for instance ``SETTINGS["dwell"].help``.
     """
 
     field: str | SurrogateField = _setting(
@@ -324,7 +324,7 @@ class MissionSettings:
         object.__setattr__(self, "properties", _properties(self.properties))
 
     def check(self) -> None:
-        """Check every setting, and those that must fit together.
+        """Check every setting and the combinations.
 
         :raises InputError: with every mistake
         """
@@ -348,7 +348,7 @@ class MissionSettings:
 
     @property
     def _named(self) -> dict[str, str]:
-        """Names of what may be an object."""
+        """Names of the settings that may be objects."""
         strategy, kind = self.strategy, self.strategy if isinstance(self.strategy, type) else type(self.strategy)
         return {
             "field": self.field_name,

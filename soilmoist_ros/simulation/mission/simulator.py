@@ -107,7 +107,7 @@ class _Robot:
         self.sensors = sensors
         self.noise_m = noise_m
         self.goal: tuple[float, GoTo] | None = None  # time of arrival, and the action
-        self.records: list[list[CountRecord]] = []  # one of each sensor, in order of time
+        self.records: list[list[CountRecord]] = []  # in order of time, each with one record per sensor
         self.ended = ""
         self.deadline_s = math.inf  # set by next_s()
         self.sent_xy: tuple[float, float] | None = None  # position at the last Moved event
@@ -144,7 +144,7 @@ class _Simulation:
         self.grid = field.field.grid(settings.cell_m)
         self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
-        # The calibration belongs to the mission field: the other properties are no moisture.
+        # The calibration belongs to the mission field; other properties have no moisture.
         self.channels = [
             Channel(one, self.grid, settings, one.curve if one is field else None, wanted)
             for one, wanted in zip(fields, mission_properties(settings), strict=True)
@@ -251,7 +251,7 @@ class _Simulation:
             self.give(robot, Tick(self.now_s))
 
     def give(self, robot: _Robot, event: Event) -> None:
-        """Pass an event to the mission of a robot and carry out the requested actions."""
+        """Pass an event to the mission of a robot and carry out its actions."""
         for action in robot.mission.step(event):
             self.carry_out(robot, action)
 
@@ -401,5 +401,5 @@ def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float
 
 
 def _nominal_rate(field: SurrogateField) -> float:
-    """Expected rate before the first record: that of 15 % moisture, by the calibration of the field."""
+    """Expected rate before the first record: the rate at 15 % moisture by the calibration of the field."""
     return 4.0 if field.curve is None else float(field.curve.rate_cps(0.15))
