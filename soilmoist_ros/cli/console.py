@@ -17,7 +17,7 @@ FILE = click.Path(path_type=Path)
 
 
 class VariogramModel(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """Name of a registered variogram model. The registry needs numpy, so only a given option loads it."""
+    """Name of a registered variogram model. Only a given option loads the registry, because it needs numpy."""
 
     name = "model"
 

@@ -12,10 +12,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def on_space(call: Callable[[], None]) -> Iterator[None]:
-    """Call a function, in a thread, each time the space bar is pressed; never without a terminal.
-
-    :param call: function to call
-    """
+    """Call a function in a thread each time the space bar is pressed; without a terminal, do nothing."""
     if sys.stdin is None or not sys.stdin.isatty():
         yield
         return

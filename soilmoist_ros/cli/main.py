@@ -1,6 +1,6 @@
 """The ``soilmoist`` command. Exit code 0: success; 1: incomplete or failed; 2: bad input; 130: interrupted.
 
-Each subcommand is in the file of its name. It is loaded when it is used, which keeps ``--help`` fast.
+Each subcommand is in the file of its name and is loaded on use, which keeps ``--help`` fast.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ COMMANDS = {
 
 
 class _Commands(click.Group):
-    """Loads a subcommand when it is used."""
+    """Loads each subcommand on use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all subcommands."""
@@ -41,7 +41,7 @@ class _Commands(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the names and texts without loading a subcommand."""
+        """Write names and help texts without loading a subcommand."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 

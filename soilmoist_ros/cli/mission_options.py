@@ -35,7 +35,7 @@ class _Value(click.ParamType):  # type: ignore[type-arg]
 
 
 def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command], Command]:
-    """Add an option per setting; the command receives the given ones as ``choices``.
+    """Add an option per setting; the command receives the given options as ``choices``.
 
     :param names: settings that become options
     """

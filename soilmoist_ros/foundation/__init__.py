@@ -1,4 +1,4 @@
-"""Errors with a remedy, configuration files, geodesy, health: needed by all, knows nobody."""
+"""Errors with a remedy, configuration files, geodesy and health; imports no other folder of the package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Configuration files: find them, read them, and name every mistake in them at once."""
+"""Find and read configuration files, and report all their mistakes at once."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Location = tuple[int | str, ...]
 
 
 class Section(BaseModel):
-    """Base of every part of a configuration file: immutable, and no unknown keys."""
+    """Base class for every part of a configuration file: immutable, without unknown keys."""
 
-    # Built when first used: a node imports more models than it reads files.
+    # Defer the build to the first use: a node reads fewer files than it imports models.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def config_folder() -> Path:
-    """The ``config`` folder of the installation: of the source tree, else of ``share/soilmoist_ros``.
+    """The ``config`` folder of the source tree, otherwise of ``share/soilmoist_ros``.
 
     :raises InputError: if the package was installed without its data files
     """
@@ -53,7 +53,7 @@ def resource(kind: str, name: str) -> Path:
 
     :param kind: sub-folder of ``config``, such as ``loggers``
     :param name: path to a file, or the name of a shipped file without ``.yaml``
-    :raises InputError: if there is neither; lists the names there are
+    :raises InputError: if neither exists; lists the shipped names
     """
     path = Path(name)
     if path.is_file():
@@ -104,7 +104,7 @@ def load_model(path: Path, model: type[Model]) -> Model:
 
     :param path: file to read
     :param model: pydantic model that describes it
-    :raises InputError: with every mistake in the file: its line, its key, and what to do
+    :raises InputError: with line, key and remedy of every mistake in the file
     """
     content = read_yaml(path)
     if not isinstance(content, Mapping):
@@ -121,7 +121,7 @@ def load_model(path: Path, model: type[Model]) -> Model:
 
 
 def _plain(node: Any) -> Any:
-    """The node with ordinary dicts and lists in place of the parser's own."""
+    """Convert the containers of the parser to plain dicts and lists."""
     if isinstance(node, Mapping):
         return {str(key): _plain(value) for key, value in node.items()}
     if isinstance(node, Sequence) and not isinstance(node, (str, bytes)):
@@ -132,7 +132,7 @@ def _plain(node: Any) -> Any:
 
 
 def _without_consequences(details: Sequence[Any]) -> list[Any]:
-    """The errors but those of lists that are too short only because their items are wrong."""
+    """Drop the errors of lists that are too short only because their items are wrong."""
 
     def is_consequence(detail: Any) -> bool:
         place = detail["loc"]
@@ -163,12 +163,12 @@ def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -
 
 
 def _is_tag(part: int | str, content: Any) -> bool:
-    """Pydantic puts the name of the tried union member into a location; the user never wrote that."""
+    """Whether a part of a location is the name of a union member, which pydantic adds and no file contains."""
     return isinstance(part, str) and bool(re.search(r"[\[(]|^function-|^[A-Z]\w+$", part))
 
 
 def line_of(content: Any, location: Location) -> int:
-    """Line (from 1) of the deepest part of a location that stands in the file."""
+    """Line, from 1, of the deepest part of a location that the file contains."""
     node, line = content, 0
     for part in location:
         marks = getattr(node, "lc", None)
@@ -186,7 +186,7 @@ def line_of(content: Any, location: Location) -> int:
 
 
 def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
-    """Keys that the part of the model at a location may have."""
+    """Permitted keys of the part of the model at a location."""
     current: Any = model
     for part in location:
         if isinstance(part, int):

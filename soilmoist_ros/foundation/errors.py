@@ -1,4 +1,4 @@
-"""Exceptions of the core: each says what is wrong, where, and what to do about it."""
+"""Exceptions of the core: each states the mistake, its place and the remedy."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Mistake:
-    """One fault found in an input file.
+    """One mistake in the input.
 
     :param message: what is wrong
-    :param remedy: what the user can do about it (may be empty)
-    :param path: file in which it was found, ``None`` if it is not about a file
-    :param line: line in that file, counted from 1, 0 if unknown
-    :param column: name of the column or key, empty if it is about the whole line or file
+    :param remedy: what the user can do; may be empty
+    :param path: file with the mistake, ``None`` without a file
+    :param line: line in the file, counted from 1; 0 if unknown
+    :param column: name of the column or key; empty if the mistake concerns the whole line or file
     """
 
     message: str
@@ -35,13 +35,13 @@ class Mistake:
 
 
 class SoilmoistError(Exception):
-    """Base of every exception this package raises on purpose."""
+    """Base class of every exception that this package raises on purpose."""
 
 
 class InputError(SoilmoistError):
-    """The user's input cannot be used; carries every mistake that was found, not only the first.
+    """The input of the user cannot be used; contains every mistake found.
 
-    :param mistakes: one or more mistakes; a plain string is taken as the only message
+    :param mistakes: one or more mistakes; a plain string is the only message
     :param remedy: what to do, when ``mistakes`` is a plain string
     :param path: file concerned, when ``mistakes`` is a plain string
     """
@@ -54,4 +54,4 @@ class InputError(SoilmoistError):
 
 
 class IllConditionedError(SoilmoistError):
-    """A covariance matrix is not positive definite, even with jitter: the model contradicts itself numerically."""
+    """A covariance matrix is not positive definite, even with jitter: the model is numerically inconsistent."""

@@ -1,4 +1,4 @@
-"""Modules of optional extras, which are imported when something needs them."""
+"""Modules of optional extras, imported on use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def optional_module(name: str, extra: str) -> Any:
 
     :param name: name of the module
     :param extra: name of the extra that installs it
-    :raises InputError: if it is not installed; says how to install it
+    :raises InputError: if it is not installed; states how to install it
 
     >>> optional_module("absent", "frames")
     Traceback (most recent call last):

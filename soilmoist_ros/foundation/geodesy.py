@@ -1,8 +1,8 @@
 """Positions inside a field: a tangent plane (east, north, in metres) about a fixed datum.
 
-The plane is the ellipsoidal orthographic projection (EPSG method 9840), which for points on the
-ellipsoid *is* the horizontal part of topocentric east-north-up coordinates. A field never uses UTM
-inside, so a zone seam through it does no harm; a projected CRS is chosen once, at export.
+The plane is the ellipsoidal orthographic projection (EPSG method 9840). For points on the ellipsoid, it *is* the
+horizontal part of topocentric east-north-up coordinates. A field does not use UTM internally and may cross a zone
+border; a projected CRS is chosen once, at export.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class LocalFrame:
 
     :param latitude_deg: latitude of the datum [deg], -90..90
     :param longitude_deg: longitude of the datum [deg], -180..180, east positive
-    :raises ValueError: if either is out of range
+    :raises ValueError: if a coordinate is out of range
     """
 
     latitude_deg: float

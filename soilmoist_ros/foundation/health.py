@@ -1,4 +1,4 @@
-"""How well a part of the system works, for diagnostics: said by the core, shown by ROS tools."""
+"""Health of the parts of the system: reported by the core, shown by the diagnostic tools of ROS."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from dataclasses import dataclass, field
 
 
 class Level(enum.IntEnum):
-    """Severity; the numbers are those of diagnostic_msgs/DiagnosticStatus."""
+    """Severity, numbered as in diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
-    """Works, but somebody should look at it."""
+    """Works, but needs attention."""
     ERROR = 2
-    """Does not do what it is there for."""
+    """Does not work."""
     STALE = 3
-    """Nothing is known, or no longer."""
+    """State unknown or out of date."""
 
 
 @dataclass(frozen=True)
 class Health:
     """State of one part.
 
-    :param name: the part, such as ``logger link``
-    :param level: how well it works
-    :param message: one line for the operator; says what to do if something is to be done
+    :param name: name of the part, such as ``logger link``
+    :param level: severity
+    :param message: one line for the operator, with the remedy if there is one
     :param values: details by name, with units in the names
     """
 
@@ -36,5 +36,5 @@ class Health:
 
 
 def worst(parts: Iterable[Health]) -> Level:
-    """The most severe level of several parts, OK without any."""
+    """The most severe level of several parts; OK without parts."""
     return max((part.level for part in parts), default=Level.OK)

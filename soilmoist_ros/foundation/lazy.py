@@ -1,4 +1,4 @@
-"""Public names of a folder, loaded when they are first used: ``import soilmoist_ros.sensing`` stays light."""
+"""Load the public names of a folder on first use, which keeps ``import soilmoist_ros.sensing`` light."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 def load_on_use(package: str, file: str) -> Callable[[str], Any]:
     """A module's ``__getattr__`` that imports what the file imports under ``if TYPE_CHECKING``.
 
-    Type checkers and readers see plain imports; Python runs one of them when its name is asked for.
+    Type checkers and readers see plain imports; Python runs an import when its name is first used.
 
     :param package: ``__name__`` of the package
     :param file: ``__file__`` of its ``__init__``
@@ -28,7 +28,7 @@ def load_on_use(package: str, file: str) -> Callable[[str], Any]:
         return {alias.name: node.module or "" for node in imports for alias in node.names}
 
     def load(name: str) -> Any:
-        # Python itself asks for names such as __path__: they are nobody's, and need no look at the file.
+        # Python looks up names such as __path__, which no file defines; skip reading the file for them.
         if name.startswith("__") or name not in homes():
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(import_module(homes()[name]), name)

@@ -1,4 +1,4 @@
-"""Things chosen by name: those of this package, and those that installed packages add through entry points."""
+"""Objects chosen by name, from this package and from the entry points of installed packages."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _log = logging.getLogger(__name__)
 class Registry(Generic[T]):
     """Named objects of one kind.
 
-    Another package adds one with an entry point of the group in its metadata, for example
+    Another package adds an object with an entry point of the group in its metadata, for example
     ``[project.entry-points."soilmoist_ros.strategies"]`` with ``spiral = "my_package:Spiral"``.
     Entry points are read only when a name is not built in, or when all names are listed.
-    A plug-in that cannot be loaded is named in a warning and skipped.
+    A plug-in that cannot be loaded is skipped with a warning.
 
     :param group: group of the entry points, such as ``soilmoist_ros.strategies``
-    :param noun: what one of them is called in messages, such as ``strategy``
+    :param noun: word for an object in messages, such as ``strategy``
     :param built_in: the objects of this package, or a function that returns them; called at the first use
-    :param check: returns the object of a plug-in as it is used from then on;
+    :param check: converts the object of a plug-in to the form in use;
         raises ``ValueError``, ``TypeError`` or :class:`InputError` if it cannot be used
-    :param advice: what an unknown name is answered with, before "one of:" and the names
+    :param advice: text for an unknown name, before "one of:" and the names
 
     >>> shapes = Registry("example.shapes", "shape", {"circle": 0, "square": 4})
     >>> shapes.names()
@@ -62,7 +62,7 @@ class Registry(Generic[T]):
         return f"Registry({self._group!r}, {len(self._objects())} built in)"
 
     def names(self) -> list[str]:
-        """Names of all objects that can be used: the built-in ones in their order, then the others, sorted."""
+        """Names of all usable objects: built-in names in their order, then all others, sorted."""
         own = self._objects()
         for name in sorted(set(self._found()) & set(own)):
             self._skip(name, f"the name is built in, and {_providers(self._found()[name])} adds it too")
@@ -71,7 +71,7 @@ class Registry(Generic[T]):
     def get(self, name: str) -> T:
         """The object of a name.
 
-        :raises InputError: if there is none, if it cannot be loaded, or if two packages add one of this name
+        :raises InputError: if the name is unknown, if two packages add it, or if the object cannot be loaded
         """
         own = self._objects()
         if name in own:
@@ -109,7 +109,7 @@ class Registry(Generic[T]):
         return self._own
 
     def _found(self) -> dict[str, list[EntryPoint]]:
-        """Entry points of each name; several of one name if packages disagree about it."""
+        """Entry points by name; several for a name that several packages add."""
         if self._plug_ins is None:
             self._plug_ins = {}
             for point in entry_points(group=self._group):
@@ -142,7 +142,7 @@ class Registry(Generic[T]):
         (point,) = points
         try:
             return self._check(point.load())
-        except Exception as error:  # whatever the code of another package raises
+        except Exception as error:  # the code of another package may raise anything
             reason = str(error) if isinstance(error, SoilmoistError) else f"{type(error).__name__}: {error}"
             message = f"the {self._noun} {name!r} ({point.value}) of {_provider(point)} cannot be loaded: {reason}"
             raise InputError(message, f"repair or uninstall {_provider(point)}") from error

@@ -1,4 +1,4 @@
-"""Work that is shared: by local processes with one thread of linear algebra each, or by a Dask cluster."""
+"""Distribute work to local processes, each with one thread of linear algebra, or to a Dask cluster."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ THREADS = (
     "VECLIB_MAXIMUM_THREADS",
 )
 CONNECT_S = 10.0
-"""Time that a Dask scheduler, and then its first worker, may take to answer [s]."""
+"""Time limit for the answer of a Dask scheduler, and then of its first worker [s]."""
 
 _KEYS = "set ca-file, client.key and client.cert below distributed.comm.tls in ~/.config/dask/distributed.yaml"
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Processes started meanwhile use one thread each: it must be set before they load numpy."""
+    """Limit processes that start in this context to one thread; the limit must be set before they load numpy."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -54,7 +54,7 @@ def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
     """A client of a Dask cluster that has a worker.
 
     :param scheduler: address of the scheduler, such as ``tcp://head:8786``
-    :param timeout_s: time that the scheduler, and then its first worker, may take to answer [s]
+    :param timeout_s: time limit for the answer of the scheduler, and then of its first worker [s]
     :raises InputError: if Dask is not installed, or the scheduler or a worker does not answer in time
     """
     try:
@@ -82,9 +82,9 @@ def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
 
 
 def _check_address(scheduler: str, distributed: Any) -> None:
-    """Refuse an address that Dask would not understand: it would hang in the attempt to take the client down.
+    """Refuse an address that Dask does not understand, because Dask would hang when it closes the client.
 
-    :raises InputError: if it is not that of a scheduler, or an encrypted one without keys
+    :raises InputError: if it is not the address of a scheduler, or is encrypted and has no keys
     """
     form = re.fullmatch(r"((?P<scheme>tcp|tls)://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):(?P<port>\d{1,5})", scheduler)
     if form is None or not 0 < int(form["port"]) < 65536:
@@ -103,11 +103,11 @@ def _check_address(scheduler: str, distributed: Any) -> None:
 
 @contextmanager
 def shared_work(workers: int | None = None, scheduler: str | None = None) -> Iterator[Compute]:
-    """A ``map`` that computes elsewhere; processes and connections last from the first item to the end.
+    """A ``map`` on several processes or a cluster, which stay open from the first item to the end.
 
     :param workers: local processes; one per core if ``None``, 0 or 1 computes in this process
-    :param scheduler: address of a Dask scheduler to compute on instead, whose workers have the same version of
-        this package
+    :param scheduler: address of a Dask scheduler, used instead of local processes; its workers need the same
+        version of this package
     :raises InputError: when used, if the cluster cannot be reached, or a worker dies
     """
     count = cores() if workers is None else workers
@@ -121,7 +121,7 @@ def shared_work(workers: int | None = None, scheduler: str | None = None) -> Ite
 
 
 class _Processes:
-    """Fresh local processes, each with one thread of linear algebra."""
+    """New local processes, each with one thread of linear algebra."""
 
     def __init__(self, count: int, stack: ExitStack) -> None:
         self._count, self._stack = count, stack

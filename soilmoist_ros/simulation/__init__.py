@@ -1,4 +1,4 @@
-"""Data of known truth: surrogate fields, simulated missions, and virtual robots, loggers and receivers."""
+"""Data with a known truth: surrogate fields, simulated missions, and virtual robots, loggers and receivers."""
 
 from __future__ import annotations
 

@@ -46,8 +46,8 @@ Output = Sent | Reachable | PropertyCounted | NavigationEvent
 class VirtualSystem:
     """Steps through simulated time. Settings, scenario and requests determine the output.
 
-    Robot, sensors and random streams are those of :func:`simulate_mission`: the same positions at the same times
-    give the same counts. The sensors of additional properties have no faults.
+    Robot, sensors and random streams equal those of :func:`simulate_mission`: equal positions at equal times yield
+    equal counts. The sensors of additional properties have no faults.
 
     :param settings: field, seed, robot, sensor and noise; settings of the mission itself are ignored
     :param start_s: time at which the simulation begins [s since 1970 UTC]
@@ -110,7 +110,7 @@ class VirtualSystem:
         """
         out: list[Output] = []
         while (next_s := self._next_s) <= to_s:
-            # A request since the last step may have made something due at once.
+            # A request since the last step may be due at once.
             self.now_s = max(next_s, self.now_s)
             self._step()
             out += self.navigation.happened(self.now_s)
@@ -163,7 +163,7 @@ class VirtualSystem:
         if self._next_place_s <= self.now_s:
             self._path.append(self.robot.at(self.now_s))
         if self._record_end_s <= self.now_s:
-            # Latest position first, as in simulate_mission: the mean then has the same rounding.
+            # Latest position first, as in simulate_mission: the mean is then rounded equally.
             path = np.array(self._path[::-1])
             record = self.logger.record(self.now_s, path)
             self._records += 1

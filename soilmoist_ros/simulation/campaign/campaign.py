@@ -1,4 +1,4 @@
-"""Campaigns: missions are simulated in parallel, stored one by one, and collected in tables."""
+"""Run campaigns: simulate missions in parallel, store each, and collect them in tables."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class CampaignOutcome:
     :param total: missions of the campaign
     :param computed: missions computed now
     :param reused: stored missions that were reused
-    :param failures: failed missions, in the order of the campaign; the others are in the tables
+    :param failures: failed missions, in the order of the campaign; the tables contain all other missions
     :param remarks: notes for the user, such as damaged files whose missions were computed again
     :param written: paths of the tables
     """
@@ -73,7 +73,7 @@ class CampaignOutcome:
 
 
 class CampaignInterrupted(KeyboardInterrupt):
-    """Interrupt by the user; the message states the progress and how to resume.
+    """The user interrupted the campaign; the message states the progress and how to resume.
 
     :param done: missions stored
     :param total: missions of the campaign
@@ -97,9 +97,9 @@ def run_campaign(
 ) -> CampaignOutcome:
     """Compute all missions of a campaign that are not stored yet, and write the tables.
 
-    A mission depends on its settings alone, so neither the number of processes nor an interruption changes the
-    results. Each finished mission is stored at once in ``out/runs``. Stored missions are reused if they are
-    complete and come from the same version of the code.
+    A mission depends on its settings alone: the number of processes and interruptions do not change the results.
+    Each finished mission is stored at once in ``out/runs``. Stored missions are reused if they are complete and
+    come from the current version of the code.
 
     :param campaign: campaign from :func:`load_campaign`
     :param out: output folder; created if missing

@@ -42,7 +42,7 @@ def _many(value: Any) -> Any:
 
 
 def _seeds(value: Any) -> Any:
-    """A number N of runs means the seeds 1..N."""
+    """A number N means the seeds 1..N."""
     if isinstance(value, int) and not isinstance(value, bool):
         if value < 1:
             raise ValueError("there must be at least one run")
@@ -66,7 +66,7 @@ def _lists(value: Any) -> Any:
 
 
 def _with_new_keys(part: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Rename old keys of a part of the file; ``also`` and ``also_weight`` have become ``properties``."""
+    """Rename old keys of a part of the file: ``also`` and ``also_weight`` become ``properties``."""
     renamed = {name: value for name, value in part.items() if name not in _OLD_KEYS}
     for name in part.keys() - renamed.keys():
         new = _OLD_KEYS[name]
@@ -127,7 +127,7 @@ class Published(Section):
     low_gradient: Many[Name] | None = None
     """Fields with a low contrast."""
     reasons: Mapping[FindingKey, str] = Setting(default_factory=dict)
-    """Established reasons why this campaign differs from a finding; shown if it differs."""
+    """Known reasons why the campaign differs from a finding; shown if it differs."""
 
 
 class Campaign(Section):
@@ -149,7 +149,6 @@ class Campaign(Section):
     defaults: Choices = Choices()
     """Default values for experiments."""
     experiments: Annotated[tuple[Experiment, ...], Setting(min_length=1)]
-    """The experiments."""
     published: Published | None = None
     """Comparison with the published findings; optional."""
 
@@ -234,7 +233,7 @@ def combinations(campaign: Campaign, experiment: Experiment) -> Iterator[Mission
 
 
 def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None) -> str:
-    """Digest of the settings of a mission; files are digested with their content and the files they name.
+    """Digest of the settings of a mission and of the content of its files, including the files that they name.
 
     :param digests: known digests of field files and graphs; new ones are added
     """
@@ -301,7 +300,7 @@ def _file_digest(path: Path) -> str:
     try:
         digest.update(path.read_bytes())
         for name in sorted(set(_texts(read_yaml(path)))):
-            with suppress(OSError, ValueError):  # most texts are no file names, some are invalid as one
+            with suppress(OSError, ValueError):  # most texts are not file names; some are invalid file names
                 digest.update(b"\0" + (path.parent / name).read_bytes())
     except OSError as error:
         raise InputError(f"the file cannot be read: {error.strerror}", "check its path", path) from None
@@ -321,7 +320,7 @@ def _texts(node: Any) -> Iterator[str]:
 
 
 def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
-    """Mistakes in fields, graphs and names, found in the raw file so that wrong keys do not hide them."""
+    """Mistakes in fields, graphs and names; reads the raw file, because wrong keys would hide them."""
     root = _mapping(content)
     defaults, listed = _mapping(root.get("defaults")), root.get("experiments")
     experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []

@@ -53,7 +53,7 @@ class StoredMission:
     :param series: state over time
     :param visits: visits in order
     :param tracks: corner points of each robot's path, shape (p, 2) [m]
-    :param x_m: centres of the map's columns, shape (nx,) [m]; this and all following are empty without a map
+    :param x_m: centres of the map's columns, shape (nx,) [m]; this and all later arrays are empty without a map
     :param y_m: centres of the map's rows, shape (ny,) [m]
     :param rate: final map of the rate, shape (ny, nx) [counts/s]
     :param rate_sd: standard deviation of the estimate [counts/s]
@@ -79,7 +79,7 @@ class StoredMission:
 
 @cache
 def code_version() -> str:
-    """Version of the package and a digest of the computing code, which keeps results of different code apart."""
+    """Version of the package with a digest of the computing code, which separates results of different code."""
     package = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256()
     for path in sorted(path for name in COMPUTING for path in (package / name).glob("**/*.py")):
@@ -178,7 +178,7 @@ def _packed_series(result: MissionResult) -> Array:
 
 
 def _row(values: list[float]) -> SeriesRow:
-    """The series entry of a row of numbers."""
+    """A series entry from a row of numbers."""
     time_s, distance_m, samples, counting_s, *errors = values
     size = len(MapErrors._fields)
     found = tuple(MapErrors(*errors[start : start + size]) for start in range(0, len(errors), size))
@@ -213,8 +213,8 @@ class MissionStore:
     def read(self, mission: Mission) -> StoredMission | None:
         """A finished mission, ``None`` if there is none.
 
-        :raises DamagedMissionError: if its file is damaged or another mission's
-        :raises StaleMissionError: if other code made it
+        :raises DamagedMissionError: if its file is damaged or contains another mission
+        :raises StaleMissionError: if another version of the code computed it
         """
         path = self.path(mission.key)
         try:
@@ -229,10 +229,10 @@ class MissionStore:
             raise type(error)(f"{path.name} {error}") from None
 
     def write(self, mission: Mission, content: bytes) -> StoredMission:
-        """Store a mission: afterwards its file is there and whole, whatever happens meanwhile.
+        """Store a mission atomically: an interruption never leaves an incomplete file.
 
-        :param content: of :func:`pack`
-        :raises DamagedMissionError: if the content is not that of the mission, computed by this code
+        :param content: bytes from :func:`pack`
+        :raises DamagedMissionError: if the content belongs to another mission or version of the code
         :raises InputError: if it cannot be written
         """
         stored = check(unpack(content), mission)

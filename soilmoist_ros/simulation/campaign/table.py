@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Finished = Sequence[tuple[Mission, StoredMission]]
 
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
-"""Columns of the mission and of its first property; columns of additional properties end in their names."""
+"""Columns of the mission and its first property; columns of additional properties end in their names."""
 
 
 def require_pandas() -> Any:
@@ -35,7 +35,7 @@ def require_pandas() -> Any:
     """
     try:
         import pandas
-        import pyarrow  # noqa: F401 - pandas imports it only when it writes
+        import pyarrow  # noqa: F401 - pandas imports pyarrow only when it writes
     except ImportError as error:
         raise InputError(
             f"campaigns need {error.name}, which is not installed", "pip install 'pandas>=2.2' 'pyarrow>=14'"
@@ -49,7 +49,7 @@ def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
     The time grid of a mission reaches from 0 to its planned end. A row has the last entered state; after an early
     end, it has the final state. ``counting_share`` is the share of the elapsed time spent counting at stops.
 
-    :param finished: missions
+    :param finished: finished missions
     :param every_s: time between two rows of a mission [s]
     """
     pandas = require_pandas()
@@ -121,7 +121,7 @@ def write_tables(out: Path, campaign: Campaign, finished: Finished) -> list[Path
 
 
 def time_grid(hours: float, every_s: float) -> Array:
-    """Times from 0 to the planned end, which is always included [s]."""
+    """Times from 0 to the planned end [s]; the end is always included."""
     end_s = 3600 * hours
     grid = every_s * np.arange(np.floor(end_s / every_s * (1 + 1e-12)) + 1)
     return grid if end_s - grid[-1] < 1e-6 * every_s else np.append(grid, end_s)

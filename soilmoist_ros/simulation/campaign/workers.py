@@ -1,7 +1,7 @@
 """Compute the missions of a campaign in this process, in local processes, or on a Dask cluster.
 
-Each function takes the remaining missions. It yields them in the order in which they finish, with the bytes of
-the file or the failure.
+Each function takes the remaining missions. It yields each mission when it finishes, with the bytes of its file
+or the failure.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _stop: Event | None = None
 
 @dataclass(frozen=True)
 class Failure:
-    """A mission that did not finish.
+    """A failed mission.
 
     :param mission: the mission
     :param error: error message in one line
@@ -76,8 +76,8 @@ def in_this_process(todo: Iterable[Mission], simulate: Simulate) -> Flow:
 def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> Flow:
     """Compute in ``workers`` new local processes, each with one thread of linear algebra.
 
-    When a process dies, all running missions are retried one by one. Only a mission that kills its process again
-    fails.
+    After the death of a process, all running missions are retried one by one. A mission fails if it kills its
+    process again.
     """
     waiting, suspects = deque(todo), list[Mission]()
     with one_thread_each():
@@ -115,7 +115,7 @@ def _in_one_pool(
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Processes started in this context ignore Ctrl-C, even while they load modules."""
+    """Let processes that start in this context ignore Ctrl-C, even while they load modules."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -127,7 +127,7 @@ def _deaf() -> Iterator[None]:
 
 
 def _begin(stop: Event) -> None:
-    """Initialise a process: it ignores Ctrl-C, because the parent handles it and sets ``stop``."""
+    """Initialise a process: it ignores Ctrl-C, because the parent handles Ctrl-C and sets ``stop``."""
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -31,10 +31,10 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class Reachable:
-    """Change of reachability. An unreachable link closes all connections and refuses new ones.
+    """The link becomes reachable or unreachable. An unreachable link closes and refuses connections.
 
     :param link: name of the connection
-    :param reachable: whether it can be reached
+    :param reachable: whether clients can connect
     """
 
     link: str
@@ -42,7 +42,7 @@ class Reachable:
 
 
 class FaultyLink:
-    """One connection. Times count from the start of the simulation.
+    """One connection with faults. Times count from the start of the simulation.
 
     :param name: name of the connection
     :param faults: outages and damages to simulate
@@ -87,7 +87,7 @@ class FaultyLink:
         self._on_the_way += [(earliest_s + delay_s, data) for delay_s, data in packets]
 
     def receive(self, now_s: float) -> list[Sent | Reachable]:
-        """Everything that has arrived by now, in order."""
+        """Arrivals up to now, in order."""
         out: list[Sent | Reachable] = []
         while self.next_s <= now_s:
             if self._turns and self._turns[0] <= self.next_s:

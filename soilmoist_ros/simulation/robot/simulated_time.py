@@ -12,7 +12,7 @@ class SimulatedTime:
     """Computes how far a simulation may advance.
 
     On a busy machine, simulated time falls behind instead of jumping. The nodes are then as late as the
-    simulation, so a jump would let their messages time out.
+    simulation, and a jump would make their messages time out.
 
     :param speed: simulated seconds per second of the wall clock, > 0
     :param longest_step_s: maximum wall-clock time that one step covers [s], > 0
@@ -41,7 +41,7 @@ class SimulatedTime:
 def read_start_time(text: str) -> float:
     """Seconds since 1970 UTC of an ISO 8601 text; UTC unless the text has an offset.
 
-    :raises InputError: if the text is no ISO 8601 time, or a time before 1970
+    :raises InputError: if the text is not an ISO 8601 time, or before 1970
     """
     try:
         moment = datetime.fromisoformat(text)

@@ -20,8 +20,9 @@ _NOWHERE = (math.nan, math.nan)
 class VirtualLogger:
     """Writes the counts of a virtual sensor in the format of the robot's logger.
 
-    The sensor counts for all tubes together from a separate random stream. Its counts therefore equal those of
-    a simulation without a logger. A multinomial draw divides them among the tubes, which keeps them Poisson.
+    The sensor draws the counts of all tubes together from a separate random stream. The total counts therefore
+    equal the counts of a simulation without a logger. A multinomial draw divides the total among the tubes, which
+    keeps the counts of each tube Poisson.
 
     :param sensor: the sensor
     :param start_s: time at which the simulation begins [s since 1970 UTC]
@@ -45,7 +46,7 @@ class VirtualLogger:
         """Count over the interval that ends now.
 
         :param elapsed_s: time since the start [s]
-        :param path_xy: places at evenly spaced times within the interval, shape (m, 2) [m]
+        :param path_xy: positions at evenly spaced times within the interval, shape (m, 2) [m]
         """
         counts = self._sensor.record(elapsed_s, path_xy, _NOWHERE).raw_counts
         weather = self._weather(elapsed_s)
@@ -61,6 +62,6 @@ class VirtualLogger:
         )
 
     def lines(self, record: LoggerRecord) -> list[str]:
-        """Lines of a record; every :data:`RECORDS_PER_HEADER` records the header precedes them again."""
+        """Lines of a record; the header is repeated every :data:`RECORDS_PER_HEADER` records."""
         repeated = record.record_number > 1 and record.record_number % RECORDS_PER_HEADER == 1
         return [*(self.header if repeated else []), format_record(record)]

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 NOWHERE = "none"
 """Value of ``current_node`` between nodes."""
 REACTION_S = 1.0
-"""Time until a goal ends that needs no motion [s]."""
+"""Time until the end of a goal that needs no motion [s]."""
 
 
 class Outcome(enum.Enum):
@@ -37,7 +37,7 @@ class Outcome(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class GoalEnded:
-    """A goal has ended.
+    """End of a goal.
 
     :param goal_id: number of the goal
     :param outcome: status in the result for the client
@@ -62,7 +62,7 @@ class Localised:
     """Position of the robot as the navigation reports it.
 
     :param closest: nearest node
-    :param current: node whose zone contains the robot, :data:`NOWHERE` if none does
+    :param current: node whose zone contains the robot, or :data:`NOWHERE`
     """
 
     closest: str
@@ -82,8 +82,8 @@ NavigationEvent = GoalEnded | OnRoute | Localised | ServerPresent
 class VirtualNavigation:
     """Accepts goals and drives the robot. Times count from the start of the simulation.
 
-    :meth:`happened` returns the events that time or requests have caused. ``present`` is whether the navigation
-    server exists at the moment.
+    :meth:`happened` returns the events that time or requests have caused. ``present`` states whether the
+    navigation server exists now.
 
     :param travel: travel graph, and how the robot moves on it
     :param robot: the robot
@@ -235,7 +235,7 @@ class VirtualNavigation:
     def _end_now(self, now_s: float, outcome: Outcome, success: bool) -> None:
         assert self._goal_id is not None
         goal_id, self._goal_id = self._goal_id, None
-        # Ends of earlier goals stay scheduled; events of this goal are dropped.
+        # Drop the events of this goal only: ends of earlier goals stay scheduled.
         self._ahead = [(due_s, event) for due_s, event in self._ahead if getattr(event, "goal_id", 0) != goal_id]
         self._plan(now_s, GoalEnded(goal_id, outcome, success))
 

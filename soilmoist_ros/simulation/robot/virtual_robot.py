@@ -33,7 +33,7 @@ class VirtualRobot:
 
         :param now_s: time [s]
         :param way: corners of the route, shape (p, 2), from the position of the robot [m]
-        :returns: time of arrival, stop overhead included [s]
+        :returns: time of arrival including the stop overhead [s]
         """
         self.stop(now_s)
         self._way = way
@@ -65,7 +65,7 @@ class VirtualRobot:
     def places(self, times_s: Array) -> Array:
         """Positions at ascending or descending times of the current route, shape (n, 2) [m].
 
-        A robot at rest for the whole time returns one position, shape (1, 2).
+        A robot that rests throughout returns one position, shape (1, 2).
         """
         if self._stands(float(min(times_s[0], times_s[-1]))):
             return self._way[-1:]

@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 class VirtualSensor:
     """Counts neutrons over a surrogate field.
 
-    The true rate is divided by the correction factors of the weather. The record has the factors that a driver
-    computes from the logged weather, so the correction restores the true rate.
+    The true rate is divided by the correction factors of the weather. The record contains the factors that a
+    driver computes from the logged weather; the correction therefore restores the true rate.
 
     :param field: field to measure
     :param rng: source of all randomness
@@ -62,7 +62,7 @@ class VirtualSensor:
             rest
         :param reported_xy: position at the middle of the interval as the GNSS reports it [m]
         """
-        # At rest, all positions of the path are equal, and often equal to those of the previous record.
+        # At rest, all positions are equal, and often equal to the positions of the previous record.
         begin, end = path_xy[0].tolist(), path_xy[-1].tolist()
         if begin != end:
             rate = float(self.rate_at(path_xy).mean())
