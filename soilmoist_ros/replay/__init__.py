@@ -1,4 +1,4 @@
-"""Recorded runs and logs of a survey, mapped again."""
+"""Maps recorded runs and the logs of a survey."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recorded run, mapped again: with the settings that the robot had, bit for bit, or with others."""
+"""Maps a recorded run again: bit for bit with the robot's settings, or with other settings."""
 
 from __future__ import annotations
 
@@ -43,21 +43,21 @@ _OPTIONS = ("cell_m", "model", "fit", "keep_nugget", "merge_radius_m")
 
 @dataclass(frozen=True)
 class ReplaySettings:
-    """Choices of a replay; what is ``None`` is as the mapper had it.
+    """Choices of a replay; ``None`` keeps the mapper's setting.
 
     :param field: field file, or name of a shipped one
     :param site: site file, or name of a shipped one; other corrections need the source ``raw``
     :param properties: names of the properties to map; empty for all in the bag
-    :param truths: surrogate fields to compare with: built-in names, or field files with a truth; each by the name
-        of its property, or by its place in the list of properties, from 0
+    :param truths: surrogate fields to compare with, by name of the property or its index in the list of
+        properties, from 0; built-in names, or field files with a truth
     :param model: variogram model
     :param fit: how the variogram is fitted
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
     :param merge_radius_m: records closer together than this become one sample [m]
     :param cell_m: cell size of the map [m]
     :param counts_topic: topic with the records
-    :param source: what is mapped: ``counts``, the records as the driver corrected and placed them, or ``raw``,
-        the lines of logger and receiver (``raw/logger``, ``raw/gnss``), corrected and placed again
+    :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
+        places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
     :param logger: format of the raw lines of the logger; detected from their header if ``None``
     """
 
@@ -79,8 +79,8 @@ class ReplaySettings:
 class Replay:
     """The result of a replay.
 
-    :param run: for the outputs, with all properties
-    :param comparisons: how each property's map compares with the last one that its mapper published
+    :param run: the run with all properties
+    :param comparisons: comparison of each property's map with the last map that its mapper published
     """
 
     run: MapRun
@@ -93,7 +93,7 @@ class Replay:
 
 @dataclass(frozen=True, eq=False)
 class _Content:
-    """What the replay takes from the bag."""
+    """The data that the replay reads from the bag."""
 
     records: Sequence[CountRecord]
     raw: RawSurvey | None
@@ -167,7 +167,7 @@ def _compared(one: ReplayedProperty, from_raw: bool) -> Comparison:
 
 
 def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
-    """The map of the robot's own records, still without records, and what the user should know of it."""
+    """The map of the robot's own records, still without records, and remarks for the user."""
     had = read_parameters(configuration, "mapper")
     survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
     if chosen.source == "raw" or not chosen.site or not had.get("site"):
@@ -181,7 +181,7 @@ def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tu
 
 
 def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> FieldSurvey:
-    """A map without records, as a mapper had it except for what is chosen.
+    """A map without records: the mapper's settings, overridden by the user's choices.
 
     :param had: parameters of the mapper
     """
@@ -206,10 +206,10 @@ def _read(
     configuration: Path | None,
     remarks: list[Note],
 ) -> _Content:
-    """All that is needed from the bag.
+    """Read all data that the replay needs.
 
     :param survey: the map of the robot's own records, without records
-    :param remarks: takes what the user should know
+    :param remarks: called with each remark for the user
     """
     raw = None
     if chosen.source == "raw":
@@ -250,10 +250,10 @@ def _read(
 
 
 def _open_of(one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings) -> FieldSurvey:
-    """The map of a property as its mapper had it, without records.
+    """The map of a property with its mapper's settings, without records.
 
-    Without parameters of that mapper in the bag it is mapped as the robot's own records, but without the site:
-    a calibration belongs to one sensor.
+    If the bag lacks the mapper's parameters, the settings of the robot's own map apply, but without the site: a
+    calibration belongs to one sensor.
     """
     had = read_parameters(configuration, one.mapper)
     had = had or {**read_parameters(configuration, "mapper"), "site": ""}
@@ -261,7 +261,7 @@ def _open_of(one: PropertyTopic, bag: Path, configuration: Path | None, chosen: 
 
 
 def _files(bag: Path) -> list[Path]:
-    """The files of a bag with its messages, compressed ones included."""
+    """The files with a bag's messages, including compressed files."""
     if not bag.is_dir():
         return [bag]
     return [path for path in sorted(bag.iterdir()) if {".mcap", ".db3"} & set(path.suffixes)]

@@ -1,4 +1,4 @@
-"""Whether a replayed map equals the one that the mapper had published."""
+"""Compares a replayed map with the map that the mapper published."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from soilmoist_ros.replay.topics import CLOUD, RunTopics
 
 _BANDS = ("rate", "rate_sd", "vwc", "vwc_sd")
 _ROUNDING = 1e-4
-"""Relative difference below which maps differ by rounding only."""
+"""Relative difference below which maps differ only by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,9 @@ class PublishedMap:
 
 @dataclass(frozen=True)
 class Comparison:
-    """How a replayed map compares with the last one that its mapper published.
+    """Comparison of a replayed map with the last map that its mapper published.
 
-    :param same: whether they are equal, bit for bit; ``None`` if they were not compared
+    :param same: whether the maps are equal, bit for bit; ``None`` if they were not compared
     :param message: result and reason, for people
     :param difference: largest difference as a share of the largest value of its band; NaN if there are no
         values to compare
@@ -53,7 +53,7 @@ class Comparison:
 
     @property
     def is_rounding(self) -> bool:
-        """Whether the maps differ by no more than rounding does, as on another processor."""
+        """Whether the maps differ at most by rounding, as on another processor."""
         return self.difference < _ROUNDING
 
 
@@ -83,14 +83,14 @@ def read_published_map(topics: RunTopics) -> PublishedMap | None:
 
 
 def compare(field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None) -> Comparison:
-    """Compare the replayed map of the same records with the last one published.
+    """Compare the replayed map with the last published map.
 
-    Recorder and mapper begin and end at different times, so the maps compared are those up to the last record
-    of the published map.
+    Recorder and mapper begin and end at different times, so the replayed map uses the records up to the last
+    record of the published map.
 
-    :param field_map: settings, and all that makes maps
+    :param field_map: makes the maps
     :param states: states after each record
-    :param last: the last map published
+    :param last: the last published map
     """
     if last is None:
         return Comparison(None, "not compared: the bag has no map")
@@ -140,7 +140,7 @@ def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any]) -> Comparison:
 
 
 def _raw_counts(topics: RunTopics, stamp_s: float) -> float | None:
-    """Counts of all samples that belong to the map of this time."""
+    """Counts of all samples in the map of this time."""
     name = topics.find("samples", CLOUD)
     found = None
     for message in topics.reader.messages([name]) if name else ():

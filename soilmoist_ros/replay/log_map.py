@@ -1,4 +1,4 @@
-"""The whole way of ``soilmoist map``: logs -> counts -> samples -> variogram -> kriging -> report."""
+"""The steps of ``soilmoist map``: logs -> counts -> samples -> variogram -> kriging -> report."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from soilmoist_ros.sensing.problems import Problem
 from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs
 
 Progress = Callable[[str, float], None]
-"""Called with the step that is under way and the share of it that is done [0..1]."""
+"""Called with the current step and its finished share [0..1]."""
 
 
 @dataclass(frozen=True)
 class MapSettings:
-    """Choices of a mapping run; what is ``None`` is chosen from the data.
+    """Choices of a mapping run; ``None`` derives the value from the data.
 
     :param logger: logger format, a shipped name or a file
     :param site: site file
-    :param field: field file; the hull of the track is mapped without one
-    :param nmea: GNSS logs, for loggers that have no positions of their own
+    :param field: field file; ``None`` maps the hull of the track
+    :param nmea: GNSS logs, for loggers without positions
     :param model: variogram model
     :param fit: ``reml`` or ``soft_l1``
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
     :param cell_m: cell size of the map [m]
     :param merge_radius_m: records closer together than this become one sample [m]
     :param title: title of the report
-    :param max_exact_samples: number of samples up to which the map is exact; beyond, it is made tile by tile
+    :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
     """
 
     logger: str | None = None
@@ -71,10 +71,9 @@ def map_logs(
 
     :param paths: log files of one probe
     :param settings: choices
-    :param progress: called as the work goes on
-    :param compute: computes the tiles of a large map, see :func:`shared_work`; it is
-        needed again when the outputs are written
-    :raises InputError: if a file cannot be used; with all mistakes that were found
+    :param progress: called during the work
+    :param compute: computes the tiles of a large map, see :func:`shared_work`; writing the outputs needs it again
+    :raises InputError: if a file cannot be used; lists all mistakes
 
     >>> import tempfile
     >>> from soilmoist_ros.simulation.robot.virtual_survey import write_survey

@@ -1,4 +1,4 @@
-"""A recorded mission: its course, its visits, and the errors of its maps over time."""
+"""A recorded mission: course, visits, and errors of its maps over time."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def replay_mission(
     records: Sequence[CountRecord],
     progress: Callable[[str, float], None],
 ) -> MissionResult:
-    """The mission with the errors of its maps after each visit; without its maps.
+    """The mission with the map errors after each visit; without the maps.
 
-    :param properties: what is mapped
-    :param statuses: statuses of one mission that was started, in order
+    :param properties: the mapped properties
+    :param statuses: statuses of one started mission, in order
     :param visits: visits of the mission, in order
-    :param configuration: folder with the parameters of the nodes, if there is one
+    :param configuration: folder with the parameters of the nodes, if any
     :param records: all records of the robot's own sensor
-    :param progress: called as the work goes on
+    :param progress: called during the work
     """
     rows = [SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(properties))]
     before = statuses[0]
@@ -67,7 +67,7 @@ def _mapped(one: ReplayedProperty, title: str) -> MappedProperty:
 
 
 def _row(status: Status, properties: Sequence[ReplayedProperty]) -> SeriesRow:
-    """The mission at a time, with maps of all records up to then."""
+    """The mission at a time, with the errors of maps of all records up to this time."""
     return SeriesRow(
         status.time_used_s,
         status.distance_m,
@@ -78,7 +78,7 @@ def _row(status: Status, properties: Sequence[ReplayedProperty]) -> SeriesRow:
 
 
 def _settings(configuration: Path | None, last: Status, others: Sequence[ReplayedProperty]) -> MissionSettings:
-    """The settings of the mission, as far as the planner's parameters have them."""
+    """The settings of the mission that the planner's parameters contain."""
     had, mapper = read_parameters(configuration, "planner"), read_parameters(configuration, "mapper")
     usual = MissionSettings()
     return replace(

@@ -1,4 +1,4 @@
-"""The properties in a bag: each was counted by a sensor, and is mapped again with the settings of its mapper."""
+"""The properties in a bag: each has the records of a sensor, and is mapped with its mapper's settings."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
 Array = NDArray[np.float64]
 
 FIRST = "moisture"
-"""Name of the property that is counted on the topic ``counts`` in the robot's own namespace."""
+"""Name of the property with the topic ``counts`` in the robot's own namespace."""
 
 
 @dataclass(frozen=True)
 class PropertyTopic:
-    """Where the records of a property are in a bag.
+    """Topics of a property in a bag.
 
     :param name: name of the property, for files and options
     :param counts: full name of the topic with its records
     :param mapper: name of its mapper, below the robot's namespace
-    :param weight: weight of its variation in the planner; 0 if it was not planned for
+    :param weight: weight of its variation in the planner; 0 if the planner ignored it
     """
 
     name: str
@@ -44,18 +44,18 @@ class PropertyTopic:
 
 
 def property_topics(topics: RunTopics, configuration: Path | None) -> list[PropertyTopic]:
-    """The properties that a robot counted, in the order in which its planner had them, others by name.
+    """The properties that a robot measured, in the order of its planner, then the others by name.
 
-    A topic ``counts`` in a namespace below the robot's is one, unless that namespace is another robot's.
+    A topic ``counts`` in a namespace below the robot's is a property, unless the namespace is another robot.
 
     :param topics: topics of the robot
-    :param configuration: folder with the parameters of its nodes, if there is one
+    :param configuration: folder with the parameters of its nodes, if any
     :raises InputError: if the planner's properties are damaged
     """
     space, _, last = topics.counts.rpartition("/")
     planned = property_weights(read_parameters(configuration, "planner").get("properties", ()))
     for name, weight in planned.items():
-        if topics.counts.endswith(f"/{name.strip('/')}/{last}"):  # it is replayed alone
+        if topics.counts.endswith(f"/{name.strip('/')}/{last}"):  # this property is replayed alone
             return [PropertyTopic(Path(name).name, topics.counts, f"{name.strip('/')}/mapper", weight)]
     clouds = {name for name, kind in topics.reader.topics.items() if kind == CLOUD and name.endswith(f"/{last}")}
     paths = {f"{name if name.startswith('/') else f'{space}/{name}'}/{last}": name for name in planned}
@@ -73,7 +73,7 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
 
 
 def _is_robot(topics: RunTopics, counts: str) -> bool:
-    """Whether a namespace is that of another robot: it has a mission or the lines of a receiver."""
+    """Whether a namespace is another robot: it has a mission or the lines of a receiver."""
     space = counts.rpartition("/")[0]
     own = {"mission": STATUS, "raw/gnss": TEXT, "raw/logger": TEXT, "fix": "sensor_msgs/msg/NavSatFix"}
     return any(topics.reader.topics.get(f"{space}/{name}") == kind for name, kind in own.items())
@@ -102,30 +102,30 @@ class ReplayedProperty:
 
     @cached_property
     def true_rate(self) -> Array:
-        """True rate of the cells [counts/s], NaN if it is unknown."""
+        """True rate of the cells [counts/s]; NaN if unknown."""
         cells = self.survey.map.grid.cells
         return np.full(len(cells), np.nan) if self.truth is None else self.truth.rate_at(cells)
 
     @property
     def truth_rate(self) -> Array | None:
-        """True rate on the map's grid, shape (ny, nx) [counts/s]; ``None`` if it is unknown."""
+        """True rate on the map's grid, shape (ny, nx) [counts/s]; ``None`` if unknown."""
         return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
     def compared(self) -> Comparison:
-        """How the map compares with the one that its mapper had."""
+        """Comparison with the map that the mapper published."""
         return compare(self.survey.map, self.states, self.published)
 
     def errors_at(self, stamp_s: float) -> MapErrors:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""
         unknown = MapErrors()
-        # A record with a wrong clock must not hide those before it.
+        # A record with a wrong clock must not hide earlier records.
         known = [state for state in self.states if state.stamp_s <= stamp_s]
         if self.truth is None or not known:
             return unknown
         field_map = self.survey.map
         try:
             soil_map = field_map.compute(known[-1])
-        except IllConditionedError:  # the mapper had no map then either
+        except IllConditionedError:  # the mapper had no map at this time either
             return unknown
         if soil_map is None:
             return unknown
@@ -134,10 +134,10 @@ class ReplayedProperty:
 
 
 def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag: Path) -> list[PropertyTopic]:
-    """The properties of these names in the order of the bag, all if no name is given.
+    """The properties of these names in the order of the bag; all properties without names.
 
-    :param bag: named in the message
-    :raises InputError: if there is no property of one of the names
+    :param bag: path for the message
+    :raises InputError: if a name is not a property
     """
     for name in names:
         _require(name, found, bag)
@@ -147,8 +147,8 @@ def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag:
 def named_truths(found: Sequence[PropertyTopic], truths: Mapping[str | int, str], bag: Path) -> dict[str, str]:
     """The truths by the names of their properties.
 
-    :param truths: by name, or by the place of the property in the list, from 0
-    :param bag: named in the message
+    :param truths: by name, or by the index of the property in the list, from 0
+    :param bag: path for the message
     :raises InputError: if there is no such property
     """
     named = {}

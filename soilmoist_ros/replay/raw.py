@@ -1,4 +1,4 @@
-"""What logger and receiver sent, from a bag: corrected and placed anew, as from their own files."""
+"""Raw lines of logger and receiver from a bag, corrected and placed like their log files."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class RawSurvey:
     """Raw lines, processed.
 
     :param records: corrected records at their places, in order of time
-    :param problems: all that was wrong
-    :param format_title: what kind of logger wrote them
+    :param problems: problems of the lines
+    :param format_title: title of the logger's format
     """
 
     records: Sequence[CountRecord]
@@ -43,7 +43,7 @@ def read_raw(topics: RunTopics, site: Site, frame: LocalFrame, logger: str | Non
     :param site: corrections and tubes
     :param frame: plane of the field
     :param logger: logger format, a shipped name or a file; detected from the header if ``None``
-    :raises InputError: if not one record can be made of them
+    :raises InputError: if the lines contain no usable record
     """
     name = topics.find("raw/logger", TEXT)
     if name is None:
@@ -64,28 +64,28 @@ def read_raw(topics: RunTopics, site: Site, frame: LocalFrame, logger: str | Non
 
 
 def says_simulated(reader: BagReader, logger: str) -> bool:
-    """Whether a logger says of itself that its counts are simulated.
+    """Whether the logger's lines declare simulated counts.
 
-    :param logger: full name of the topic with its lines
+    :param logger: full name of the topic with the lines
     """
     return any(line.startswith(b"#simulated=yes") for line in _lines(reader, logger))
 
 
 def _lines(reader: BagReader, topic: str) -> list[bytes]:
-    """Lines of a topic, without their ends; a message may hold several.
+    """Lines of a topic, without line ends; a message may contain several.
 
-    A message has one character per byte, and a sign for zero, as the driver writes it.
+    A message has one character per byte, and a symbol for the byte zero, as the driver writes it.
     """
     found: list[bytes] = []
     for message in reader.messages([topic]):
         try:
             text = str(reader.decode(message).data).replace("\N{SYMBOL FOR NULL}", "\0")
         except InputError:
-            text = "\0"  # bytes that are no text: the parser counts them
+            text = "\0"  # bytes that are not text: the parser counts them
         found += split_lines(text.encode("latin-1", "replace"))[0]
     return found
 
 
 def _place(topic: str) -> Path:
-    """What messages about a line say in the place of a file."""
+    """Source of a line in messages, in place of a file name."""
     return Path(topic.lstrip("/"))

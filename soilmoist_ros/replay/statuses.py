@@ -1,4 +1,4 @@
-"""The statuses of a recorded mission, as its planner published them."""
+"""The statuses of a recorded mission, as the planner published them."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from soilmoist_ros.replay.topics import STATUS, RunTopics
 
 
 class Status(NamedTuple):
-    """The mission at one time; the fields have the names of the message's values.
+    """The mission at one time; the fields are named like the values of the message.
 
     :param state: phase of the mission
-    :param reason: why, for people
+    :param reason: reason for people
     :param target: name of the stop, empty without one
     :param target_x_m: east [m], NaN without a stop
     :param target_y_m: north [m], NaN without a stop
     :param elapsed_dwell_s: time spent counting at the stop so far [s]
     :param time_used_s: time since the start of the mission [s]
-    :param time_left_s: rest of the budget [s]
+    :param time_left_s: remaining budget [s]
     :param distance_m: distance travelled [m]
-    :param samples: stops finished
+    :param samples: number of finished stops
     :param counting_s: time spent counting at all stops [s]
     :param raw_counts: counts at the stop so far
     :param stamp_s: time of the status [s]
@@ -46,7 +46,7 @@ _MAY_BE_UNKNOWN = {"target_x_m", "target_y_m", "stamp_s"}
 
 
 def read_statuses(topics: RunTopics) -> list[Status]:
-    """Statuses of a robot's missions in order, none if the bag has no mission."""
+    """Statuses of a robot's missions in order; empty if the bag has no mission."""
     name = topics.find("mission", STATUS)
     found = [
         _status({item.key: item.value for item in topics.reader.decode(message).values})
@@ -56,7 +56,7 @@ def read_statuses(topics: RunTopics) -> list[Status]:
 
 
 def last_mission(statuses: Sequence[Status]) -> list[Status]:
-    """Statuses of the last mission that was started, none if none was."""
+    """Statuses of the last started mission; empty if none was started."""
     missions: list[list[Status]] = [[]]
     for status in statuses:
         if missions[-1] and status.time_used_s < missions[-1][-1].time_used_s:
@@ -67,7 +67,7 @@ def last_mission(statuses: Sequence[Status]) -> list[Status]:
 
 
 def _status(values: dict[str, str]) -> Status | None:
-    """The status of a message, ``None`` if the message lacks a value: another node may use the same topic."""
+    """The status of a message; ``None`` if the message lacks a value: another node may use the topic."""
     try:
         status = Status(**{name: kind(values[name]) for name, kind in get_type_hints(Status).items()})
     except (KeyError, ValueError):

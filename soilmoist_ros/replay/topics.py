@@ -1,4 +1,4 @@
-"""Which topics of a bag belong together: a bag may hold several robots."""
+"""Groups the topics of a bag by robot."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class RunTopics:
     """The topics of one robot.
 
     :param reader: the bag
-    :param counts: full name of its topic with the records
-    :param alone: whether no other robot is in the bag
+    :param counts: full name of the topic with the robot's records
+    :param alone: whether the bag has no other robot
     """
 
     reader: BagReader
@@ -39,10 +39,10 @@ class RunTopics:
 
     @classmethod
     def of_raw_lines(cls, reader: BagReader, counts: str) -> Self:
-        """The topics of the robot whose raw lines are in the bag, maybe without its records.
+        """The topics of the robot whose raw lines are in the bag; its records may be missing.
 
-        :param counts: topic with the records, if it has one; its namespace says which robot is meant
-        :raises InputError: if there are no raw lines, or those of several robots and it is not said of which
+        :param counts: topic with the robot's records, if any; its namespace selects the robot
+        :raises InputError: if there are no raw lines, or raw lines of several robots without a selection
         """
         named = counts if counts.startswith("/") else f"/{counts}"
         ending = "/raw/logger"

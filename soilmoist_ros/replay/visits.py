@@ -1,4 +1,4 @@
-"""The visits of a recorded mission: from the topic ``visits``, in older bags estimated from the statuses."""
+"""The visits of a recorded mission: from the topic ``visits``, or estimated from statuses in older bags."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _CLOCK_S = 1e-3
 
 
 def read_visits(topics: RunTopics) -> list[Visit] | None:
-    """The visits that a robot's planner published, ``None`` if the bag lacks the topic.
+    """The visits that a robot's planner published; ``None`` if the bag lacks the topic.
 
-    :raises InputError: if the topic holds something else
+    :raises InputError: if the topic contains other messages
     """
     name = topics.find("visits", VISIT)
     return None if name is None else topics.reader.read_visits(name)
@@ -28,7 +28,7 @@ def mission_visits(
 ) -> list[Visit]:
     """The visits of one mission, in order.
 
-    :param statuses: statuses of the mission, which was started, in order
+    :param statuses: statuses of the started mission, in order
     :param visits: visits of all missions in the bag, ``None`` if the bag lacks them
     :param records: all records of the robot
     """
@@ -40,9 +40,9 @@ def mission_visits(
 
 
 def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) -> list[Visit]:
-    """The visits that the statuses of one mission show, in order.
+    """Estimate the visits of one mission from its statuses, in order.
 
-    :param statuses: statuses of a mission that was started, in order
+    :param statuses: statuses of a started mission, in order
     :param records: all records of the robot
     """
     first = next(status for status in statuses if status.time_used_s > 0)
@@ -54,7 +54,7 @@ def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) 
     for status in statuses:
         if status.samples > before.samples and stop:
             visits.append(_visit(stop, status, began_s, chosen_because, records))
-        if status.state == "travelling":  # it may end a stop as well: the reason is that of the next
+        if status.state == "travelling":  # it may end a stop too: its reason is about the next stop
             chosen_because = status.reason.partition(": ")[2] or status.reason
         if status.state == "counting":
             stop = [*stop, status] if stop and stop[-1].target == status.target else [status]
@@ -81,11 +81,11 @@ def _visit(
 
 
 def _raw_counts(last: Status, done: Status, arrived_s: float, records: Sequence[CountRecord]) -> int:
-    """Counts of a stop: those of its last status, and of the records that came later.
+    """Counts of a stop: the counts of its last status plus the counts of later records.
 
-    The last record ends a stop at once, so no status at the stop has its counts. A record may be stamped before
-    the last status and still arrive after it: counts decide which records the status has, not stamps. After a
-    pause the records at the stop are more than those counted, and stamps decide.
+    The last record ends a stop at once, so no status at the stop includes its counts. A record with an earlier
+    stamp than the last status may arrive later. Counts, not stamps, therefore decide which records the status
+    includes. After a pause the stop has more records than the mission counted, and stamps decide.
     """
     there = [
         record

@@ -195,7 +195,7 @@ def _rate_map(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str,
 
 
 def _efficiency(mission: MissionResult) -> dict[str, float] | None:
-    """Variance reduction of the mission and of the best possible plan; for the smooth rate [(counts/s)^2]."""
+    """Efficiency of the mission against any plan; variances of the smooth rate [(counts/s)^2]."""
     plan = mission_efficiency(mission)
     if plan is None:
         return None

@@ -91,7 +91,7 @@ class _Panel:
 
 
 def small_multiples(runs: Sequence[MapRun]) -> Figure:
-    """A row of small maps for each run: rate and standard deviation, or errors if the truth is known."""
+    """A row of small maps for each run: rate and standard deviation, or truth, rate and errors if known."""
     rows = [_panels(run) for run in runs]
     width = (WIDTH_IN - LEFT_IN) / COLUMNS - GAP_IN
     heights = [width * min(_tallness(run), TALLEST) for run in runs]
