@@ -1,4 +1,4 @@
-"""Records of an earlier run, from which a map can start."""
+"""Records of an earlier run, as the start of a map."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ def read_earlier(path: Path, name: str = "") -> list[CountRecord]:
     """Records to start from.
 
     :param path: an output folder with a table of records, a bag with ``counts``, or the journal of a mission. A
-        journal gives the records of a mission that was interrupted, none if the mission had ended
-    :param name: property whose records are wanted from a journal or bag, as the planner knows it; empty for the
-        robot's own
+        journal returns the records of an interrupted mission, and none of a mission that ended
+    :param name: the planner's name of the property in a journal or bag; empty for the robot's own
     :raises InputError: if the path is none of these
     """
     if (path / ENTRIES).is_file():

@@ -15,17 +15,17 @@ from soilmoist_ros.recording.journal_lines import Entry, Lines, decode, encode
 from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 
 ENTRIES: Final = "journal.jsonl"
-"""Name of the file with the entries, by which the folder of a journal is known."""
+"""Name of the file with the entries; it identifies the folder of a journal."""
 _SNAPSHOT: Final = "snapshot.json"
 
 
 class LoadedJournal(NamedTuple):
-    """A journal as it was found.
+    """The content of a journal.
 
     :param snapshot: text given to the last :meth:`Journal.snapshot`, ``None`` if there is none
     :param entries: entries after the snapshot, by number; all entries without a snapshot, or if the whole journal
         was wanted
-    :param problems: what is wrong with the files, in words
+    :param problems: problems of the files, in words
     """
 
     snapshot: str | None
@@ -36,8 +36,8 @@ class LoadedJournal(NamedTuple):
 class Journal:
     """A journal that is being written, by one process at a time. Use :meth:`open`.
 
-    Entries are numbered from 1, and a restart continues the numbers. An entry that is read twice can so be
-    distinguished from two entries.
+    Entries are numbered from 1, and a restart continues the numbers. The numbers distinguish an entry that is
+    read twice from two entries.
     """
 
     def __init__(self, folder: Path, descriptor: int, size_bytes: int, seq: int) -> None:

@@ -33,7 +33,7 @@ class Lines:
     """The content of a journal's file.
 
     :param entries: whole entries in the order of the file
-    :param problems: what is wrong, in words
+    :param problems: problems of the file, in words
     :param good_bytes: bytes up to the end of the last whole line [bytes], where writing may continue
     """
 
@@ -101,7 +101,7 @@ def _read(line: bytes, following: bytes) -> tuple[list[Entry], str, bool]:
         entry = _parse(repaired)
         if entry is not None:
             return [entry], f"a flipped bit (byte {index + 1}, bit {bit}) was repaired", False
-    for bit in range(8):  # a bit that made a newline of another character
+    for bit in range(8):  # a flipped bit turned another character into a newline
         entry = _parse(b"%b%c%b" % (line, _NEWLINE ^ 1 << bit, following))
         if entry is not None:
             return [entry], f"a flipped bit (byte {len(line) + 1}, bit {bit}) was repaired", True

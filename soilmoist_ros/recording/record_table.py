@@ -1,4 +1,4 @@
-"""Counted records as a table (CSV) with all their digits, so that a map can be computed again from them."""
+"""Counted records as a CSV table with all digits, from which a map can be computed again."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLUMNS: Final = tuple(field.name for field in fields(CountRecord))
 
 
 def write_records(path: Path, records: Sequence[CountRecord]) -> None:
-    """Write records. The file is complete afterwards, or as it was before.
+    """Write records. After an error the file is unchanged.
 
     :raises InputError: if it cannot be written
     """

@@ -16,15 +16,15 @@ from soilmoist_ros.recording.whole_file import write_whole
 from soilmoist_ros.sensing.formats.logger_format import logger_path
 
 _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_format": "loggers"}
-"""Parameters that name a file, and where the shipped files of that kind are."""
+"""Parameters that name a file, and the folders of the shipped files."""
 _NAMED: Final = {"field": ("geojson",), "site": ("corrections", "intensity", "file")}
-"""Keys under which such a file names another one, by a path relative to itself."""
+"""Keys of these files that name another file, by a relative path."""
 
 
 class RunConfiguration:
-    """The configuration of one recording after the other.
+    """Writes the configuration of each recording.
 
-    Files that are in the folder already stay: they were written by the program that started the nodes.
+    Existing files stay: the program that started the nodes wrote them.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class RunConfiguration:
     def take(self, node: str, values: Mapping[str, object]) -> None:
         """Set the parameters of a node.
 
-        :param node: its name, after its namespace if it has another than the recorder
+        :param node: its name, after its namespace if the namespace differs from the recorder's
         :param values: values by name
         """
         self._nodes[node.strip("/")] = dict(values)
@@ -63,7 +63,7 @@ class RunConfiguration:
 
 
 def _run_of(bag: Path) -> Path:
-    """The folder for the configuration: the run's if it has one, else the bag."""
+    """The folder for the configuration: the run's folder if there is one, else the bag."""
     return bag.parent if bag.name == BAG and (bag.parent / CONFIGURATION).is_dir() else bag
 
 
@@ -76,7 +76,7 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
         return value
     try:
         source = logger_path(value) if parameter == "logger_format" else resource(_KINDS[parameter], value)
-    except InputError:  # no file, or one of another computer
+    except InputError:  # not a file, or a file of another computer
         return value
     for stem in (parameter, f"{node.replace('/', '_')}_{parameter}"):
         copies = _copies(source, parameter, stem)
@@ -94,7 +94,7 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
 
 
 def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
-    """Contents of the copies by name: of the file, and of the file that it names.
+    """Contents of the copies by name: the file, and the file that it names.
 
     :raises InputError: if the file cannot be read
     """

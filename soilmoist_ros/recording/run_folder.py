@@ -1,4 +1,4 @@
-"""The folder of a run: the bag, and the parameters and configuration files that it was made with.
+"""The folder of a run: the bag, and the parameters and configuration files of its nodes.
 
 ::
 
@@ -6,7 +6,7 @@
     RUN/configuration/NODE.yaml       parameters of each node
     RUN/configuration/field.yaml ...  the files that they name
 
-A bag alone, as the recorder makes it on a robot, is a run as well: the configuration is in its folder.
+A single bag from the recorder of a robot is also a run: the configuration is in the bag's folder.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def read_parameters(configuration: Path | None, node: str) -> dict[str, Any]:
         raise InputError("is not a file of node parameters", "restore the recorded file", path) from None
     for name, value in values.items():
         if isinstance(value, float):
-            values[name] = float(value)  # the parser's own type remembers how the number was written
+            values[name] = float(value)  # the parser's type keeps the notation of the number
         elif isinstance(value, str) and "/" in value and (configuration / Path(value).name).is_file():
             values[name] = str(configuration / Path(value).name)
     return values

@@ -49,7 +49,7 @@ def test_a_cut_at_any_byte_costs_only_the_entry_that_was_being_written(tmp_path)
     whole = path.read_bytes()
     for cut in range(len(whole) + 1):
         path.write_bytes(whole[:cut])
-        # An entry that lacks nothing but its newline is as good as one with it.
+        # An entry that lacks only its newline is complete.
         ends = [match.start() for match in re.finditer(rb"\n", whole)]
         loaded = load_journal(path.parent)
         assert len(loaded.entries) == sum(end <= cut for end in ends)

@@ -45,8 +45,8 @@ def find_definition(type_name: str, prefixes: Sequence[Path] | None = None) -> D
     """Definition of a message type, with the definitions of all types in it.
 
     :param type_name: name as in ``std_msgs/msg/String``
-    :param prefixes: where to look; :func:`search_prefixes` if ``None``
-    :raises InputError: if the type, or one in it, is not installed
+    :param prefixes: folders to search; :func:`search_prefixes` if ``None``
+    :raises InputError: if the type, or a type in it, is not installed
     """
     where = search_prefixes() if prefixes is None else prefixes
     path = _find(type_name, where)
@@ -80,7 +80,7 @@ def _find(type_name: str, prefixes: Sequence[Path]) -> Path:
 
 
 def _used_types(text: str, type_name: str) -> list[str]:
-    """Full names of the types of a definition's fields; a name without a package belongs to the same package."""
+    """Full names of the types of a definition's fields; names without a package get the definition's."""
     package = type_name.split("/")[0]
     found = []
     for line in text.splitlines():

@@ -24,7 +24,7 @@ _MIN_GAP_S: Final = 1.0
 
 @dataclass(frozen=True)
 class Gap:
-    """A silence of a topic that is regular otherwise.
+    """A silence of an otherwise regular topic.
 
     :param start_s: time of the last message before it [s since 1970-01-01 UTC]
     :param duration_s: its length [s]
@@ -65,7 +65,7 @@ class BagInfo:
     :param topics: its topics, by name
     :param recording: whether it is being recorded now
     :param problems: its problems, in words
-    :param remedy: what to do about them; empty without problems
+    :param remedy: what to do about the problems; empty without problems
     """
 
     path: Path
@@ -144,7 +144,7 @@ def _files(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     found = [file for pattern in ("*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd") for file in path.glob(pattern)]
-    return sorted(found) or mcap_files(path)  # which says what is wrong
+    return sorted(found) or mcap_files(path)  # its error says what is wrong
 
 
 def _topics(notes: Iterable[tuple[str, str, int, int]]) -> tuple[TopicInfo, ...]:

@@ -68,7 +68,7 @@ class McapScan:
         self.damaged = 0
         """Places in the middle that cannot be read, or fail their checksum."""
         self.orphans = 0
-        """Complete messages of topics whose description is lost."""
+        """Number of complete messages of topics without a description."""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._topics: dict[int, Topic | None] = {}
@@ -214,7 +214,7 @@ def _begun_chunk(body: bytes) -> bytes:
 
 
 def _packed(body: bytes) -> tuple[bytes, bytes, int]:
-    """Compression of a chunk, its packed data as far as they are there, and their full length."""
+    """Compression of a chunk, the available part of its packed data, and their full length."""
     (name_length,) = struct.unpack_from("<I", body, _CHUNK.size)
     name_at = _CHUNK.size + 4
     (length,) = struct.unpack_from("<Q", body, name_at + name_length)

@@ -64,7 +64,7 @@ class Topic:
 
     :param name: full name
     :param definition: definition of its type
-    :param offered: what its publishers offer
+    :param offered: quality of service that its publishers offer
     """
 
     name: str
@@ -74,7 +74,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Extent:
-    """Number of messages, and the time that they span.
+    """Number of messages, and their time span.
 
     :param messages: number of messages
     :param start_ns: time of the earliest [ns since 1970-01-01 UTC], 0 without messages
@@ -103,7 +103,7 @@ def bag_metadata(file_name: str, extent: Extent, topics: Mapping[Topic, int], di
     :param file_name: name of the file
     :param extent: all of its messages
     :param topics: topics, and number of messages of each
-    :param distribution: name of the ROS distribution that it was recorded with
+    :param distribution: name of the ROS distribution of the recorder
     """
     span = {
         "duration": {"nanoseconds": extent.duration_ns},
@@ -170,11 +170,11 @@ class Request:
     depth: int
 
     def is_weaker(self, other: Request) -> bool:
-        """Whether the other requests something that this one does not."""
+        """Whether the other requests more than this one."""
         return (other.reliable and not self.reliable) or (other.latched and not self.latched)
 
     def weakened(self, other: Request) -> Request:
-        """What both requests have in common."""
+        """The common part of both requests."""
         return replace(
             self,
             reliable=self.reliable and other.reliable,
@@ -184,9 +184,9 @@ class Request:
 
 
 def request_for(offered: Sequence[Qos]) -> Request:
-    """The strongest request that all publishers of a topic fulfil; a stronger one would get nothing from some.
+    """The strongest request that all publishers of a topic fulfil; with a stronger one, some do not connect.
 
-    :param offered: what each offers, at least one
+    :param offered: quality of service of each publisher, at least one
     """
     return Request(
         reliable=all(qos.reliability == "reliable" for qos in offered),

@@ -1,4 +1,4 @@
-"""Playing a bag: which of its messages, in which order, and when."""
+"""Playback of a bag: selection, order and time of its messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INPUTS: Final = (
     ".*/(counts|fix|pressure|temperature|relative_humidity|raw/logger|raw/gnss"
     "|topological_map_2|closest_node|current_node)"
 )
-"""Inputs of mapper and planner, and the raw lines; not what the nodes publish themselves."""
+"""Inputs of mapper and planner, and the raw lines; without the topics that the nodes publish."""
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
 _MAX_STEP_S: Final = 0.1
 
@@ -49,7 +49,7 @@ class Playback:
         """Names of the topics, and their types; recorded clocks are always among them."""
         self._offered = reader.offered
         self.has_clock = bool(clocks)
-        """Whether simulated time was recorded; otherwise time comes from the messages."""
+        """Whether the bag has simulated time; otherwise time comes from the messages."""
 
     def leave_out(self, topic: str) -> None:
         """Skip a topic."""
@@ -89,7 +89,7 @@ class Playback:
 class Pacer:
     """Recorded time while a bag is played.
 
-    After a delay it does not catch up, since the receivers would get too many messages at once.
+    It does not catch up after a delay, because the receivers would get too many messages at once.
 
     >>> pacer = Pacer(0, speed=10.0)
     >>> pacer.step(0.05)

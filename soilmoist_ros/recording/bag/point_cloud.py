@@ -11,7 +11,7 @@ from soilmoist_ros.sensing.records import CountRecord
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Numbers of PointField's datatypes."""
 STAMP_OFFSET: Final = "stamp_offset_s"
-"""Field of ``counts``: stamp of the record minus stamp of the message [s]; older messages do not have it."""
+"""Field of ``counts``: stamp of the record minus stamp of the message [s]; missing in older messages."""
 
 
 class PointCloud(Protocol):
@@ -32,7 +32,7 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
 
     :param cloud: the message
     :returns: array of shape (height, width) with the message's fields
-    :raises ValueError: if its data are shorter than announced, or the datatype of a field is unknown
+    :raises ValueError: if its data are too short, or the datatype of a field is unknown
     """
     order = ">" if cloud.is_bigendian else "<"
     names, formats, offsets = [], [], []

@@ -42,7 +42,7 @@ class BagReader:
     """Reader of a bag; use as a context manager.
 
     :param path: folder of a bag, or an MCAP or db3 file
-    :raises InputError: if it is not a bag, was not closed, or cannot be read
+    :raises InputError: if the path is not a bag, or the bag was not closed or cannot be read
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,7 +68,7 @@ class BagReader:
 
     @property
     def offered(self) -> Mapping[str, tuple[Qos, ...]]:
-        """Quality of service that the publishers of each topic offered, as far as the bag has it."""
+        """Quality of service that the publishers of each topic offered, if the bag has it."""
         found: dict[str, tuple[Qos, ...]] = {}
         for connection in self._reader.connections:
             profiles = getattr(connection.ext, "offered_qos_profiles", ())
@@ -104,7 +104,7 @@ class BagReader:
         """Full name of a topic, in the outermost namespace that has it.
 
         :param name: full name, or one without namespace
-        :param type_name: type that it should have
+        :param type_name: expected type
         :raises InputError: if there is no such topic, or more than one; lists the topics of the bag
         """
         named = [t for t in self.topics if t == name or t.rsplit("/", 1)[-1] == name]
@@ -120,7 +120,7 @@ class BagReader:
         raise InputError(f"has no topic {name!r} of type {type_name}", f"there are: {there or 'none'}", self.path)
 
     def read_counts(self, topic: str = "counts") -> list[CountRecord]:
-        """Counted records, in the order of recording and exactly as the nodes had them.
+        """Counted records in the order of recording, exactly as the nodes had them.
 
         :param topic: full name, or one without namespace
         :raises InputError: if there is no such topic, or its messages are not counts
@@ -132,7 +132,7 @@ class BagReader:
             raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", self.path) from None
 
     def read_visits(self, topic: str = "visits", robot: int = 1) -> list[Visit]:
-        """Finished stops, in the order of recording and exactly as the planner had them.
+        """Visits in the order of recording, exactly as the planner had them.
 
         :param topic: full name, or one without namespace
         :param robot: number of the robot, from 1
@@ -167,7 +167,7 @@ class BagReader:
 
 
 _FAULTS = (AnyReaderError, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError)
-"""Errors of reading a damaged bag: rosbags does not check everything."""
+"""Errors while reading a damaged bag: rosbags does not check everything."""
 
 
 def _qos(profile: Any) -> Qos:

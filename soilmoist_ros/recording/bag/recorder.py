@@ -29,13 +29,13 @@ class RecorderState:
     """State of a recorder.
 
     :param recording: whether it was started and not stopped
-    :param bag: folder of the bag, ``None`` as long as none could be made
+    :param bag: folder of the bag, ``None`` until it is made
     :param messages: messages written to the bag
     :param dropped: messages lost because the disk was too slow, full or gone
     :param waiting_bytes: size of messages that wait for the writer [bytes]
     :param size_bytes: size of the bag [bytes]
     :param topics: topics with messages in the bag
-    :param problem: what prevents writing now, empty if nothing does
+    :param problem: what prevents writing now; empty without a problem
     """
 
     recording: bool = False
@@ -114,7 +114,7 @@ class BagRecorder:
         if log_ns <= 0:
             log_ns = time.time_ns()
         if publish_ns <= 0:
-            publish_ns = log_ns  # not every middleware knows it
+            publish_ns = log_ns  # some middlewares do not provide it
         with self._changed:
             if self._stopping or not self._state.recording:
                 return False
@@ -258,7 +258,7 @@ def check_name(name: str) -> None:
 
 
 def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
-    """The next bag of a recorder. A number is added to the name if there is such a bag already.
+    """The next bag of a recorder. The name gets a number if the bag exists.
 
     :param out: folder for bags
     :param name: name of the bag; the time of day if empty

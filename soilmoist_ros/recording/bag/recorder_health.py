@@ -1,4 +1,4 @@
-"""The recorder's state of health, as ``/diagnostics`` shows it."""
+"""Health of the recorder for ``/diagnostics``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def recorder_health(
 
     :param state: its state
     :param free_bytes: space left on its disk [bytes], ``None`` if unknown
-    :param low_disk_bytes: space below which to warn [bytes]
+    :param low_disk_bytes: free space below which the recorder warns [bytes]
     :param skipped: topics that are not recorded because their type is not installed
     """
     if state.problem:

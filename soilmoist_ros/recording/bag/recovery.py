@@ -23,7 +23,7 @@ class RecoveredBag:
     :param folder: the bag that was written
     :param extent: the messages in it
     :param counts: number of messages of each topic
-    :param problems: what was wrong with the source, in words
+    :param problems: problems of the source, in words
     """
 
     source: Path
@@ -37,7 +37,7 @@ def mcap_files(path: Path) -> list[Path]:
     """MCAP files of a bag in the order of recording.
 
     :param path: folder of a bag, or one of its files
-    :raises InputError: if there are none; the remedy depends on the kind of the bag
+    :raises InputError: if there are none
     """
     if path.is_file() and path.suffix == ".mcap":
         return [path]

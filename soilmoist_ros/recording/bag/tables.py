@@ -1,4 +1,4 @@
-"""Tables for the terminal: the content of a bag, and what was recovered."""
+"""Tables for the terminal: the content of a bag, and the result of a recovery."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def recovery_table(bag: RecoveredBag) -> RenderableType:
 
 
 def print_plain(console: Console, content: RenderableType) -> None:
-    """Print; long names are not cut off when the output is not a terminal."""
+    """Print; outside a terminal, long names are not truncated."""
     if not console.is_terminal:
         console = Console(file=console.file, width=_PLAIN_WIDTH)
     console.print(content, highlight=False, crop=False)

@@ -11,7 +11,7 @@ from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 def visit_of(message: Any, robot: int = 1) -> Visit:
     """The visit of a message.
 
-    :param message: a soilmoist_msgs/Visit, decoded by ROS or by rosbags; a code that is not known here becomes
+    :param message: a soilmoist_msgs/Visit, decoded by ROS or by rosbags; an unknown code becomes
         ``VisitEnd.UNKNOWN``
     :param robot: number of the robot, from 1
     :raises ValueError: if a field of a visit is missing

@@ -20,8 +20,8 @@ _WRITE_AT: Final = 1 << 20
 class BagWriter:
     """A bag: the folder ``NAME`` with ``NAME_0.mcap``, and with ``metadata.yaml`` after it was closed.
 
-    A disk error loses nothing: the unwritten data are kept, and the next :meth:`flush` tries again. The open file
-    is locked, so that other programs see that it is still being written.
+    A disk error loses nothing: the unwritten data are kept, and the next :meth:`flush` tries again. The lock on
+    the open file shows other programs that the recording continues.
 
     :param folder: folder to make; must not exist
     :param distribution: name of the ROS distribution, for the bag's metadata
@@ -43,7 +43,7 @@ class BagWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Bytes in the file and waiting for it."""
+        """Bytes in the file and bytes that wait to be written."""
         return self._file.tell()
 
     @property
@@ -58,7 +58,7 @@ class BagWriter:
         :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
         :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
         :param data: the message in CDR
-        :raises OSError: if the disk refuses it now; it is kept for the next :meth:`flush`
+        :raises OSError: if the disk refuses the message now; it is kept for the next :meth:`flush`
         """
         channel = self._channels.get(topic)
         if channel is None:

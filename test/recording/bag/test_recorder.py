@@ -185,7 +185,7 @@ def test_a_disk_that_is_gone_is_left_for_a_new_bag(make, tmp_path, monkeypatch):
     wait_for(lambda: recorder.state.bag is not None and not recorder.state.problem)
     recorder.put(NOTES, START_NS + 1, START_NS, DATA)
     state = recorder.stop()
-    # What the first bag had taken is lost, and counted; nothing else is.
+    # Only the messages that the first bag accepted are lost and counted.
     assert (state.messages, state.dropped) == (1, 1)
     assert state.bag is not None
     assert stamps(state.bag) == [START_NS + 1]

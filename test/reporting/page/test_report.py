@@ -22,7 +22,7 @@ from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 
 class Page(HTMLParser):
-    """What a browser would meet: tags with their attributes, and the visible text."""
+    """Content for a browser: tags with their attributes, and the visible text."""
 
     def __init__(self, html):
         super().__init__()
