@@ -9,8 +9,7 @@ counts Z_i and exposures t_i, and a target 0::
 With the Cholesky factor L of the matrix, W = L^-1 C_.0, b = L^-1 1 and a = L^-1 (Z/t - c), where c is the
 generalised least-squares mean, this becomes ``rate = c + a.W`` and
 ``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse. For many samples on a
-large raster the inverse of L is cheaper: it need not meet all covariances, see
-:mod:`tile_covariances`.
+large raster the inverse of L is cheaper, because it does not need all covariances (:mod:`tile_covariances`).
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from soilmoist_ros.mapping.variogram.support import Supports
 Array = NDArray[np.float64]
 
 JITTER = (0.0, 1e-13, 1e-11, 1e-9)
-"""What is added to the diagonal, relative to its mean, until the Cholesky factor exists."""
+"""Values added to the diagonal, relative to its mean, until the Cholesky factor exists."""
 MEAN_RATE_DRIFT = 0.01
 """Relative drift of the mean rate after which :meth:`PoissonKriging.add` renews the noise variances."""
 
@@ -48,15 +47,14 @@ _log = logging.getLogger(__name__)
 class PoissonKriging:
     """Kriging of Poisson counts with unknown constant mean (the ordinary form).
 
-    Records at one place are merged, which is exact. The object is cheap to make; :meth:`fit` factors the
-    matrix, :meth:`add` extends the factor by new samples.
+    Records at one place are merged, which is exact. :meth:`fit` factors the matrix, :meth:`add` extends the factor
+    by new samples.
 
     :param variogram: variogram of the latent rate
-    :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, and the
-        covariance with a sample at the same place is the sill), or its smooth part only (C_00 = sill -
-        nugget, and so everywhere)
-    :param mean_rate: mean rate m* in the noise variances m*/t [counts/s]; by default sum of counts / sum
-        of exposures. The mean of the *map* is estimated in any case
+    :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, also the
+        covariance with a sample at the target), or only its smooth part (sill - nugget in both cases)
+    :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], by default sum of counts / sum of
+        exposures. The mean of the *map* is always estimated
     :raises ValueError: if ``mean_rate`` is not positive and finite
 
     Attributes
@@ -102,13 +100,13 @@ class PoissonKriging:
 
     @property
     def map_mean(self) -> float:
-        """Generalised least-squares mean of the rate, which the map tends to far from all samples [counts/s]."""
+        """Generalised least-squares mean of the rate, the limit of the map far from all samples [counts/s]."""
         return self._system.mean
 
     def fit(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> PoissonKriging:
-        """Set the samples, replacing earlier ones, and factor the kriging matrix.
+        """Replace the samples and factor the kriging matrix.
 
         :param xy: places, shape (n, 2), n >= 1 [m]
         :param counts: raw counts, shape (n,)
@@ -131,8 +129,8 @@ class PoissonKriging:
     ) -> PoissonKriging:
         """Add samples; a new place appends a row to the factor, a known place is merged.
 
-        Costs O(n^2) for a place that is new or the newest, more for older ones. The mean rate in the noise
-        is kept until it has drifted by 1 %, then everything is built anew (as :meth:`fit` would).
+        Costs O(n^2) for a new or the newest place, more for older ones. The mean rate in the noise stays fixed
+        until it has drifted by more than 1 %; then everything is rebuilt as in :meth:`fit`.
 
         :param xy: places, shape (k, 2), or one place (x, y) [m]
         :param counts: raw counts, shape (k,), or a number
@@ -160,8 +158,7 @@ class PoissonKriging:
 
         :param xy: targets, shape (g, 2) [m]
         :param progress: called with the fraction done, from above 0 to 1, after each tile
-        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (g,); counting noise is not
-            part of the variance
+        :returns: rate [counts/s] and variance without counting noise [(counts/s)^2], each of shape (g,)
         :raises RuntimeError: before :meth:`fit`
         """
         return self._predict(self._targets(check_xy(xy)), progress)
@@ -173,11 +170,11 @@ class PoissonKriging:
         mask: NDArray[np.bool_] | None = None,
         progress: Progress | None = None,
     ) -> tuple[Array, Array]:
-        """Rate and kriging variance on a raster; the same answers as :meth:`predict`, faster.
+        """Rate and kriging variance on a raster; equal to :meth:`predict`, but faster.
 
         :param x_m: centres of the columns, shape (nx,) [m]
         :param y_m: centres of the rows, shape (ny,) [m]
-        :param mask: cells wanted, shape (ny, nx); the others are NaN. All by default
+        :param mask: cells wanted, shape (ny, nx), by default all; other cells are NaN
         :param progress: as :meth:`predict`
         :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (ny, nx)
         :raises ValueError: if an axis is not a finite vector or the mask does not fit

@@ -19,14 +19,14 @@ Array = NDArray[np.float64]
 FitMethod = Literal["reml", "soft_l1"]
 
 MAX_PAIRED_PLACES = 5000
-"""Of more places every k-th is paired in the empirical semivariogram."""
+"""Maximum number of places in the empirical semivariogram; of more places, every k-th is used."""
 UNKNOWN_EXTENT_M = 100.0
 """Extent assumed for the prior of the range when all samples are at one place and no extent is given [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class VariogramFit:
-    """A fitted variogram and how it came about.
+    """A fitted variogram and the details of the fit.
 
     :param variogram: the fitted variogram
     :param method: ``"reml"`` or ``"soft_l1"``
@@ -35,10 +35,10 @@ class VariogramFit:
     :param objective: restricted log-likelihood at the mode (reml; larger is better), or cost (soft_l1; smaller
         is)
     :param log_sd: standard errors of the logarithms of structured sill, range and nugget; ``None`` for soft_l1
-    :param prior_share: how much of what is known about structured sill, range and nugget comes from the
-        prior, 0 (nothing) to 1 (all); zeros for soft_l1, which has none
-    :param converged: whether the optimiser ended well
-    :param message: what the optimiser says
+    :param prior_share: influence of the prior on structured sill, range and nugget, from 0 (data only) to 1 (prior
+        only); zeros for soft_l1, which has no prior
+    :param converged: whether the optimiser converged
+    :param message: message of the optimiser
     :param lag_m: mean distance of each class of the empirical semivariogram [m]
     :param gamma: empirical semivariance [(counts/s)^2], NaN for an empty class
     :param weight: weight of each class [s]
@@ -77,7 +77,7 @@ def fit_variogram(
     spread: ArrayLike | None = None,
     anisotropy: bool = True,
 ) -> Variogram:
-    """Fit a variogram; :func:`estimate_variogram`, without what the fit was like. Same parameters, same errors.
+    """Fit a variogram; parameters and errors as :func:`estimate_variogram`.
 
     >>> xy = [(0, 0), (10, 0), (20, 5), (40, 10), (45, 30)]
     >>> fit_variogram(xy, counts=[300, 320, 380, 500, 470], exposure_s=[100.0] * 5, extent_m=60.0).model
@@ -110,16 +110,16 @@ def estimate_variogram(
 ) -> VariogramFit:
     """Fit a variogram of the latent rate to counts.
 
-    ``"reml"`` (recommended, with Matern 3/2): the restricted likelihood of the rates with the known noise m*/t,
-    times weak priors (:class:`Prior`); of this posterior the mode of the range and
-    the means of the variances, so that what is not known of them is part of the map's uncertainty. Defined from
-    one sample on: with nothing to learn it returns those of the prior. Above 1000 places the likelihood is a
-    composite over blocks of at most 500 neighbours. From 15 places on the range may depend on the direction, where
-    the likelihood says so clearly (:func:`maximise_reml`).
+    ``"reml"`` (recommended, with Matern 3/2) uses the restricted likelihood of the rates with the known noise
+    m*/t, times weak priors (:class:`Prior`). It returns the posterior mode of the range and the posterior means of
+    the variances, so the map's uncertainty includes the uncertainty of the variances. One sample is enough; the
+    result is then the prior's. Above 1000 places the likelihood is a composite over blocks of at most 500
+    neighbours. From 15 places on, the range may depend on the direction if the likelihood clearly supports it
+    (:func:`maximise_reml`).
 
-    ``"soft_l1"``: least squares with soft-L1 loss on the binned semivariogram, as published for this
-    robot. Needs two distinct places. It ignores how uncertain each class is; in simulations
-    its intervals were as good as those of REML in fields of strong contrast, too narrow in faint ones.
+    ``"soft_l1"`` uses least squares with soft-L1 loss on the binned semivariogram, as published for this robot. It
+    needs two distinct places and ignores the uncertainty of each class. In simulations its intervals were as good
+    as with REML in fields of strong contrast, and too narrow in faint fields.
 
     :param xy: places, shape (n, 2) [m]; records at one place are merged
     :param counts: raw counts, shape (n,)
@@ -128,11 +128,11 @@ def estimate_variogram(
     :param method: ``"reml"`` or ``"soft_l1"``
     :param extent_m: extent (longest side) of the field, for the prior of the range [m]. By default that of
         the samples, which understates it early in a mission
-    :param edges: edges of distance classes [m], by default
-        :func:`default_edges`
+    :param edges: edges of distance classes [m], by default :func:`default_edges`
     :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
-        :mod:`support`; all points by default. REML finds the variogram of the rate at
-        points; the semivariogram, and with it soft_l1, is that of the samples as they are
+        :mod:`support`; by default all points. REML estimates the variogram of the rate at points; the
+            semivariogram
+        and soft_l1 ignore the spread
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
@@ -183,8 +183,8 @@ class _Bins:
 def _fit_soft_l1(places: Samples, model: ModelName, bins: _Bins) -> VariogramFit:
     """Soft-L1 least squares of nugget, range and structured sill on the classes that are not empty.
 
-    In units of the mean absolute semivariance and of the largest lag, so that the unit of time does not
-    matter. The structured sill is kept above (1 % of the mean rate)^2, below which nothing could be mapped.
+    The fit uses units of the mean absolute semivariance and of the largest lag, so the unit of time does not
+    matter. The structured sill stays above (1 % of the mean rate)^2; below, nothing could be mapped.
     """
     lag_m, gamma, weight, _ = bins.columns
     if len(places) < 2 or not weight.any():

@@ -29,15 +29,15 @@ class Variogram:
     ============  ==================================  =====================
 
     With a geometric anisotropy (Chiles & Delfiner 2012, Geostatistics, section 2.5.2) the range depends on the
-    direction as the radius of an ellipse does: ``range_m`` is the geometric mean of the longest and the shortest,
-    ``range_m * sqrt(anisotropy)`` along ``angle_deg`` and ``range_m / sqrt(anisotropy)`` across. The methods that
-    take a distance are those of the directions in which the range is ``range_m``.
+    direction like the radius of an ellipse: ``range_m * sqrt(anisotropy)`` along ``angle_deg`` and
+    ``range_m / sqrt(anisotropy)`` across. Methods of a distance apply to directions where the range is
+    ``range_m``.
 
-    :param model: one of the above
-    :param nugget: micro-scale variance of the rate, Poisson noise not included [(counts/s)^2], >= 0
-    :param range_m: range parameter [m], > 0; the geometric mean of the longest and the shortest
-    :param sill: *total* sill, nugget included [(counts/s)^2], >= nugget
-    :param anisotropy: longest range over shortest range [-], >= 1; 1 if no direction is special
+    :param model: name of a model in the table
+    :param nugget: micro-scale variance of the rate without Poisson noise [(counts/s)^2], >= 0
+    :param range_m: range parameter [m], > 0; geometric mean of the longest and the shortest range
+    :param sill: *total* sill, including the nugget [(counts/s)^2], >= nugget
+    :param anisotropy: longest range over shortest range [-], >= 1; 1 for an isotropic variogram
     :param angle_deg: direction of the longest range, anticlockwise from east [deg]; kept modulo 180
     :raises ValueError: if the model is unknown or a parameter is out of its range
 
@@ -83,7 +83,7 @@ class Variogram:
 
     @property
     def correlation_model(self) -> CorrelationModel:
-        """The correlation of the structured part, and its traits."""
+        """Correlation model of the structured part."""
         return correlation_model(self.model)
 
     @property
@@ -93,14 +93,14 @@ class Variogram:
 
     @property
     def along_axes(self) -> bool:
-        """Whether the longest range lies along an axis, or no direction is special."""
+        """Whether the variogram is isotropic or its longest range lies along an axis."""
         return self.anisotropy == 1 or self.angle_deg % 90 == 0
 
     def scaled(self, xy: Array) -> Array:
         """Places in the plane where the variogram is isotropic, in units of the range.
 
         :param xy: places or displacements, shape (..., 2) [m]
-        :returns: the same shape, new memory; its squared distances are what :meth:`correlation_of_square` takes
+        :returns: shape (..., 2), new memory; squared distances are arguments of :meth:`correlation_of_square`
         """
         if self.anisotropy == 1:
             return xy / self.range_m
@@ -127,15 +127,15 @@ class Variogram:
     def correlation_of_square(self, q: ArrayLike) -> Array:
         """Correlation of the structured part at squared distances in units of the range.
 
-        May overwrite its argument: for inner loops, where a square root or a copy would cost.
+        May overwrite its argument, to save a square root or a copy in inner loops.
         """
         return self.correlation_model.correlation(np.atleast_1d(np.asarray(q, float))).reshape(np.shape(q))
 
 
 def isotropic_plane(anisotropy: float, angle_deg: float) -> Array:
-    """Matrix M, shape (2, 2), so that places ``xy @ M`` have the same range in all directions: the geometric mean.
+    """Matrix M, shape (2, 2), such that the range of places ``xy @ M`` is the geometric mean in all directions.
 
-    Symmetric, of determinant 1, and exactly diagonal where the longest range lies along an axis.
+    M is symmetric with determinant 1, and exactly diagonal if the longest range lies along an axis.
 
     :param anisotropy: longest range over shortest range [-], >= 1
     :param angle_deg: direction of the longest range, anticlockwise from east [deg]
