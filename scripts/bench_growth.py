@@ -3,8 +3,9 @@
 
     scripts/bench_growth.py [--workers 2] [--scheduler tcp://host:8786] [--most-samples N] [--most-cells N]
 
-Each map is made in a fresh process. A farm driven in lines 6 m apart, one record of 10 s every 6 m; Matern 3/2 of
-a range of 30 m; maps of up to 2000 samples are exact. Workers are local processes, or those of a Dask cluster.
+Each map is made in a new process. The robot drives lines 6 m apart, with one record of 10 s every 6 m. The model
+is Matern 3/2 with a range of 30 m; maps of up to 2000 samples are exact. Workers are local processes, or those of
+a Dask cluster.
 """
 
 from __future__ import annotations
@@ -53,14 +54,14 @@ def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> di
 
 
 def in_fresh_process(*arguments: object) -> dict[str, float | str]:
-    """:func:`measure` in a fresh process, so that the peak of memory is that of one map."""
+    """:func:`measure` in a new process, which limits the peak memory to one map."""
     command = [sys.executable, __file__, "--one", *(str(argument) for argument in arguments)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return dict(json.loads(done.stdout))
 
 
 def table(name: str, cases: list[tuple[int, int]], options: argparse.Namespace) -> None:
-    """One series: what grows is the column that differs."""
+    """Print one series; the column that differs grows."""
     grows = [samples if name == "samples" else cells for samples, cells in cases]
     times, memory = [], []
     print(f"\n{'samples':>9} {'cells':>9} {'merging [s]':>12} {'kriging [s]':>12} {'peak [MB]':>10}  kriging")

@@ -1,14 +1,15 @@
-"""Time of kriging a raster: mean and variance of 70,000 cells, this package and four others, side by side.
+"""Time of kriging a raster: mean and variance of 70,000 cells, with this package and four others.
 
-All get the same samples and the same fixed covariance parameters; nothing is fitted, one BLAS thread. The
-task has another noise for every sample, which PyKrige cannot take: it gets equal noise as a nugget and
-is compared with this package on that task. scikit-learn has no unknown mean: it gets ours, and its
-variance leaves the mean's uncertainty out. libKriging's kernels are products over the axes, so only its
-Gaussian is the same model; its other kernels are timed for the same number of samples. It cannot take
-70,000 cells at once (matrix too large): it gets 1000 at a time.
+All packages use equal samples, equal fixed covariance parameters and one BLAS thread; nothing is fitted. The noise
+differs between samples, but the packages differ in what they support:
 
-The floor is the time that the machine's dtrsm alone needs for one triangular solve per cell, which every dense
-method pays; ``floors`` is the time in units of it. It is measured in the same run, as are dgemm and the memory.
+* PyKrige has equal noise for all samples as a nugget; it is compared with this package on a task with equal noise.
+* scikit-learn has no unknown mean: it receives our mean, and its variance excludes the uncertainty of the mean.
+* libKriging's kernels are products over the axes, so only its Gaussian is the same model. Its other kernels are
+  timed for the same number of samples. It receives 1000 cells at a time: the matrix of 70,000 is too large.
+
+The floor is the time that dtrsm alone needs for one triangular solve per cell, which every dense method needs.
+``floors`` is the time divided by the floor. The floor, dgemm and the memory are measured in the same run.
 
 Usage: python scripts/bench_mapping.py [--quick] [--repeats N] [--packages NAME ...] [--out DIR]
 """
@@ -76,7 +77,7 @@ class Task:
         return np.stack(np.meshgrid(self.x_m, self.y_m), axis=-1).reshape(-1, 2)
 
     def with_equal_noise(self) -> Task:
-        """The same places with one exposure for all."""
+        """The task with one exposure for all samples."""
         exposure_s = np.full(len(self.xy), self.exposure_s.mean())
         return Task(self.model, self.xy, np.rint(self.rate * exposure_s), exposure_s, self.x_m, self.y_m)
 
@@ -91,7 +92,7 @@ def make_task(model: str, n: int, cells: int) -> Task:
     return Task(model, xy, counts, exposure_s, np.linspace(0, SIDE_M, columns), np.linspace(0, SIDE_M, rows))
 
 
-# -- the packages: each makes the estimator (not timed) and returns what is timed ---------------------------
+# -- the packages: each makes the estimator (not timed) and returns the timed function ----------------------
 
 Run = Callable[[], tuple[np.ndarray, np.ndarray]]
 
@@ -204,7 +205,7 @@ def pylibkriging(task: Task) -> Run | None:
 
 @dataclass(frozen=True)
 class Peer:
-    """A package and the differences of its task."""
+    """A package and how its task differs."""
 
     module: str
     distribution: str
@@ -262,7 +263,7 @@ def memory_mb(model: str, n: int, cells: int) -> float:
 
 
 def dtrsm_floor_s(n: int, cells: int) -> float:
-    """Time of the triangular solves of all cells, in tiles as this package makes them; the best of a few [s]."""
+    """Time of the triangular solves of all cells in the tiles of this package; the best of a few runs [s]."""
     from scipy.linalg.blas import dtrsm
 
     tile = max(1, 400_000 // n)
@@ -405,7 +406,7 @@ def main() -> int:
                 print(
                     "  ".join(f"{row.get(column, '')!s:>13}" for column in [*COLUMNS, *EXTRA_COLUMNS]), flush=True
                 )
-            write(rows, arguments.out, cells, repeats)  # what is done is kept if the rest is cut short
+            write(rows, arguments.out, cells, repeats)  # an interruption keeps the results so far
     print(f"wrote {arguments.out / 'mapping.csv'} and {arguments.out / 'mapping.md'}")
     return 0
 

@@ -1,9 +1,9 @@
-"""Time of maps on line: mean and variance of 70,000 cells after each of 300 records, against libKriging.
+"""Time of maps on line: mean and variance of 70,000 cells after each of 300 records, compared with libKriging.
 
-Every record begins a new sample. This package goes on from the map before (RasterKriging). libKriging, the
-fastest of the packages in bench_mapping.py, computes each map anew. It is timed for a few numbers of samples,
-and its total summed up by linear interpolation. Samples and fixed covariance parameters are those of
-bench_mapping.py; nothing is fitted. One BLAS thread, CPU time, medians of three runs.
+Every record begins a new sample. This package updates the previous map (RasterKriging). libKriging, the fastest of
+the packages in bench_mapping.py, computes each map anew. It is timed for a few numbers of samples; linear
+interpolation gives its total. Samples and fixed covariance parameters come from bench_mapping.py; nothing is
+fitted. One BLAS thread, CPU time, medians of three runs.
 
 Usage: python scripts/bench_online.py [--quick] [--models NAME ...] [--records N] [--cells N] [--out DIR]
 """
@@ -44,7 +44,7 @@ def first(task: Task, n: int) -> Task:
 
 
 def after_record(task: Task, number: int, shift_m: float) -> Task:
-    """The task after another record at one sample, which moves it."""
+    """The task after another record at one sample; the record moves the sample."""
     xy, counts, exposure_s = task.xy.copy(), task.counts.copy(), task.exposure_s.copy()
     xy[number] += shift_m
     counts[number] += 30
@@ -57,7 +57,7 @@ def mean_rate(task: Task) -> float:
 
 
 def update(task: Task) -> tuple[list[float], RasterKriging, np.ndarray]:
-    """CPU times of the maps after each record [s], what made them, and the last."""
+    """CPU time of the map after each record [s], the object that computes the maps, and the last map."""
     everywhere = np.ones((len(task.y_m), len(task.x_m)), bool)
     raster = RasterKriging(task.x_m, task.y_m, everywhere, keep_nugget=True)
     times = []
@@ -101,7 +101,7 @@ def memory_mb(model: str, records: int, cells: int) -> float:
     receiver, sender = context.Pipe(duplex=False)
     child = context.Process(target=_memory_child, args=(model, records, cells, sender))
     child.start()
-    sender.close()  # so that a child that dies ends the wait
+    sender.close()  # a child that dies then ends the wait
     growth = float(receiver.recv())
     child.join()
     return growth
@@ -114,7 +114,7 @@ def compare(model: str, records: int, cells: int) -> dict[str, object]:
         raster = None  # its memory is free for the next
         times, raster, found = update(task)
         runs.append(times)
-    new = np.median(runs[1:], axis=0)  # the first loads libraries and gets memory from the system
+    new = np.median(runs[1:], axis=0)  # the first run loads libraries and allocates memory
     kriging = PoissonKriging(Variogram(model, 0.0, RANGE_M, SILL))
     expected = kriging.fit(task.xy, task.counts, task.exposure_s).predict_grid(task.x_m, task.y_m)
     difference = [float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True)]
@@ -180,7 +180,7 @@ def main() -> int:
     for model in arguments.models:
         rows.append(compare(model, records, cells))
         print("  ".join(f"{column} {value}" for column, value in rows[-1].items()), flush=True)
-        write(rows, arguments.out, cells)  # what is done is kept if the rest is cut short
+        write(rows, arguments.out, cells)  # an interruption keeps the results so far
     print(f"wrote {arguments.out / 'online.csv'} and {arguments.out / 'online.md'}")
     return 0
 

@@ -1,11 +1,11 @@
-"""Benchmark of recording: how fast, how large, how safe.
+"""Benchmark of recording: speed, size and safety.
 
-* messages/s without loss, small ones and large ones
+* messages/s without loss, for small and large messages
 * bytes per mission hour
 * speed of recovery
 * messages lost by a kill, compared with two common writers: rosbags, and mcap with its default settings
 
-``--quick`` takes smaller sizes. Needs no ROS. Results as JSON with ``--json FILE``.
+``--quick`` uses smaller sizes; ``--json FILE`` writes the results. Needs no ROS.
 """
 
 from __future__ import annotations
@@ -63,13 +63,13 @@ def topic(name: str, type_name: str = "std_msgs/msg/String") -> Topic:
 
 
 def content(size: int, seed: int) -> bytes:
-    """Bytes that compress about as far as messages with floating-point numbers do."""
+    """Bytes that compress about as well as messages with floating-point numbers."""
     numbers = np.cumsum(np.random.default_rng(seed).normal(size=size // 8 + 1))
     return (b"\0\1\0\0" + numbers.astype("<f4").astype("<f8").tobytes())[:size]
 
 
 def throughput(folder: Path, size: int, seconds: float) -> dict[str, float]:
-    """Highest rate at which nothing is lost: as fast as the writer goes, with a queue that is never full."""
+    """Highest rate without loss: the speed of the writer with a queue that is never full."""
     messages = [content(size, seed) for seed in range(50)]
     recorder = BagRecorder(lambda: BagWriter(folder), capacity_bytes=64 << 20)
     recorder.start()
@@ -123,7 +123,7 @@ def mission_hour(folder: Path, fraction: float) -> dict[str, float]:
 
 
 def recovery(source: Path, out: Path) -> dict[str, float]:
-    """Speed of recovering a bag that was cut in the middle of its last chunk."""
+    """Speed of recovering a bag that ends in the middle of its last chunk."""
     data = source.read_bytes()
     cut = source.with_name("cut_0.mcap")
     cut.write_bytes(data[: len(data) * 9 // 10])

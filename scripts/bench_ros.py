@@ -26,7 +26,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-# As the other scripts set it, for the nodes as well; and before numpy comes.
+# Set as in the other scripts, before numpy is imported; the nodes inherit it.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
@@ -86,7 +86,7 @@ class Observer:
 
 @contextlib.contextmanager
 def ros_domain() -> Iterator[tuple[int, dict[str, str]]]:
-    """A free domain, and the environment of processes in it; this process's own is set as well."""
+    """A free domain and the environment of its processes; also sets the domain of this process."""
     with free_domain() as domain:
         environment = loopback_environment(domain)
         os.environ.update(environment)
@@ -105,7 +105,7 @@ def wait_for(condition: Callable[[], object], what: str, limit_s: float = LIMIT_
 
 
 def stops(width_m: float, height_m: float, count: int) -> Iterator[CountRecord]:
-    """Records of a survey that stops at random places."""
+    """Records of a survey with stops at random positions."""
     rng = np.random.default_rng(5)
     place = (0.0, 0.0)
     for number in range(count):
@@ -117,7 +117,7 @@ def stops(width_m: float, height_m: float, count: int) -> Iterator[CountRecord]:
 
 
 def record_to_map(name: str, folder: Path, count: int) -> Row:
-    """Time from the publication of a record until a subscriber has the map with it, one record after the other."""
+    """Time from the publication of each record until a subscriber has the map that includes it."""
     width_m, height_m = FIELDS_M[name]
     folder.mkdir()
     field = folder / "field.yaml"
@@ -150,7 +150,7 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
                 publisher.publish(message)
                 wait_for(lambda stamp_s=record.stamp_s: stamp_s in arrivals, "a map")
                 delays_s.append(arrivals[record.stamp_s] - sent)
-    # The first records make no map: there are too few samples for a variogram.
+    # The first records have no map: a variogram needs more samples.
     delays_s = delays_s[3 * RECORDS_PER_STOP :]
     return {
         "field": name,
@@ -168,7 +168,7 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
 def start_up_s(command: list[str], name: str, log: Path, byte_code: Path) -> tuple[float, float]:
     """Time from the start of a process until its node answers (it is complete and spins), and CPU time by then.
 
-    :param byte_code: folder for the compiled modules; an installed package has them, wherever this one is
+    :param byte_code: folder for compiled modules, which an installed package also has
     """
     with ros_domain() as (domain, environment), Observer(domain) as observer, log.open("ab") as output:
         from rcl_interfaces.srv import GetParameters
@@ -194,9 +194,10 @@ def start_up_s(command: list[str], name: str, log: Path, byte_code: Path) -> tup
 
 
 def start_up_rows(folder: Path, repeats: int) -> list[Row]:
-    """Median start-up time of every node, and of one that does nothing; in turns, as the machine may change.
+    """Median start-up time of every node and of a node that does nothing.
 
-    A first round, which compiles the modules, does not count.
+    The nodes take turns, because the speed of the machine may change. A first round, which compiles the modules,
+    does not count.
     """
     parameters: Mapping[str, dict[str, object]] = {
         "sensor_driver": {"field": "example", "logger_uri": "tcp://127.0.0.1:9", "gnss_uri": "tcp://127.0.0.1:9"},
@@ -293,7 +294,7 @@ def whole_system(folder: Path, speed: float, settle_s: float, seconds: float) ->
             ]
         finally:
             if demo.poll() is None:
-                demo.send_signal(signal.SIGINT)  # its nodes end in good order
+                demo.send_signal(signal.SIGINT)  # shuts down its nodes cleanly
             try:
                 demo.wait(LIMIT_S)
             except subprocess.TimeoutExpired:
@@ -311,7 +312,7 @@ def cpu_s(process: psutil.Process) -> float:
 
 
 def peak_resident_mb(process: psutil.Process) -> float:
-    """Highest resident memory since the start, libraries shared with others included; Linux only."""
+    """Highest resident memory since the start, including shared libraries; Linux only."""
     for line in Path(f"/proc/{process.pid}/status").read_text().splitlines():
         if line.startswith("VmHWM:"):
             return int(line.split()[1]) * 1024 / 1e6

@@ -1,7 +1,9 @@
 """Time of fitting a variogram to samples at random places, on one thread, in milliseconds of processor time.
 
-Restricted maximum likelihood with one range for all directions, with the search for a direction, and with that of
-samples that have a footprint; and the published soft-L1 fit of the binned semivariogram.
+* restricted maximum likelihood (REML) with one range for all directions
+* REML with the search for a direction
+* REML with the search for a direction, for samples with a footprint
+* the published soft-L1 fit of the binned semivariogram
 
 usage: .venv/bin/python scripts/bench_variogram.py [--sizes 72 300 1000] [--repeats 5] [--model matern32]
 """
@@ -32,7 +34,7 @@ TRUTH = Variogram("matern32", nugget=0.02, range_m=45.0, sill=0.35)
 
 
 def survey(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places, counts and exposures of a survey of a random field."""
+    """Positions, counts and exposures of a survey of a random field."""
     rng = np.random.default_rng(n)
     xy = rng.uniform(0, SIDE_M, (n, 2))
     rate = 4 + np.linalg.cholesky(TRUTH.covariance(cdist(xy, xy))) @ rng.standard_normal(n)

@@ -72,7 +72,7 @@ def test_counts_equal_those_of_a_mission_without_ros(weather):
         here = output.record
         assert output.name == name
         assert here.stamp_s == START_S + there.stamp_s
-        # Both noises are of 2 cm; all else is the same.
+        # Both positions have noise of 2 cm; everything else is equal.
         assert (here.x_m, here.y_m) == pytest.approx((there.x_m, there.y_m), abs=0.2)
         assert replace(here, stamp_s=there.stamp_s, x_m=there.x_m, y_m=there.y_m) == there
 

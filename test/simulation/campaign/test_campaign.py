@@ -346,7 +346,7 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("title: t\nruns: 3\nexperiments: [{name: a}]\n")
     command = [sys.executable, str(tmp_path / "slow.py"), str(path), str(tmp_path)]
-    # A shell that starts the tests in the background has them ignore Ctrl-C, and the processes inherit that.
+    # Tests that a shell starts in the background ignore Ctrl-C; child processes inherit this.
     process = subprocess.Popen(
         command,
         stderr=subprocess.PIPE,

@@ -43,7 +43,7 @@ def test_the_target_changes_where_the_time_goes():
     assert 0.3 < plan.reached <= 1
     wet = [sum(row.exposure_s for row in run.records if row.x_m < 30) for run in (rate, moisture)]
     assert moisture.records != rate.records
-    # the wet side is the one with fewer counts
+    # the wet side has fewer counts
     west = run_mean(moisture, lambda x: x < 30)
     east = run_mean(moisture, lambda x: x > 30)
     assert (wet[1] > wet[0]) == (west < east)

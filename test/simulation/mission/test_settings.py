@@ -1,4 +1,4 @@
-"""The declaration of the settings of a mission, and what is made from it."""
+"""The declaration of mission settings, and the options and keys derived from it."""
 
 import dataclasses
 import math
@@ -34,7 +34,7 @@ def test_a_setting_is_declared_once_and_is_an_option_a_key_and_a_column(name):
 
 
 def test_options_keep_their_names():
-    """What users have in scripts."""
+    """Scripts of users contain them."""
     options = {setting.option for setting in SETTINGS.values()}
     assert {"--field", "--strategy", "--dwell", "--hours", "--seed", "--fit", "--preset", "--map-from", "--target",
             "--graph", "--cell", "--footprint", "--speed", "--robots", "--random-field"} < options  # fmt: skip

@@ -25,7 +25,7 @@ SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", model="matern32"
 
 
 def bits(result):
-    """What a mission came to, to compare bit for bit; NaN differs from itself, so as text."""
+    """Result of a mission for comparison bit for bit; as text, because NaN differs from itself."""
     return repr(result.series), repr(result.visits), result.tracks[0].tobytes(), repr(result.records)
 
 
@@ -67,7 +67,7 @@ def test_time_distance_and_samples_only_grow():
 @pytest.mark.slow
 def test_stops_are_counted_for_as_long_as_the_rule_says():
     fixed = simulate_mission(replace(SHORT, dwell="fmi:120")).visits
-    # the record under way at the arrival is not counted
+    # the record that began before the arrival is not counted
     assert all(120 <= visit.dwell_s <= 130 for visit in fixed[:-1])
     adaptive = simulate_mission(replace(SHORT, dwell="ami:0.05", hours=1.5)).visits
     assert all(400 <= visit.raw_counts <= 470 for visit in adaptive[:-1])
@@ -153,7 +153,7 @@ def test_the_log_gives_a_reason_for_every_decision():
 
 
 class Watched(_Simulation):
-    """Writes down at each goal what all robots are about then."""
+    """Notes the targets of all robots at each goal."""
 
     def __init__(self, given):
         super().__init__(given)
@@ -193,7 +193,7 @@ def test_several_robots_share_one_map(map_from):
     one, three = (simulate_mission(replace(base, robots=robots)) for robots in (1, 3))
     assert three.series[-1].mse < one.series[-1].mse
     assert len(three.visits) > 2 * len(one.visits)
-    # the error is that of the one map, the distance and the time are of all robots
+    # the error belongs to the one shared map; distance and time are sums over all robots
     assert np.nanmean((three.soil_map.rate - three.truth_rate) ** 2) == pytest.approx(three.series[-1].mse)
     assert sum(map(polyline_length_m, three.tracks)) == pytest.approx(three.series[-1].distance_m)
     assert sum(visit.dwell_s for visit in three.visits) == pytest.approx(three.series[-1].counting_s)

@@ -1,4 +1,4 @@
-"""Each source of randomness of a mission has its own stream, the same as in earlier releases and on a robot."""
+"""Each source of randomness of a mission has a separate stream, equal to earlier releases and to a robot."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ def test_counts_do_not_depend_on_the_noise_of_the_receiver():
 
 
 def test_the_first_records_do_not_depend_on_the_strategy():
-    """Both robots are still at the start: their sensors draw the same, their strategies choose other stops."""
+    """Both robots are at the start: their sensors draw equal counts, their strategies choose different stops."""
     cadence = {"cadence_s": 1.0, "speed_mps": 1e-3, "hours": 0.02}
     drawn, planned = (replace(SETTINGS, strategy=name, **cadence) for name in ("random", "lattice"))
     assert counts(drawn) == counts(planned)

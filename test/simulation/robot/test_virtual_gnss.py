@@ -48,7 +48,7 @@ def test_a_lost_fix_has_time_only_and_does_not_change_later_noise():
 
     whole, broken = sentences(()), sentences((2, 3))
     assert whole[4:] == broken[4:]
-    # a receiver sends no GST without a fix, so it only shows at the next epoch that this one is complete
+    # without a fix, a receiver sends no GST: only the next epoch shows that this epoch is complete
     lost = read([line for epoch in broken for line in epoch])[2]
     assert lost.status is FixStatus.NO_FIX
     assert lost.stamp_s == START_S + 2
