@@ -15,7 +15,7 @@ START_NS = 1_780_000_000_000_000_000
 
 @dataclass
 class Sample:
-    """A bag, and what went into it."""
+    """A bag and its messages."""
 
     folder: Path
     messages: list[tuple[str, int, bytes]] = field(default_factory=list)

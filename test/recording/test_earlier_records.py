@@ -38,7 +38,7 @@ def records(n=8):
 
 
 def write_bag(folder, many):
-    """A bag of the records as the topic ``counts`` has them."""
+    """A bag with the records on the topic ``counts``."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
     layout = np.dtype(

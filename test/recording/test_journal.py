@@ -103,7 +103,7 @@ def test_only_entries_after_the_snapshot_are_left_to_replay(tmp_path):
 
 
 def test_replay_gives_the_same_state_from_any_moment(tmp_path):
-    # State = sum of everything; wrong as soon as an entry is replayed twice or not at all.
+    # State = sum of everything; wrong if an entry is replayed twice or not at all.
     def replayed():
         snapshot, entries, problems = load_journal(tmp_path)
         assert not problems

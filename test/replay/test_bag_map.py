@@ -79,7 +79,7 @@ def writer_of(target, mode, **options):
 
 
 def with_files(case, **changes):
-    """Settings that say what the configuration of a golden run says."""
+    """Settings equal to the configuration of a golden run."""
     folder = GOLDEN / case / "configuration"
     values = {"field": str(folder / "field.yaml"), "site": str(folder / "site.yaml"), "cell_m": 4.0, **changes}
     return ReplaySettings(**values)
@@ -212,7 +212,7 @@ def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):
 
 
 def test_a_reset_is_detected_even_without_the_samples(makers, tmp_path):
-    """Its empty map is in the recording."""
+    """The recording contains the empty map."""
     many = makers.records(makers.drive((5, 5), (55, 5), 12))
     makers.configure(tmp_path)
     with makers.BagWriter(tmp_path / "bag") as writer:
@@ -307,7 +307,7 @@ def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_
 
 
 def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path):
-    """Records that were remapped into a namespace of their own."""
+    """Records that were remapped into a separate namespace."""
     bag = copy_bag(
         GOLDEN / "one_stop" / "bag", tmp_path / "bag",
         rename=lambda topic: "/sensor/counts" if topic == "/counts" else topic,

@@ -1,4 +1,4 @@
-"""Bags with several properties: made of a golden one, whose counts come twice."""
+"""Bags with several properties: a golden bag with its counts on two topics."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TWICE = ("/counts", "/samples", "/soil_map")
 
 @pytest.fixture
 def run_with(tmp_path):
-    """Make a run whose planner had these properties, and whose bag has the counts again as those of salt."""
+    """Make a run with these properties in its planner; its bag repeats the counts as counts of salt."""
 
     def make(properties, mapper=True, mission=True):
         run = tmp_path / "run"

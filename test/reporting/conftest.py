@@ -41,7 +41,7 @@ def track(soil: SoilMap) -> list[CountRecord]:
 
 @pytest.fixture(autouse=True)
 def _quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Coarse images; what a module-wide fixture renders still has the resolution of users."""
+    """Coarse images; module-wide fixtures still render at full resolution."""
     monkeypatch.setattr(style, "PNG_DPI", 30)
 
 
@@ -85,7 +85,7 @@ def uncalibrated() -> SoilMap:
 
 @pytest.fixture(scope="session")
 def steep() -> SoilMap:
-    """A map part of which lies below the calibration curve."""
+    """A map whose rate is partly below the calibration curve."""
     return soil_map(curve=CalibrationCurve(12.2, 1.4))
 
 

@@ -1,4 +1,4 @@
-"""A run folder, opened again."""
+"""A reopened run folder."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def test_the_environment_says_where_to_look(prefix, monkeypatch):
      "visualization_msgs/msg/MarkerArray", "action_msgs/msg/GoalStatusArray", "rcl_interfaces/msg/ParameterEvent"],
 )  # fmt: skip
 def test_installed_types_have_the_hash_of_their_definition(name):
-    # rosbags works out the hash from the definition, ROS stores it next to the definition.
+    # rosbags computes the hash from the definition; ROS stores it next to the definition.
     try:
         definition = find_definition(name)
     except InputError:

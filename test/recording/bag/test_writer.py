@@ -102,7 +102,7 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
 
 def test_a_read_only_folder_is_reported():
     with pytest.raises(InputError, match="no recording can be made here"):
-        BagWriter(Path("/sys/run"))  # where not even root may make a folder
+        BagWriter(Path("/sys/run"))  # even root cannot make a folder here
 
 
 def test_no_folder_is_left_when_the_file_cannot_be_made(tmp_path, monkeypatch):

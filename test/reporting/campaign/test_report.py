@@ -343,7 +343,7 @@ SEVEN = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr
 
 @pytest.fixture(scope="module")
 def wide():
-    """Seven strategies and four dwell rules, one of them without a number."""
+    """Seven strategies and four dwell rules; one rule has no number."""
     dwells = ("ami:0.03", "fmi:600", "fmi:300", "optimal")
     experiment = CAMPAIGN.experiments[0].model_copy(update={"strategy": SEVEN, "dwell": dwells})
     campaign = CAMPAIGN.model_copy(update={"experiments": (experiment,), "published": None})

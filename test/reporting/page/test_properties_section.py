@@ -1,4 +1,4 @@
-"""Several properties in the outputs: files of each, and all side by side in the report."""
+"""Several properties in the outputs: files of each property, and all side by side in the report."""
 
 from __future__ import annotations
 
