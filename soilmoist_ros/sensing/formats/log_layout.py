@@ -1,4 +1,4 @@
-"""The columns of one log: which column has which quantity of the format."""
+"""The columns of one log and their quantities."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
 
 
 def plain_name(name: str) -> str:
-    """A column name without case, blanks and punctuation, for comparison."""
+    """Column name without case, blanks and punctuation, for comparison."""
     return re.sub(r"[^a-z0-9%]", "", name.casefold())
 
 
@@ -26,7 +26,7 @@ def split_fields(logger: LoggerFormat, text: str) -> list[str]:
 class MissingColumnsError(ValueError):
     """A header lacks columns that its format requires.
 
-    :param columns: for each column, its quantity and the names it may have
+    :param columns: quantity and alternative names of each missing column
     """
 
     def __init__(self, columns: Sequence[str]) -> None:
@@ -39,7 +39,7 @@ class Source:
     """The column of a quantity.
 
     :param index: number of the column, from 0
-    :param name: its name in the header
+    :param name: name in the header
     :param convert: converts to the unit of this package
     """
 
@@ -65,11 +65,11 @@ class Layout:
     """Columns of one log.
 
     :param names: all names in the header
-    :param time: columns of the stamp, more than one if date and time have separate columns
+    :param time: columns of the stamp; several if date and time are separate
     :param record_number: column of the running number
     :param tubes: numbers of the tubes, ascending
-    :param counts: a column for each tube
-    :param live: a column for each tube, ``None`` for a tube without one
+    :param counts: column of each tube
+    :param live: column of each tube, ``None`` if there is none
     :param pressure: barometers in order of preference
     :param temperature: thermometers in order of preference
     :param humidity: hygrometers in order of preference
@@ -89,20 +89,20 @@ class Layout:
 
     @property
     def number_of_sources(self) -> int:
-        """Number of columns with a known meaning; the format with the highest number fits a header best."""
+        """Number of columns with a known quantity; the format with the highest number fits a header best."""
         groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
         found = sum(source is not None for group in groups for source in group)
         return found + (self.record_number is not None) + 2 * (self.position is not None)
 
     @property
     def last_needed(self) -> int:
-        """Index of the last column whose value is used for counts or live time."""
+        """Index of the last column with a time, counts or a live time."""
         needed = [*self.time, *self.counts, *(source for source in self.live if source)]
         return max(source.index for source in needed)
 
 
 class _Columns:
-    """Looks names up in a header."""
+    """Finds names in a header."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(name.strip() for name in names)
@@ -117,7 +117,7 @@ class _Columns:
         return None
 
     def find_tubes(self, alternatives: Sequence[str]) -> dict[int, Source]:
-        """Columns by number of tube: of a pattern with ``{tube}``, or of a plain name as tube 1."""
+        """Columns by tube number: those that match a pattern with ``{tube}``, or a plain name as tube 1."""
         for name in alternatives:
             if TUBE not in name:
                 single = self.find([name])
@@ -140,7 +140,7 @@ class _Columns:
 
 
 def is_header(logger: LoggerFormat, fields: Sequence[str]) -> bool:
-    """Whether the fields of a line are names: one of them is the name of a time column."""
+    """Whether a line is a header: one of its fields is the name of a time column."""
     known = {plain_name(part) for name in logger.time.columns for part in name.split("+")}
     return any(plain_name(field) in known for field in fields)
 
@@ -148,7 +148,6 @@ def is_header(logger: LoggerFormat, fields: Sequence[str]) -> bool:
 def build_layout(logger: LoggerFormat, names: Sequence[str]) -> Layout:
     """Find the columns of a format in a header.
 
-    :param logger: the format
     :param names: names of the columns, in order
     :raises MissingColumnsError: if the time, the counts or a required position is missing
     """

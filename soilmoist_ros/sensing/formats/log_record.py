@@ -1,4 +1,4 @@
-"""Fields of one line -> a record: units, live times, range checks, choice of sensors."""
+"""Converts the fields of one line to a record: units, live times, range checks, choice of sensors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HALF_DAY_S = 43_200.0
 
 
 class LostRecordError(Exception):
-    """A record that must not be used: its line is damaged, or it has no counts."""
+    """The line is damaged, or the record has no counts."""
 
     def __init__(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
         self.note = Note(kind, message, column, remedy)
@@ -43,8 +43,7 @@ class Note:
 class Reading:
     """A record and the remarks about it.
 
-    :param record: the record
-    :param notes: faults with which the record is kept
+    :param notes: faults that do not drop the record
     :param gnss_offset_s: logger's time of day minus the receiver's [s], NaN if unknown
     """
 
@@ -70,9 +69,9 @@ class FieldReader:
         self._previous_stamp_s = NAN
 
     def read(self, fields: Sequence[str], period_s: float | None, line: int) -> Reading:
-        """The record of one line.
+        """Convert one line to a record.
 
-        :param fields: fields of the line, as many as the layout has names
+        :param fields: fields of the line, one for each name of the layout
         :param period_s: nominal duration of a record [s], ``None`` if unknown
         :param line: number of the line
         :raises LostRecordError: if the line has no usable record
@@ -136,13 +135,13 @@ class FieldReader:
         return int(number)
 
     def _live_times(self, fields: Sequence[str], period_s: float | None, since_s: float) -> list[float]:
-        """Live time of each tube [s]; NaN if the column shows that the tube did not count."""
+        """Live time of each tube [s]; NaN if the tube did not count."""
         if self._logger.live_time.from_stamps:
             return [self._time_since(period_s, since_s)] * len(self.layout.tubes)
         return [self._live_time(fields, source, period_s) for source in self.layout.live]
 
     def _time_since(self, period_s: float | None, since_s: float) -> float:
-        """Time since the previous line [s]; the record period if that line is missing."""
+        """Time since the previous line [s]; the record period if the previous line is missing."""
         if since_s > 0 and (period_s is None or since_s < 1.5 * period_s):
             return since_s
         return self._assumed_live_time(period_s, "the previous line's time is not known")
@@ -241,7 +240,7 @@ class FieldReader:
         quantity: Pressure | Temperature | Humidity | None,
         sources: Sequence[Source],
     ) -> float:
-        """Value of the first sensor that has a credible one, NaN if none has."""
+        """Value of the first sensor with a credible value, NaN if there is none."""
         if quantity is None or not sources:
             return NAN
         low, high = quantity.range

@@ -1,11 +1,10 @@
-"""A logger format is data: the meaning and unit of each column.
+"""Logger formats: the meaning and unit of each column.
 
-One YAML file in ``config/loggers`` describes one logger. A new logger needs a new file, no code: copy the
-nearest one, and rename the columns. Another package adds a format with an entry point of the group
+One YAML file in ``config/loggers`` describes one logger. A new logger needs a new file and no code: copy the
+most similar file and rename the columns. Another package adds a format with an entry point of the group
 ``soilmoist_ros.loggers``: the path of its YAML file, or a function that returns the path.
 
-Column names are compared without regard to case, blanks and punctuation, so that ``N1ET_sec``, ``N1ETsec`` and
-`` N1ETsec `` are one name.
+Comparison of column names ignores case, blanks and punctuation: ``N1ET_sec``, ``N1ETsec`` and `` N1ETsec `` match.
 """
 
 from __future__ import annotations
@@ -55,9 +54,9 @@ Limits = Annotated[tuple[float, float], AfterValidator(_increasing)]
 
 
 class Header(Section):
-    """How the column names are written in the file or stream.
+    """Notation of the column names in the file or stream.
 
-    A header line is a line with the name of a time column. It may be repeated at any time.
+    A header line contains the name of a time column. It may be repeated at any time.
     """
 
     comment: str = ""
@@ -65,14 +64,14 @@ class Header(Section):
     continued_by: tuple[str, ...] = ()
     """First names of header lines that continue the list of columns, such as GpsUTC."""
     columns: tuple[str, ...] = ()
-    """Names of all columns in order, until a header line comes; for loggers without a header."""
+    """Names of all columns in order, for loggers without a header; a header line replaces them."""
 
 
 class Time(Section):
     """The time stamp of a record."""
 
     columns: tuple[str, ...] = Field(min_length=1)
-    """Alternative names; the first one found is used. Date and time in two columns: ``Date + Time``."""
+    """Alternative names; the first match is used. For date and time in two columns: ``Date + Time``."""
     formats: TimeFormats = Field(min_length=1)
     """Alternatives, each ``iso8601``, ``unix_s``, ``unix_ms`` or a format of Python's strptime."""
     marks: Literal["start", "end"] = "end"
@@ -87,23 +86,23 @@ class Counts(Section):
     columns: tuple[str, ...] = Field(min_length=1)
     """Alternative names; ``{tube}`` is the number of a tube, as in ``N{tube}Cts``."""
     unit: CountUnit = "counts"
-    """counts, or counts_per_second: these are multiplied by the live time."""
+    """counts, or counts_per_second; rates are multiplied by the live time."""
     range: Limits = (0, 1_000_000)
-    """Limits of the counts of one tube in one record; counts outside mean a damaged line."""
+    """Limits of the counts of one tube in one record; a line with counts outside is damaged."""
     sentinels: tuple[float, ...] = ()
     """Numbers that mark a tube without counts."""
     left_out: tuple[int, ...] = ()
-    """Tubes that are not used: dead ones, or a bare (thermal) detector next to a moderated one."""
+    """Numbers of unused tubes: dead tubes, or a bare (thermal) detector next to a moderated one."""
     rounding_tolerance: float = Field(default=0.1, gt=0, le=0.5)
-    """With counts_per_second: rate times live time is rounded, as counting statistics need whole counts.
-    A difference above this tolerance [counts] is reported."""
+    """With counts_per_second: rounding error above which rate times live time is reported [counts].
+    The product is rounded because counting statistics need whole counts."""
 
 
 class LiveTime(Section):
-    """How long the tubes counted in a record. Without it, the record period is used."""
+    """Live time of the tubes in a record. Without it, the record period is used."""
 
     columns: tuple[str, ...] = ()
-    """Alternative names, with ``{tube}`` for one per tube or without for one per record."""
+    """Alternative names; with ``{tube}`` for one column per tube, without it for one per record."""
     unit: DurationUnit = "s"
     """Unit of these columns."""
     covers: int = Field(default=1, ge=1)
@@ -111,7 +110,7 @@ class LiveTime(Section):
     from_stamps: bool = False
     """Whether the live time is the time since the previous record's stamp."""
     range: Limits = (0, 90_000)
-    """Limits of the live time [s]; a value outside means a damaged line."""
+    """Limits of the live time [s]; a line with a value outside is damaged."""
 
 
 class RecordPeriod(Section):
@@ -122,9 +121,9 @@ class RecordPeriod(Section):
     unit: DurationUnit = "min"
     """Unit of the value in that line."""
     default_s: float | None = Field(default=None, gt=0)
-    """Period if no header line has it [s]."""
+    """Period without a header line [s]."""
     minimal_live_fraction: float = Field(default=0.9, ge=0, le=1)
-    """Records with a live time below this part of the period are reported, and kept."""
+    """Minimum live time as a fraction of the period; records below it are reported and kept."""
 
 
 class PressureSensor(Section):
@@ -166,7 +165,7 @@ class Pressure(Section):
 
 
 class Temperature(Section):
-    """Air temperature, outside of the housing where there is a choice."""
+    """Air temperature, preferably outside the housing."""
 
     sensors: tuple[TemperatureSensor, ...] = Field(min_length=1)
     """In order of preference: in each record the first one within the range is used."""
@@ -177,12 +176,12 @@ class Temperature(Section):
 
 
 class Humidity(Section):
-    """Relative humidity of the air, outside of the housing where there is a choice."""
+    """Relative humidity of the air, preferably outside the housing."""
 
     sensors: tuple[HumiditySensor, ...] = Field(min_length=1)
     """In order of preference: in each record the first one within the range is used."""
     range: Limits = (0, 1.05)
-    """Credible values [0..1]; hygrometers read slightly above 1 in fog, which counts as 1."""
+    """Credible values [0..1]; hygrometers read slightly above 1 in fog, and such values are set to 1."""
     sentinels: tuple[float, ...] = ()
     """Numbers in the column that mark a missing value."""
 
@@ -207,11 +206,11 @@ class LoggedPosition(Section):
     zero_is_no_fix: bool = True
     """Whether latitude and longitude 0 mark a missing fix."""
     required: bool = True
-    """Whether a log without these columns has another format."""
+    """Whether a log needs these columns to have this format."""
     time_of_day: tuple[str, ...] = ()
-    """Alternative names of the column of the receiver's UTC time of day; shows the error of the logger's clock."""
+    """Alternative names of the column of the receiver's UTC time of day, for the offset of the logger's clock."""
     time_of_day_format: str = "%H%M%S"
-    """Its format, as in Python's strptime."""
+    """Format of the time of day, as in Python's strptime."""
 
 
 class LoggerFormat(Section):
@@ -220,17 +219,17 @@ class LoggerFormat(Section):
     title: str
     """Title in reports and messages."""
     source: str
-    """Source of this description, and how certain it is."""
+    """Source and certainty of this description."""
     delimiter: Literal["comma", "semicolon", "tab", "whitespace"] = "comma"
     """Separator of the columns."""
     checksum: Checksum = "none"
-    """nmea: each line ends with ``*hh``, the exclusive or of all bytes before the star, hexadecimal."""
+    """nmea: each line ends with ``*hh``, the hexadecimal exclusive or of all bytes before the star."""
     missing: tuple[str, ...] = ("nan", "na", "n/a", "null", "none", "-")
     """Texts that mark a missing value, in addition to an empty field."""
     serial_key: str = ""
     """Key of the header line with the serial number, as in ``//Logger SerialNum=16100724``."""
     header: Header
-    """How the column names are written."""
+    """Notation of the column names."""
     time: Time
     """The time stamp."""
     record_number: tuple[str, ...] = ()
@@ -238,7 +237,7 @@ class LoggerFormat(Section):
     counts: Counts
     """The counts."""
     live_time: LiveTime = LiveTime()
-    """How long the tubes counted."""
+    """Live time of the tubes."""
     record_period: RecordPeriod = RecordPeriod()
     """The nominal duration of a record."""
     pressure: Pressure | None = None
@@ -265,7 +264,7 @@ class LoggerFormat(Section):
 
 
 def _plug_in_path(plug_in: Any) -> Path:
-    """The file of a format that another package adds: its path, or a function that returns it."""
+    """Path of a format file from the entry point of another package: a path, or a function that returns it."""
     found = plug_in() if callable(plug_in) else plug_in
     if not isinstance(found, str | Path):
         raise TypeError(f"a logger is the path of a YAML file, or a function that returns one, not {found!r}")
@@ -282,11 +281,11 @@ LOGGERS: Registry[Path] = Registry(
     _plug_in_path,
     "give the path of a YAML file or",
 )
-"""Files of the logger formats; another package adds one with an entry point of the group."""
+"""Files of the logger formats, from this package and from entry points of other packages."""
 
 
 def logger_names() -> list[str]:
-    """Names of all logger formats: of this package, and of installed packages.
+    """Names of the logger formats of this package and of installed packages.
 
     >>> "hydroinnova_rover" in logger_names()
     True
@@ -295,10 +294,10 @@ def logger_names() -> list[str]:
 
 
 def logger_path(name_or_path: str | Path) -> Path:
-    """The YAML file of a logger format.
+    """Path of the YAML file of a logger format.
 
     :param name_or_path: name of a format, such as ``hydroinnova_rover``, or path of a YAML file
-    :raises InputError: if there is none
+    :raises InputError: if there is no such format
     """
     path = Path(name_or_path)
     return path if path.is_file() else LOGGERS.get(str(name_or_path))
@@ -311,6 +310,6 @@ def load_logger_format(name_or_path: str | Path) -> LoggerFormat:
     ('stamp_utc',)
 
     :param name_or_path: name of a format, such as ``hydroinnova_rover``, or path of a YAML file
-    :raises InputError: if there is none, or with every mistake in the file
+    :raises InputError: if there is no such format, or with every mistake in the file
     """
     return load_model(logger_path(name_or_path), LoggerFormat)

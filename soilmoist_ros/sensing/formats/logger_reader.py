@@ -1,4 +1,4 @@
-"""Logger bytes -> records: one parser for live streams and files; no byte can make it raise."""
+"""Parses the bytes of loggers into records, for live streams and files; no input makes the parser raise."""
 
 from __future__ import annotations
 
@@ -62,15 +62,14 @@ _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
 class LogFile:
     """The content of a log.
 
-    :param path: the file
-    :param format_title: what kind of logger wrote it
-    :param records: the good records, in the order of the file
+    :param format_title: title of the logger format
+    :param records: valid records, in the order of the file
     :param problems: all faults, in the order of the file
     :param serial: serial number of the logger, empty if unknown
     :param metadata: all ``key = value`` lines of the header
     :param period_s: nominal duration of a record [s], NaN if unknown
     :param clock_offset_s: logger's clock minus GNSS time [s], median over the records, NaN if unknown.
-        Subtract it from the stamps before they are joined with positions of another receiver
+        Subtract it from the stamps before joining them with positions of another receiver
     :param n_lines: number of lines in the file
     """
 
@@ -89,24 +88,24 @@ class LogFile:
 
     @property
     def simulated(self) -> bool:
-        """Whether the header says that the counts are simulated."""
+        """Whether the header marks the counts as simulated."""
         return self.metadata.get("simulated") == "yes"
 
     @property
     def records_lost(self) -> int:
-        """Number of records that were dropped because of a fault (duplicates not counted)."""
+        """Number of records dropped because of a fault, without duplicates."""
         return sum(problem.severity is Severity.ERROR for problem in self.problems)
 
 
 class RecordParser:
-    """Turns lines into records, one at a time; no line can make it raise.
+    """Parses lines into records, one at a time; no line makes it raise.
 
     :param logger: the format, or its name
     :param longitude: ``east`` or ``west`` of Greenwich, for formats that write longitudes without a sign;
         other formats ignore it
     :param on_problem: called with each problem; by default problems are collected in :attr:`problems`
-    :param path: file the lines are from, for messages
-    :raises InputError: if the format is unknown, or leaves the sign of longitudes to ``longitude``
+    :param path: source of the lines, for messages
+    :raises InputError: if the format is unknown, or has unsigned longitudes and needs ``longitude``
     """
 
     def __init__(
@@ -156,7 +155,7 @@ class RecordParser:
 
     @property
     def unused_tubes(self) -> frozenset[int]:
-        """Positions, within the counts of a record, of the tubes that the format leaves out on purpose."""
+        """Indices, within the counts of a record, of the tubes that the format leaves out."""
         left_out = self.format.counts.left_out
         if not left_out or self.layout is None:
             return frozenset()
@@ -168,9 +167,9 @@ class RecordParser:
         return self._bad_header.columns if self._bad_header else ()
 
     def feed(self, line: bytes, complete: bool = True) -> LoggerRecord | None:
-        """Take one line.
+        """Parse one line.
 
-        :param line: the line, with or without its end
+        :param line: the line, with or without its line end
         :param complete: whether the line had an end; the last line of a file may be cut off
         :return: the record, or ``None`` if the line is part of the header, empty or faulty
         """
@@ -179,7 +178,7 @@ class RecordParser:
             self._lose(Note(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
             return None
         line = line.strip(b"\r\n")
-        if not line.strip(b" \t\x03\x04\x1a"):  # also marks of an end: of text, transmission, DOS file
+        if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
             return None
         if self.format.checksum == "nmea":
             body = strip_checksum(line)
@@ -198,7 +197,7 @@ class RecordParser:
         return self._take_record(text, complete)
 
     def _is_free_comment(self, line: bytes) -> bool:
-        """Whether a line without a checksum is a remark that somebody wrote into the file."""
+        """Whether a line without a checksum is a remark added by a person."""
         comment = self.format.header.comment.encode()
         return bool(comment) and line.lstrip().startswith(comment) and b"*" not in line
 
@@ -276,7 +275,7 @@ class RecordParser:
         return self._accept(reading)
 
     def _accept(self, reading: Reading) -> LoggerRecord | None:
-        """Compare a record with the earlier ones; drop it if it is repeated."""
+        """Check a record against the earlier ones; drop a duplicate."""
         record, notes = reading.record, reading.notes
         key = (
             record.record_number,
@@ -326,11 +325,9 @@ def read_log(
 ) -> LogFile:
     """Read a logger's file.
 
-    :param path: the file
-    :param logger: its format: a model, its name, or the path of a YAML file; found from the header if ``None``
+    :param logger: format: a model, its name, or the path of a YAML file; detected from the header if ``None``
     :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
-    :raises InputError: if the file cannot be read at all, or has another format: then it names the known
-        formats that fit
+    :raises InputError: if the file cannot be read, or has another format; the message names the formats that fit
     """
     path = Path(path)
     lines, last_is_complete = read_lines(path)
@@ -344,13 +341,11 @@ def parse_log(
     path: Path,
     last_is_complete: bool = True,
 ) -> LogFile:
-    """Read the lines of a logger.
+    """Parse the lines of a logger; see :func:`read_log` for the other parameters and the errors.
 
-    :param lines: the lines, without their ends
-    :param path: their source, for messages
+    :param lines: the lines, without line ends
+    :param path: source of the lines, for messages
     :param last_is_complete: whether the last line had an end
-
-    The other parameters and the errors are those of :func:`read_log`.
     """
     parser = RecordParser(logger, longitude, path=path)
     last = len(lines) - 1
@@ -376,9 +371,7 @@ def parse_log(
 
 
 def detect_format(path: Path | str) -> LoggerFormat:
-    """The known logger format of a file.
-
-    It is found by the names of the columns; a file without names has the format that can read its first lines.
+    """Detect the logger format of a file from its column names, or by reading its first lines if it has none.
 
     :raises InputError: if the file cannot be read, or no known format fits it
     """

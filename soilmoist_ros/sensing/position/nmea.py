@@ -1,7 +1,7 @@
-"""NMEA 0183 of a GNSS receiver to fixes: GGA, RMC and GST, one fix per epoch.
+"""Parses NMEA 0183 (GGA, RMC and GST) of a GNSS receiver into one fix per epoch.
 
-Each sentence is a row of :data:`SENTENCES`: its fields and their converters. Sentences of the
-same time of day make an epoch. No line can raise; faults are reported and counted.
+:data:`SENTENCES` has the fields and converters of each sentence type. Sentences with one time of day form an
+epoch. No line makes the parser raise; faults are reported and counted.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from soilmoist_ros.sensing.records import NAN, Position
 DAY_S = 86_400.0
 MAX_SENTENCE = 512  # the standard allows 82 characters; receivers send more
 KNOTS_MPS = 1852.0 / 3600.0
-VERTICAL_PER_HORIZONTAL = 2.0  # without GST: altitude is usually about this much worse than each coordinate
+VERTICAL_PER_HORIZONTAL = 2.0  # without GST: usual error of the altitude per error of each coordinate
 EARLIEST_DATE_S = 946_684_800.0  # 2000-01-01: receivers without a date start in 1980
 QUALITY_OF_MODE = {"A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8, "N": 0}
 
@@ -164,18 +164,18 @@ class _Epoch:
 
 
 class NmeaParser:
-    """Turns sentences into fixes, one line at a time.
+    """Parses sentences into fixes, one line at a time.
 
-    A fix is complete when the epoch has all sentence types of the epoch before, at the latest when the next epoch
-    begins; :meth:`flush` returns the last one. GGA has no date: the date of the last RMC is used, and midnight is
-    counted.
+    A fix is complete when the epoch has all sentence types of the previous epoch, at the latest when the next
+    epoch begins. :meth:`flush` returns the last fix. GGA has no date: the date of the last RMC is used, and
+    advances at midnight.
 
     :param uere_m: user-equivalent range error by GGA quality [m], for receivers that send no GST
     :param reference_stamp_s: a time within 12 h of the first epoch [s since 1970 UTC], if known; until a date is
         known, the stamps of fixes are NaN
     :param require_checksum: whether sentences without a checksum are dropped
-    :param on_problem: called with each problem; if not given, they collect in :attr:`problems`
-    :param path: file the lines are from, for messages
+    :param on_problem: called with each problem; by default problems are collected in :attr:`problems`
+    :param path: source of the lines, for messages
     """
 
     def __init__(
@@ -198,7 +198,7 @@ class NmeaParser:
         self._expected: set[str] = set()
 
     def feed(self, line: bytes) -> Fix | None:
-        """Take one line; returns the fix that it completes, if any."""
+        """Parse one line; returns the fix that it completes, if any."""
         self.line_number += 1
         found = self._read(line)
         if found is None:
@@ -206,7 +206,7 @@ class NmeaParser:
         kind, values = found
         time_of_day_s = values["time"]
         if time_of_day_s is None:
-            return None  # the receiver is still starting
+            return None  # the receiver is starting
         finished = None
         if self._epoch is None or self._epoch.time_of_day_s != time_of_day_s:
             finished = self.flush()
@@ -231,7 +231,7 @@ class NmeaParser:
         return None if epoch.sent else self._fix(epoch)
 
     def _read(self, line: bytes) -> tuple[str, Values] | None:
-        """Type and values of a sentence, ``None`` if it is of another type or damaged."""
+        """Type and values of a sentence, ``None`` if its type is not used or it is damaged."""
         start = line.rfind(b"$")
         if start < 0:
             if line.strip():
@@ -248,7 +248,7 @@ class NmeaParser:
             self._report(Kind.CHECKSUM, "the checksum is absent or wrong")
             return None
         except pynmea2.SentenceTypeError:
-            return None  # an intact sentence of another type
+            return None  # an intact sentence of an unused type
         except (pynmea2.ParseError, ValueError):
             self._report(Kind.UNREADABLE, "the sentence is damaged")
             return None
@@ -291,7 +291,7 @@ class NmeaParser:
         )
 
     def _stamp(self, epoch: _Epoch) -> float:
-        """Time of the epoch: with the date of its RMC, else within 12 h of the epoch before."""
+        """Time of the epoch: with the date of its RMC, else within 12 h of the previous epoch."""
         midnight_s = epoch.value("RMC", "date")
         if midnight_s is not None:
             self._last_stamp_s = midnight_s + epoch.time_of_day_s
@@ -334,13 +334,13 @@ def _or_nan(value: float | None) -> float:
 
 
 def _all_known(values: list[float | None], deviations: int) -> bool:
-    """Whether all values are known, and the first ones are possible standard deviations."""
+    """Whether all values are known, and the first ``deviations`` values are possible standard deviations."""
     known = [value for value in values if value is not None]
     return len(known) == len(values) and all(0 < value < 1e5 for value in known[:deviations])
 
 
 def _quality(epoch: _Epoch) -> int:
-    """Quality as in GGA; without GGA from the mode of RMC. A void RMC always means no fix."""
+    """Quality from GGA, else from the mode of RMC. A void RMC always means no fix."""
     if epoch.value("RMC", "valid") == 0.0:
         return 0
     quality = epoch.value("GGA", "quality")
@@ -351,7 +351,7 @@ def _quality(epoch: _Epoch) -> int:
 
 
 def _place(epoch: _Epoch) -> tuple[float, float] | None:
-    """Latitude and longitude [deg], of GGA if it has them, else of RMC."""
+    """Latitude and longitude [deg] from GGA, else from RMC."""
     for sentence in ("GGA", "RMC"):
         values = [epoch.value(sentence, name) for name in ("latitude", "north", "longitude", "east")]
         latitude, north, longitude, east = (_or_nan(value) for value in values)
@@ -361,12 +361,12 @@ def _place(epoch: _Epoch) -> tuple[float, float] | None:
 
 
 def read_nmea(path: Path | str) -> tuple[list[Fix], list[Problem]]:
-    """All fixes of a file of NMEA sentences, in the order of the file, and all problems.
+    """Read the fixes and problems of a file of NMEA sentences, in the order of the file.
 
-    Epochs before the first date get their date from it.
+    Epochs before the first date are dated from the first date.
 
     :param path: the file; other lines between the sentences are reported and skipped
-    :raises InputError: if it cannot be read, or has no NMEA sentence
+    :raises InputError: if the file cannot be read, or has no NMEA sentence
     """
     path = Path(path)
     lines, _ = read_lines(path)
@@ -374,10 +374,9 @@ def read_nmea(path: Path | str) -> tuple[list[Fix], list[Problem]]:
 
 
 def parse_nmea(lines: Sequence[bytes], path: Path) -> tuple[list[Fix], list[Problem]]:
-    """All fixes of the lines of a receiver, as :func:`read_nmea`.
+    """Parse the lines of a receiver; see :func:`read_nmea`.
 
-    :param lines: the lines
-    :param path: their source, for messages
+    :param path: source of the lines, for messages
     """
     parser = NmeaParser(reference_stamp_s=_first_stamp(lines), path=path)
     fixes = [parser.feed(line) for line in lines]
@@ -392,7 +391,7 @@ def parse_nmea(lines: Sequence[bytes], path: Path) -> tuple[list[Fix], list[Prob
 
 
 def _first_stamp(lines: Sequence[bytes]) -> float:
-    """Time of the first epoch that has a date, NaN if there is none."""
+    """Time of the first epoch with a date, NaN if there is none."""
     parser = NmeaParser(on_problem=lambda problem: None)
     for line in lines:
         fix = parser.feed(line) if b"RMC" in line else None

@@ -1,4 +1,4 @@
-"""Records and positions of one probe, one by one -> corrected, geo-tagged counts."""
+"""Corrects and geo-tags the records of one probe, one by one."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ from soilmoist_ros.sensing.survey.correction import (
 )
 
 MAX_FIXES = 20_000
-"""Positions that a survey in progress remembers: 5 h at 1 Hz, so that a receiver may be far ahead of a logger."""
+"""Fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger."""
 MAX_WEATHER_VALUES = 1000
 MAX_EDGE_TOLERANCE_S = 5.0
-"""Longest time between the middle of a counting interval and a single fix that gives its place [s]."""
+"""Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
 LINE_DELAY_S = 0.25
-"""Lines of the receiver may come this much later than the record to which they belong [s]."""
+"""Maximum delay of the receiver's lines after their record [s]."""
 
 
 @dataclass(frozen=True)
 class _Waiting:
     """A corrected record that waits for its position.
 
-    :param raw: the record as it was logged
+    :param raw: the uncorrected record
     :param interval_s: duration of the counting interval [s]
     :param clock_ahead_s: logger's clock minus GNSS time [s]
-    :param since_s: when the waiting began, monotonic time [s]
+    :param since_s: start of the wait, monotonic time [s]
     :param path: file of the record
     """
 
@@ -62,11 +62,11 @@ class _Waiting:
 
 
 class Survey:
-    """Corrects and places the records of one probe; files, links and replays use it alike.
+    """Corrects and places the records of one probe from files, links or replays.
 
-    Records leave in the order in which they came. A record is placed where the receiver was at the middle of its
-    counting interval; it waits for a fix from after that. If none comes, a fix from within the interval is used.
-    Without other fixes, the positions that the logger itself has written are used.
+    The output has the order of the input. The position of a record is the receiver's position at the middle of the
+    counting interval. The record waits for a fix after the middle; without one, a fix from within the interval is
+    used. Without a separate receiver, the positions in the log are used.
 
     >>> survey = Survey(Site(corrections={"pressure": None, "humidity": None}), LocalFrame(50.0, 10.0))
     >>> survey.take_record(LoggerRecord(1714557610.0, (5.0, 6.0), (10.0, 10.0), position=Position(50.0, 10.0)))
@@ -75,12 +75,12 @@ class Survey:
 
     :param site: corrections and tubes
     :param frame: plane in which the records are placed
-    :param ahead: all records in order of time, if they are known already: then tube shares, weather and
-        positions use later records, too
-    :param track: positions of a separate receiver that are known already
-    :param tubes: number of tubes, if it is known already
-    :param fix_wait_s: longest time that a record waits for a fix [s]
-    :param keep_unplaced: whether a record without a position leaves with NaN for its place, or is lost
+    :param ahead: all records in order of time, if known in advance; tube shares, weather and positions then use
+        later records, too
+    :param track: positions of a separate receiver, if known in advance
+    :param tubes: number of tubes, if known in advance
+    :param fix_wait_s: maximum time that a record waits for a fix [s]
+    :param keep_unplaced: whether a record without a position is returned with NaN coordinates, or dropped
     :param on_problem: called with each problem
     :raises InputError: if the tube shares or the neutron-monitor file of the site cannot be used
     """
@@ -132,12 +132,12 @@ class Survey:
         unused_tubes: Collection[int] = (),
         path: Path | None = None,
     ) -> None:
-        """Correct a record, and let it wait for its position; a record that cannot be corrected is lost.
+        """Correct a record and queue it until its position is known; drop it if it cannot be corrected.
 
         :param record: the raw record
         :param now_s: monotonic time [s]
         :param clock_ahead_s: logger's clock minus GNSS time [s], 0 if unknown
-        :param unused_tubes: positions of the tubes that are left out on purpose
+        :param unused_tubes: indices of the tubes that the format leaves out
         :param path: file of the record, for messages
         """
         if self._grows:
@@ -152,11 +152,11 @@ class Survey:
             self._waiting.append(_Waiting(corrected, record, interval_s, clock_ahead_s, now_s, path))
 
     def take_fix(self, fix: Fix) -> None:
-        """Take an epoch of a separate receiver, with or without a fix."""
+        """Add an epoch of a separate receiver, with or without a fix."""
         self._track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
 
     def take_intensity(self, rate: float) -> bool:
-        """Take the present incoming intensity; returns whether it is used.
+        """Set the current incoming intensity; returns whether it is used.
 
         :param rate: rate of a neutron monitor, in the unit of the site's reference; used if positive and finite
         """
@@ -166,7 +166,7 @@ class Survey:
         return good
 
     def take_ready(self, now_s: float = math.inf) -> list[CountRecord]:
-        """Records that need not wait any longer, oldest first.
+        """Remove and return the records whose wait is over, oldest first.
 
         :param now_s: monotonic time [s]; at infinity no record waits
         """
@@ -177,7 +177,7 @@ class Survey:
         return ready
 
     def correct(self, record: LoggerRecord, unused_tubes: Collection[int] = ()) -> CountRecord:
-        """The record with its corrections, not yet placed.
+        """Correct a record without placing it.
 
         :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
         """
@@ -185,9 +185,8 @@ class Survey:
         return correct_record(record, self._weather.at(record), self._site, self._intensity, shares)
 
     def position(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
-        """Position at the middle of a counting interval, ``None`` if it is not known.
+        """Position at the middle of a record's counting interval, ``None`` if unknown.
 
-        :param record: the record at the end of the interval
         :param interval_s: duration of the interval [s]
         :param clock_ahead_s: logger's clock minus GNSS time [s]
         """
@@ -195,7 +194,7 @@ class Survey:
         if self._track.reached_s > -math.inf:
             tolerance_s = max(EDGE_TOLERANCE_S, min(interval_s / 2, MAX_EDGE_TOLERANCE_S))
             place = self._track.at(middle_s - clock_ahead_s, gap_s, tolerance_s)
-        else:  # the logger's own positions have the time of its own clock
+        else:  # positions in the log have the time of the logger's clock
             place = self._own.at(middle_s, gap_s)
         if place is not None or record.position is not None:
             return place or record.position
@@ -206,7 +205,7 @@ class Survey:
         return Position(location.latitude_deg, location.longitude_deg, altitude_m)
 
     def _learn(self, record: LoggerRecord) -> None:
-        """Remember weather and position for other records."""
+        """Store weather and position for other records."""
         self._weather.add(record)
         if record.position is not None:
             self._own.add(record.stamp_s, record.position)
@@ -216,7 +215,7 @@ class Survey:
             return True
         if self._track.fixed_s >= waiting.middle_s - waiting.clock_ahead_s:
             return True
-        # The wait ends by the clock, or when receiver or logger have gone on without a fix.
+        # The wait ends at its time limit, or when newer epochs or records have arrived without a fix.
         enough_s = waiting.record.stamp_s + self._fix_wait_s
         overtaken = self._last is not None and self._last.stamp_s >= enough_s
         return (
@@ -238,9 +237,9 @@ class Survey:
 
 
 def _site_shares(site: Site, tubes: int | None) -> NDArray[np.float64] | None:
-    """Shares of the tubes in the site file, adding up to 1; ``None`` if it has none.
+    """Tube shares from the site file, normalised to a sum of 1; ``None`` if it has none.
 
-    :param tubes: number of tubes of the logger, if it is known
+    :param tubes: number of tubes of the logger, ``None`` if unknown
     """
     if site.tube_shares is None:
         return None
