@@ -1,4 +1,4 @@
-"""Logger bytes and NMEA sentences -> corrected, geo-tagged records of neutron counts.
+"""Logger bytes and NMEA sentences to corrected, geo-tagged records of neutron counts.
 
 >>> from soilmoist_ros.sensing import load_site, process_logs, read_log
 >>> site = load_site("gypsum_transect")

@@ -1,4 +1,4 @@
-"""A GNSS fix, and its error from the quality figures of the receiver."""
+"""A GNSS fix, and its error from the receiver's quality figures."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ STATUS_OF_QUALITY: dict[int, FixStatus] = {
     8: FixStatus.FIX,
 }
 
-# User-equivalent range error [m], one standard deviation, by GGA quality: usual figures of single-frequency
-# receivers in the open. Replace them where the receiver is known.
+# User-equivalent range error [m], one standard deviation, by GGA quality: usual values of single-frequency
+# receivers under open sky. Replace them if the receiver is known.
 DEFAULT_UERE_M: dict[int, float] = {1: 4.0, 2: 1.5, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0, 8: 4.0}
 
 
 def horizontal_sd(quality: int, hdop: float, uere_m: dict[int, float] | None = None) -> float:
     """Standard deviation of each horizontal coordinate [m], NaN if unknown.
 
-    ``HDOP^2 = (var_east + var_north) / UERE^2``, so each of the two has ``HDOP * UERE / sqrt(2)``.
+    ``HDOP^2 = (var_east + var_north) / UERE^2``, so each coordinate has ``HDOP * UERE / sqrt(2)``.
 
     :param quality: as in NMEA GGA
     :param hdop: horizontal dilution of precision, > 0
@@ -80,8 +80,8 @@ class Fix:
     :param hdop: horizontal dilution of precision, NaN if unknown
     :param speed_mps: speed over ground [m/s], NaN if unknown
     :param course_deg: course over ground, clockwise from true north [deg], NaN if unknown
-    :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown; altitude above mean sea level plus
-        this is the height above the ellipsoid
+    :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown; the height above the ellipsoid is the
+        altitude above mean sea level plus this separation
     :param covariance_m2: covariance of east, north, up [m^2], rows; NaN where unknown
     :param covariance_kind: source of the covariance
     """

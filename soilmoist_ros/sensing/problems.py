@@ -1,4 +1,4 @@
-"""Faults inside a readable log: recorded, never raised."""
+"""Faults in a readable log; they are recorded, never raised."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Severity(enum.IntEnum):
 
 
 class Kind(enum.StrEnum):
-    """Reason codes of problems, each with a text for people and its severity when the record is kept."""
+    """Reason codes of problems, each with a text and the severity if the record is kept."""
 
     NO_HEADER = "no_header", "no header", Severity.WARNING
     BAD_HEADER = "bad_header", "header without the columns needed", Severity.ERROR
@@ -70,8 +70,8 @@ class Problem:
     """One fault in a log or stream.
 
     :param kind: reason code
-    :param mistake: what, where (file, line, column) and what to do
-    :param lost: whether the record or sentence was dropped because of it
+    :param mistake: message, place (file, line, column) and remedy
+    :param lost: whether the record or sentence was dropped
     """
 
     kind: Kind

@@ -1,4 +1,4 @@
-"""Records of one counting interval: raw, and then corrected and geo-tagged."""
+"""Records of one counting interval, raw or corrected and geo-tagged."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LoggerRecord:
-    """One raw record of a neutron logger, checked and in the units of this package.
+    """One raw record of a neutron logger, checked and in this package's units.
 
     :param stamp_s: end of the counting interval [s since 1970-01-01 UTC]
     :param tube_counts: counts of each detector tube in the order of the format; NaN where a tube is missing
@@ -36,7 +36,7 @@ class LoggerRecord:
     :param temperature_degc: air temperature [degC], NaN if unknown
     :param relative_humidity: relative humidity of the air [0..1], NaN if unknown
     :param position: position logged with the record, ``None`` without a fix
-    :param line: line of the log, counted from 1 (0 when it did not come from a file)
+    :param line: line of the log, counted from 1; 0 without a file
     :param record_number: running number from the logger, -1 if there is none
     """
 
@@ -58,10 +58,10 @@ class LoggerRecord:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CountRecord:
-    """One record, geo-tagged, with the correction factors that turn its exposure into an effective one.
+    """One geo-tagged record with its correction factors and effective exposure.
 
     ``raw_counts ~ Poisson(rate * effective_exposure_s)``, where ``rate`` is the *corrected* count rate of
-    all tubes together. The raw counts are kept, so the counting statistics stay exact.
+    all tubes together. The raw counts stay unchanged, so the counting statistics stay exact.
 
     :param stamp_s: end of the counting interval [s since 1970-01-01 UTC]
     :param x_m: east of the field's datum [m], at the middle of the counting interval
@@ -98,7 +98,7 @@ class CountRecord:
 
 
 def _clock(stamp_s: float) -> str:
-    """Date and time (UTC) as people write it."""
+    """Readable date and time (UTC)."""
     try:
         return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M:%S}Z"
     except (ValueError, OverflowError, OSError):

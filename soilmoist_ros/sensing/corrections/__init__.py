@@ -1,1 +1,1 @@
-"""Factors for air pressure, humidity and incoming intensity, and detector tubes as one sensor."""
+"""Factors for air pressure, humidity and incoming intensity; several detector tubes as one sensor."""

@@ -1,6 +1,6 @@
 """Correction of neutron counts for air pressure, humidity and incoming cosmic-ray intensity.
 
-The counts themselves stay as they are: the *exposure* is divided by the product of the factors
+The counts stay unchanged: the *exposure* is divided by the product of the factors
 (:func:`effective_exposure`), so the counts remain Poisson.
 """
 
@@ -20,8 +20,8 @@ class Corrections:
     :param humidity_coefficient_m3g: 0.0054 m^3/g (Rosolem et al. 2013, Journal of Hydrometeorology 14:1659-1671)
     :param reference_humidity_gm3: absolute humidity at which the humidity factor is 1 [g/m^3]
     :param reference_intensity: neutron-monitor rate at which the intensity factor is 1 (any unit), ``None``
-        to leave incoming intensity uncorrected
-    :raises ValueError: if a parameter is not finite or not in its range
+        for no correction
+    :raises ValueError: if a parameter is not finite or out of range
     """
 
     beta_per_hpa: float = 0.0077

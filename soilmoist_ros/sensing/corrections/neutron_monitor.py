@@ -39,10 +39,10 @@ class NeutronMonitor:
 
 
 def read_neutron_monitor(path: Path) -> NeutronMonitor:
-    """Read a CSV of time (ISO 8601, UTC) and rate, as the neutron monitor database NMDB exports it.
+    """Read a CSV of time (ISO 8601, UTC) and rate, as exported by the neutron monitor database NMDB.
 
-    Columns may be separated by ``;`` or ``,``; lines starting with ``#`` and lines without a time are
-    headers; rows with an empty or null rate are left out.
+    The separator is ``;`` or ``,``. Lines starting with ``#`` and lines without a time are headers. Rows with an
+    empty or null rate are skipped.
 
     :raises InputError: if the file cannot be read, or no row has a time and a positive rate
     """

@@ -1,15 +1,15 @@
 """Several detector tubes as one sensor, even while some of them fail.
 
-Let the whole sensor count with the rate ``r`` and tube ``i`` with ``s_i r``, where the *shares* ``s_i`` add up
-to 1. In a record, the tubes that are present count ``N_i ~ Poisson(s_i r t_i)``, independently, over their
-live times ``t_i``. Their sum is Poisson too, with the mean ``r * sum(s_i t_i)``. So
+The whole sensor counts with the rate ``r`` and tube ``i`` with ``s_i r``; the *shares* ``s_i`` add up to 1.
+In a record, the counts of the present tubes are independent, ``N_i ~ Poisson(s_i r t_i)``, with the live times
+``t_i``. The sum of the counts is Poisson with the mean ``r * sum(s_i t_i)``. So
 
 * raw counts ``sum N_i`` and
 * exposure ``sum s_i t_i``, both over the tubes that are present,
 
 make ``raw / exposure`` an unbiased estimate of the rate of *all* tubes. The raw counts are not rescaled and remain
-Poisson. (The sum is a sufficient statistic for ``r``.) With all tubes present and the same
-live time ``t`` the exposure is ``t``.
+Poisson. (The sum is a sufficient statistic for ``r``.) If all tubes are present with one live time ``t``, the
+exposure is ``t``.
 """
 
 from __future__ import annotations
@@ -26,20 +26,19 @@ from soilmoist_ros.sensing.records import NAN, LoggerRecord
 ITERATIONS = 100
 TOLERANCE = 1e-10
 REMEMBERED_RECORDS = 1000
-"""Records from which the shares of a running survey are estimated."""
+"""Maximum number of records for estimating the shares during a survey."""
 PRIOR_COUNTS = 100.0
-"""Counts of each tube that the assumption of equal tubes is worth: 10 % before any record has come."""
+"""Weight of the prior of equal shares, as counts of each tube: 10 % before the first record."""
 
 
 def tube_shares(records: Sequence[LoggerRecord]) -> NDArray[np.float64]:
-    """Share of each tube in the rate of the whole sensor, estimated from its records [-].
+    """Share of each tube in the rate of the whole sensor, estimated from records of the sensor [-].
 
-    The maximum-likelihood estimate with one rate per record, so that neither changing soil nor tubes that are
-    missing in some records bias it. If all tubes are present with equal live times in every record, it is
-    the tube's part of all counts. A tube that never counts has the share 0.
+    The maximum-likelihood estimate has one rate per record: neither changing soil nor tubes missing in some
+    records bias the shares. If all tubes are present with equal live times in every record, a share is
+    the tube's fraction of all counts. A tube that never counts has the share 0.
 
-    :param records: records of one sensor, with the same number of tubes
-    :raises ValueError: if there are none, their numbers of tubes differ, or nothing was counted
+    :raises ValueError: if there are no records, their numbers of tubes differ, or nothing was counted
     """
     if not records:
         raise ValueError("there are no records to estimate the tubes' shares from")
@@ -55,7 +54,7 @@ def tube_shares(records: Sequence[LoggerRecord]) -> NDArray[np.float64]:
 
 
 def _maximum_likelihood(counts: NDArray[np.float64], live: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Alternate between the records' rates given the shares and the shares given the rates."""
+    """Estimate the rates from the shares and the shares from the rates, alternately."""
     of_records, of_tubes = counts.sum(axis=1), counts.sum(axis=0)
     shares = np.where(of_tubes > 0, 1.0, 0.0) / np.count_nonzero(of_tubes)
     for _ in range(ITERATIONS):
@@ -71,7 +70,7 @@ def _maximum_likelihood(counts: NDArray[np.float64], live: NDArray[np.float64]) 
 
 
 def combine_tubes(record: LoggerRecord, shares: Sequence[float] | NDArray[np.float64]) -> tuple[int, float]:
-    """Raw counts of a record and the exposure that goes with them [s]; see the top of this module.
+    """Raw counts and exposure [s] of a record; see the docstring of this module.
 
     :param record: counts and live times, NaN where a tube is missing
     :param shares: share of each tube in the whole rate [-], adding up to 1
@@ -97,8 +96,8 @@ def combine_tubes(record: LoggerRecord, shares: Sequence[float] | NDArray[np.flo
 class RunningShares:
     """Shares of the tubes in the rate of the whole sensor, estimated from the records so far [-].
 
-    They matter only for a record in which a tube is missing: then the exposure is that of the tubes present. The
-    rate remains that of *all* tubes, even if one tube has been missing from the start.
+    The shares matter only for a record with a missing tube: its exposure covers only the present tubes. The
+    rate remains the rate of *all* tubes, even if one tube has been missing from the start.
     """
 
     def __init__(self) -> None:
@@ -106,9 +105,9 @@ class RunningShares:
         self._shares: NDArray[np.float64] = np.empty(0)
 
     def update(self, record: LoggerRecord, unused: Collection[int] = ()) -> NDArray[np.float64]:
-        """Take a record into account, and return the shares to use for it, shape (tubes,).
+        """Add a record, and return the shares for this record, shape (tubes,).
 
-        :param unused: positions of the tubes that are left out on purpose; their share is 0
+        :param unused: indices of the tubes that the format leaves out; their share is 0
         """
         tubes = len(record.tube_counts)
         if tubes != len(self._shares):

@@ -1,4 +1,4 @@
-"""Weather at the records: values that a record lacks are taken from the records around it."""
+"""Weather at the records: missing values are interpolated from neighbouring records."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 MAX_WEATHER_GAP_S = 1800.0
-"""Missing values are interpolated in time over gaps up to this long [s]."""
+"""Maximum gap over which missing values are interpolated in time [s]."""
 QUANTITIES = ("pressure_hpa", "temperature_degc", "relative_humidity")
 
 
@@ -26,11 +26,11 @@ class Weather:
 class WeatherSeries:
     """The weather of all records of a file, or of the records so far.
 
-    A value that a record lacks is interpolated in time. It stays NaN if the gap is longer than
-    :data:`MAX_WEATHER_GAP_S` and the nearest value is further away than half of that.
+    A missing value is interpolated in time. It stays NaN if the gap is longer than :data:`MAX_WEATHER_GAP_S` and
+    the nearest value is further away than half of :data:`MAX_WEATHER_GAP_S`.
 
     :param records: records in order of time
-    :param max_values: number of the latest values that are remembered at least; all if ``None``
+    :param max_values: minimum number of latest values to keep; all if ``None``
     """
 
     def __init__(self, records: Iterable[LoggerRecord] = (), max_values: int | None = None) -> None:
@@ -44,7 +44,7 @@ class WeatherSeries:
         return f"WeatherSeries({', '.join(f'{len(self._values[name])} {name}' for name in QUANTITIES)})"
 
     def add(self, record: LoggerRecord) -> None:
-        """Add the values of a record; values with a later time are forgotten (the clock was set back)."""
+        """Add the values of a record; later values are deleted, because the clock was set back."""
         for name in QUANTITIES:
             value = getattr(record, name)
             if not math.isfinite(value):
@@ -60,7 +60,7 @@ class WeatherSeries:
                 del stamps[:-limit], values[:-limit]
 
     def at(self, record: LoggerRecord) -> Weather:
-        """The weather at a record: its own values, completed from the others."""
+        """The weather of a record; missing values come from other records."""
         own = {name: getattr(record, name) for name in QUANTITIES}
         return Weather(
             **{

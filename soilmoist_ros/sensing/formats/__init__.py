@@ -1,1 +1,1 @@
-"""Logger formats are data: YAML files that say which column means what, and the reader that uses them."""
+"""Logger formats: YAML files that define the columns, and the reader that uses them."""

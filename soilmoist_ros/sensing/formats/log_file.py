@@ -1,4 +1,4 @@
-"""Files of loggers: their lines, and why a file cannot be read."""
+"""Reads the lines of logger files, and explains unreadable files."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _MAGIC = {
 
 
 def read_lines(path: Path) -> tuple[list[bytes], bool]:
-    """Lines of a text file without their ends, and whether the last one had an end.
+    """Lines of a text file without line ends, and whether the last line had an end.
 
-    :raises InputError: if it is missing, a folder, not readable, empty or not text
+    :raises InputError: if the file is missing, a folder, not readable, empty or not text
     """
     if path.is_dir():
         raise InputError("is a folder, not a file", "give the path of a log file in it", path)
@@ -82,7 +82,7 @@ def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list
 
 
 def matching_formats(lines: Sequence[bytes]) -> list[str]:
-    """Names of the formats whose columns are in the first lines, the best match first."""
+    """Names of the formats whose columns are in the first lines, best match first."""
     matches = []
     for name in logger_names():
         logger = _known_format(name)
@@ -105,12 +105,10 @@ def _number_of_sources(logger: LoggerFormat, names: Sequence[str]) -> int:
 
 
 def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, missing: Sequence[str]) -> Mistake:
-    """Why a file does not have a format, and which one it may have.
+    """Reason why a file does not have a format, and the format that may fit.
 
-    :param path: the file
-    :param lines: its lines
-    :param logger: the format with which it was read
-    :param missing: the columns its header lacks; empty if it has no header
+    :param logger: the format with which the file was read
+    :param missing: columns missing in the header; empty if there is no header
     """
     remedy = other_format(lines)
     if not missing:
@@ -125,11 +123,9 @@ def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, 
 def nothing_usable(
     path: Path, lines: Sequence[bytes], logger: LoggerFormat, mistakes: Sequence[Mistake]
 ) -> Mistake:
-    """Why no record of a file could be used.
+    """Reason why no record of a file is usable.
 
-    :param path: the file
-    :param lines: its lines
-    :param logger: the format with which it was read
+    :param logger: the format with which the file was read
     :param mistakes: the fault of each record, at least one
     """
     first = mistakes[0]
@@ -141,7 +137,7 @@ def nothing_usable(
 
 
 def other_format(lines: Sequence[bytes]) -> str:
-    """The format that a file may have, as advice."""
+    """Advice on the format that a file may have."""
     fitting = matching_formats(lines)
     if fitting:
         return f"this looks like {fitting[0]}: pass --logger {fitting[0]}"

@@ -1,4 +1,4 @@
-"""Bytes to text, text to numbers and times; none of these functions raises."""
+"""Converts bytes to text, and text to numbers and times; none of these functions raises."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import reduce
 from operator import xor
 
 MAX_LINE = 65_536
-"""Longer lines are noise, and are dropped [bytes]."""
+"""Maximum length of a line [bytes]; longer lines are noise and are dropped."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?\s?(Z|[+-]\d\d:?\d\d)?", re.ASCII
@@ -29,9 +29,9 @@ def decode_line(line: bytes) -> str:
 
 
 def split_lines(data: bytes) -> tuple[list[bytes], bool]:
-    """Lines of a file without their ends (LF, CR LF or CR), and whether the last one had an end.
+    """Lines of a file without line ends (LF, CR LF or CR), and whether the last line had an end.
 
-    UTF-16 with a byte order mark, as Windows tools write it, is converted to UTF-8.
+    UTF-16 with a byte order mark, common in Windows tools, is converted to UTF-8.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
@@ -61,9 +61,8 @@ def read_number(text: str) -> float | None:
 
 
 def read_time(text: str, formats: Sequence[str], utc_offset_hours: float = 0.0) -> float | None:
-    """Seconds since 1970 UTC of a time stamp, by the first format that fits; ``None`` if none does.
+    """Seconds since 1970 UTC of a time stamp, by the first format that fits; ``None`` if no format fits.
 
-    :param text: the stamp
     :param formats: ``iso8601``, ``unix_s``, ``unix_ms`` or formats of ``strptime``
     :param utc_offset_hours: clock minus UTC [h], for stamps without a time zone
     """
@@ -89,7 +88,7 @@ def _read_iso(text: str, utc_offset_hours: float) -> float | None:
         return None
     *parts, fraction, zone = match.groups()
     year, month, day, hour, minute, second = (int(part or 0) for part in parts)
-    leap = second == 60  # a leap second is the first one of the next minute
+    leap = second == 60  # a leap second becomes the first second of the next minute
     try:
         moment = datetime(year, month, day, hour, minute, 59 if leap else second, tzinfo=UTC)
     except ValueError:

@@ -105,7 +105,7 @@ class RecordParser:
         other formats ignore it
     :param on_problem: called with each problem; by default problems are collected in :attr:`problems`
     :param path: source of the lines, for messages
-    :raises InputError: if the format is unknown, or has unsigned longitudes and needs ``longitude``
+    :raises InputError: if the format is unknown, or ``longitude`` is ``signed`` and the format has no signs
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""The lines that the robot's sensor sends: format ``thorvald_crs``.
+"""Writes the lines of the robot's sensor: format ``thorvald_crs``.
 
-``config/loggers/thorvald_crs.yaml`` defines it. The virtual logger writes it through these functions, and
-:class:`RecordParser` reads it.
+``config/loggers/thorvald_crs.yaml`` defines the format. The virtual logger uses these functions;
+:class:`RecordParser` reads the lines.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PROTOCOL = "thorvald_crs/1"
 TUBES = 12
 PERIOD_S = 10.0
 RECORDS_PER_HEADER = 60
-"""The header is sent on connection, and again after this many records."""
+"""Number of records after which the header is repeated; it is also sent on connection."""
 COLUMNS = (
     "stamp_utc",
     "record",
@@ -30,11 +30,11 @@ COLUMNS = (
 
 
 def format_header(serial: str = "virtual", period_s: float = PERIOD_S, simulated: bool = False) -> str:
-    """The header: lines with their checksums, separated by line ends, the last one without.
+    """The header: lines with checksums, separated by line ends; the last line has no line end.
 
     :param serial: serial number of the sensor; printable ASCII without ``*``
     :param period_s: nominal duration of a record [s]
-    :param simulated: whether the counts are simulated; every report then has a notice
+    :param simulated: whether the counts are simulated; reports then contain a notice
     :raises ValueError: if the serial number cannot be written
     """
     if not (
@@ -48,11 +48,11 @@ def format_header(serial: str = "virtual", period_s: float = PERIOD_S, simulated
 
 
 def format_record(record: LoggerRecord) -> str:
-    """One record as a line with its checksum, without a line end.
+    """One record as a line with a checksum, without a line end.
 
-    Stamp and live time are written to 1 ms, pressure, temperature and humidity to 0.01 hPa, degC and %.
+    The resolution of stamp and live time is 1 ms; of pressure, temperature and humidity 0.01 hPa, degC and %.
 
-    :param record: counts of 12 tubes, NaN for a missing tube; its position is not sent
+    :param record: counts of 12 tubes, NaN for a missing tube; the position is not sent
     :raises ValueError: if there are not 12 tubes, or their live times differ
     """
     if len(record.tube_counts) != TUBES:

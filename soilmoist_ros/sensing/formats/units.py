@@ -1,4 +1,4 @@
-"""Conversion of the units that loggers write to the units of this package."""
+"""Conversion from the units of loggers to the units of this package."""
 
 from __future__ import annotations
 

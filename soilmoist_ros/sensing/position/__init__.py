@@ -1,1 +1,1 @@
-"""NMEA sentences -> fixes, and the position of a receiver at any moment."""
+"""NMEA sentences to fixes, and the position of a receiver at any time."""

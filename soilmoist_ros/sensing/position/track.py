@@ -1,4 +1,4 @@
-"""Positions over time: where a receiver was at any moment."""
+"""Positions of a receiver over time."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.records import NAN, Position
 
 EDGE_TOLERANCE_S = 0.5
-"""A single fix is valid for this long before and after its time [s]."""
+"""Time for which a single fix is valid before and after its stamp [s]."""
 CLOCK_CORRECTED_S = 60.0
-"""An epoch this far back in time means that the receiver has corrected its clock [s]."""
+"""Backward jump between epochs above which the receiver has corrected its clock [s]."""
 
 
 class Track:
     """The positions of a receiver in order of time: of a whole file, or growing with each epoch.
 
-    :param fixes: fixes in any order; those without a fix or a date are left out, and of several with the same
+    :param fixes: epochs in any order; epochs without a fix or a date are skipped, and of several epochs with one
         time the first is used
-    :param max_positions: number of the latest positions that are remembered at least; all if ``None``
+    :param max_positions: minimum number of latest positions to keep; all if ``None``
 
     >>> track = Track.from_positions([(0.0, Position(52.0, 13.0)), (10.0, Position(52.2, 13.0))])
     >>> track.at(5.0, max_gap_s=10.0)
@@ -37,7 +37,7 @@ class Track:
 
     @classmethod
     def from_positions(cls, positions: Iterable[tuple[float, Position]]) -> Track:
-        """The track of positions with their times [s since 1970 UTC], in any order."""
+        """Track from pairs of time [s since 1970 UTC] and position, in any order."""
         track = cls()
         track._set(positions)
         return track
@@ -59,10 +59,10 @@ class Track:
         return self._stamps[-1] if self._stamps else -math.inf
 
     def add(self, stamp_s: float, position: Position | None) -> None:
-        """Add an epoch; one that is not later than the last one changes nothing.
+        """Add an epoch; ignore it if it is not later than the last epoch.
 
-        :param stamp_s: its time [s since 1970 UTC]; without one (NaN) it is left out
-        :param position: where the receiver is, ``None`` or NaN without a fix
+        :param stamp_s: time of the epoch [s since 1970 UTC]; an epoch with NaN is ignored
+        :param position: position of the receiver, ``None`` or NaN without a fix
         """
         if stamp_s < self.reached_s - CLOCK_CORRECTED_S:
             self._stamps.clear()
@@ -80,15 +80,15 @@ class Track:
             del self._stamps[:-limit], self._positions[:-limit]
 
     def at(self, stamp_s: float, max_gap_s: float, edge_tolerance_s: float = EDGE_TOLERANCE_S) -> Position | None:
-        """Position at one moment, or ``None`` if it is not known.
+        """Position at one time, or ``None`` if unknown.
 
-        Linear in time between the two fixes around the moment, if they are not further apart than ``max_gap_s``.
-        Else, and before the first and after the last fix, the nearest one if it is within ``edge_tolerance_s``.
-        The standard deviation is the larger of the two; the motion between the fixes adds nothing to it.
+        It is interpolated linearly between the two neighbouring fixes, if they are at most ``max_gap_s`` apart.
+        Otherwise, and before the first and after the last fix, the nearest fix within ``edge_tolerance_s`` counts.
+        The standard deviation is the larger of the two; motion between the fixes is not included.
 
-        :param stamp_s: the moment [s since 1970-01-01 UTC]
-        :param max_gap_s: longest time between two fixes to interpolate over [s]
-        :param edge_tolerance_s: longest time between the moment and a single fix [s]
+        :param stamp_s: the time [s since 1970-01-01 UTC]
+        :param max_gap_s: maximum time between two fixes for interpolation [s]
+        :param edge_tolerance_s: maximum time between ``stamp_s`` and a single fix [s]
         """
         if not len(self) or not math.isfinite(stamp_s):
             return None
@@ -106,7 +106,7 @@ class Track:
         start, end = self._positions[before], self._positions[before + 1]
         part = (stamp_s - self._stamps[before]) / (self._stamps[before + 1] - self._stamps[before])
         latitude = start.latitude_deg + part * (end.latitude_deg - start.latitude_deg)
-        # the short way round, also across 180 degrees
+        # the shorter direction, also across 180 degrees
         turn = (end.longitude_deg - start.longitude_deg + 180.0) % 360.0 - 180.0
         longitude = start.longitude_deg + part * turn
         if abs(longitude) > 180.0:

@@ -1,1 +1,1 @@
-"""The survey: records corrected and placed one by one, from files, links or bags."""
+"""The survey: corrects and places records one by one, from files, links or bags."""
