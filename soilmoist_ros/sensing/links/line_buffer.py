@@ -1,4 +1,4 @@
-"""Pieces of bytes -> whole lines, in bounded memory."""
+"""Joins pieces of bytes into whole lines, in bounded memory."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from soilmoist_ros.sensing.formats.log_values import MAX_LINE
 
 
 class LineBuffer:
-    """Collects bytes and returns lines; empty lines are left out.
+    """Collects bytes and returns lines, without empty lines.
 
-    Lines end with LF, CR LF or CR. A line that grows too long is dropped up to its end.
+    Lines end with LF, CR LF or CR. A line that is too long is dropped up to its end.
 
-    :param max_line: longest line that is kept [bytes]
+    :param max_line: maximum length of a line [bytes]
     """
 
     def __init__(self, max_line: int = MAX_LINE) -> None:
@@ -23,7 +23,7 @@ class LineBuffer:
         self._skipping = False
 
     def feed(self, data: bytes) -> int:
-        """Take bytes; returns the number of lines that they complete."""
+        """Add bytes; returns the number of completed lines."""
         before = len(self._lines)
         pieces = data.replace(b"\r", b"\n").split(b"\n")
         for piece in pieces[:-1]:
@@ -33,18 +33,18 @@ class LineBuffer:
         return len(self._lines) - before
 
     def end_line(self) -> None:
-        """End the current line, as at the end of a datagram or file."""
+        """End the current line, for example at the end of a datagram or file."""
         if self._rest and not self._skipping:
             self._lines.append(bytes(self._rest))
         self.drop_rest()
 
     def drop_rest(self) -> None:
-        """Drop an incomplete line, as when a connection breaks."""
+        """Drop an incomplete line, for example when a connection breaks."""
         self._rest.clear()
         self._skipping = False
 
     def pop(self) -> bytes | None:
-        """The oldest line, ``None`` if there is none."""
+        """Remove and return the oldest line, ``None`` if there is none."""
         return self._lines.popleft() if self._lines else None
 
     def _collect(self, piece: bytes) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from soilmoist_ros.sensing.links.line_source import LineSource, LinkStatus
 
 MAX_WAITING = 20_000
-"""Lines that may wait to be taken; when there are more, the reader pauses."""
+"""Maximum number of waiting lines; above it, the reader pauses."""
 _WAIT_S = 0.2
 _STOP_S = 5.0
 _log = logging.getLogger(__name__)
@@ -20,7 +20,7 @@ class LineReader:
     """Reads a source in a background thread.
 
     :param source: the source; closed at the end
-    :param on_line: called from the thread after each line; must not take long
+    :param on_line: called from the thread after each line; must return quickly
     """
 
     def __init__(self, source: LineSource, on_line: Callable[[], None]) -> None:
@@ -37,10 +37,7 @@ class LineReader:
         return self._source.status
 
     def take(self, max_lines: int) -> list[bytes]:
-        """Lines that have arrived, oldest first.
-
-        :param max_lines: largest number of lines
-        """
+        """Remove and return at most ``max_lines`` lines, oldest first."""
         lines: list[bytes] = []
         while len(lines) < max_lines:
             try:
@@ -52,7 +49,7 @@ class LineReader:
     def stop(self) -> None:
         """End the thread and close the source."""
         self._stopping.set()
-        self._thread.join(_STOP_S)  # a name lookup cannot be interrupted: then the thread stays behind
+        self._thread.join(_STOP_S)  # the thread may remain: a name lookup cannot be interrupted
         self._source.close()
 
     def _run(self) -> None:

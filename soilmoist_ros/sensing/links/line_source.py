@@ -1,4 +1,4 @@
-"""The interface of sources of lines, and their state."""
+"""Interface and state of line sources."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class LinkState(enum.Enum):
     SILENT = "silent"
     """Connected, but no bytes arrive."""
     ENDED = "ended"
-    """A file was read to its end."""
+    """The end of a file was reached."""
     CLOSED = "closed"
     """Closed from this side."""
 
@@ -28,8 +28,8 @@ class LinkStatus:
     :param uri: address of the source
     :param state: state of the link
     :param attempts: attempts to connect since the last line
-    :param connections: connections made so far
-    :param last_error: why the last connection failed or broke, empty if it never did
+    :param connections: number of connections so far
+    :param last_error: reason of the last failed or broken connection, empty if there is none
     :param n_bytes: bytes received
     :param n_lines: lines received
     :param n_oversized: lines dropped because they were too long
@@ -55,11 +55,11 @@ class LineSource(Protocol):
         """State of the link; may be read from any thread."""
 
     def read_line(self, timeout_s: float) -> bytes | None:
-        """The next line without its end, ``None`` if none came in time.
+        """The next line without its line end, ``None`` after the timeout.
 
-        Connects first if necessary; a connection may take longer than the timeout.
+        Connects first if necessary; connecting may take longer than the timeout.
 
-        :param timeout_s: longest wait [s]
+        :param timeout_s: maximum wait [s]
         """
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Sources of lines by their address."""
+"""Opens line sources by address."""
 
 from __future__ import annotations
 
@@ -32,18 +32,17 @@ def open_source(
     stamp_of: StampOf | None = None,
     playback: PlaybackClock | None = None,
 ) -> LineSource:
-    """The source of lines at an address; it connects when it is first read.
+    """Line source at an address; it connects at the first read.
 
     * ``tcp://host:port`` connects to a server,
     * ``udp://0.0.0.0:port`` listens for datagrams,
     * ``serial:///dev/ttyUSB0?baud=115200`` opens a port,
     * ``file:///path?speed=10`` plays a recording at ten times its speed, with ``speed=0`` as fast as possible.
 
-    :param uri: the address
     :param retry: pauses between attempts
     :param stamp_of: time of a recorded line; see :class:`RecordingSource`
     :param playback: shared by recordings that are played together
-    :raises InputError: if the address cannot be used, or a file cannot be read
+    :raises InputError: if the address is invalid, or a file cannot be read
     """
     try:
         parts = urlsplit(uri.strip())
@@ -67,7 +66,7 @@ def open_source(
     if parts.scheme == "file":
         speed = _number(uri, options, "speed", 1.0, low=0.0)
         return RecordingSource(Path(path), speed, stamp_of, playback)
-    # The library for serial ports is needed only here.
+    # Only serial ports need this library.
     from soilmoist_ros.sensing.links.serial_port import open_serial
 
     baud = int(_number(uri, options, "baud", DEFAULT_BAUD, low=50.0))

@@ -1,4 +1,4 @@
-"""A link that reconnects whenever it breaks or falls silent."""
+"""A link that reconnects when it breaks or falls silent."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ class Connection(Protocol):
     """One connection over some transport."""
 
     datagrams: bool
-    """Whether each piece holds whole lines; then silence does not mean that the connection is broken."""
+    """Whether each piece contains whole lines; silence then does not indicate a broken connection."""
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` if none arrived in time.
+        """Some bytes, ``None`` after the timeout.
 
         :raises OSError: if the connection broke or the other side closed it
         """
 
     def close(self) -> None:
-        """Close it; never raises."""
+        """Close the connection; never raises."""
 
 
 @dataclass(frozen=True)
 class Retry:
     """Pauses between attempts to connect.
 
-    :param first_s: pause before the second attempt [s]; each further pause doubles
-    :param max_s: longest pause [s]
-    :param silence_s: time without a byte after which a connection counts as dead, and is made again [s]
+    :param first_s: pause before the second attempt [s]; each later pause doubles
+    :param max_s: maximum pause [s]
+    :param silence_s: time without a byte after which the link reconnects [s]
     """
 
     first_s: float = 0.5
@@ -45,7 +45,7 @@ class Retry:
     def pause_s(self, attempts: int, rng: random.Random) -> float:
         """Pause after a number of failed attempts [s].
 
-        Up to half of it is random, so that many readers do not reconnect at the same moment.
+        Up to half of the pause is random, so that many readers do not reconnect simultaneously.
         """
         pause_s = min(self.max_s, self.first_s * 2.0 ** min(attempts - 1, 60))
         return pause_s * rng.uniform(0.5, 1.0)
@@ -55,7 +55,7 @@ class ReconnectingSource:
     """A :class:`LineSource` over connections that may break.
 
     :param uri: name of the link, for messages
-    :param connect: makes a connection, or raises ``OSError``
+    :param connect: returns a new connection, or raises ``OSError``
     :param retry: pauses between attempts
     :param clock: monotonic time [s]
     :param rng: randomness of the pauses
@@ -105,7 +105,7 @@ class ReconnectingSource:
         )
 
     def read_line(self, timeout_s: float) -> bytes | None:
-        """The next line, ``None`` if none arrived in time."""
+        """The next line, ``None`` after the timeout."""
         deadline_s = self._clock() + timeout_s
         while not self._closed.is_set():
             line = self._buffer.pop()
@@ -164,7 +164,7 @@ class ReconnectingSource:
         if connection.datagrams:
             self._buffer.end_line()
         if lines or connection.datagrams:
-            # Only a line shows that the link works: a server that accepts and hangs up gets longer pauses.
+            # Only a line proves that the link works: pauses grow for a server that accepts and hangs up.
             self._attempts = 0
 
     def _fail(self, error: Exception) -> None:

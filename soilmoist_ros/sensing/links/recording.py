@@ -18,8 +18,8 @@ StampOf = Callable[[bytes], float | None]
 class PlaybackClock:
     """Converts recorded time to playing time.
 
-    Recordings that share a clock stay in step however their threads are scheduled: a line is returned only after
-    all earlier lines of all recordings.
+    Recordings with a shared clock stay synchronous: a line is returned only after all earlier lines of all
+    recordings.
 
     :param clock: monotonic time [s]
     """
@@ -33,7 +33,7 @@ class PlaybackClock:
     def join(self) -> int:
         """Add a recording; returns its number."""
         with self._turn:
-            self._at_s.append(-math.inf)  # the others wait until its first line is known
+            self._at_s.append(-math.inf)  # other recordings wait until the first line is known
             return len(self._at_s) - 1
 
     def leave(self, number: int) -> None:
@@ -41,12 +41,12 @@ class PlaybackClock:
         self._set_position(number, math.inf)
 
     def is_due(self, number: int, stamp_s: float, speed: float, timeout_s: float) -> bool:
-        """Whether the next line of a recording is due; waits for it, up to the timeout.
+        """Whether the next line of a recording is due; waits up to the timeout.
 
-        :param number: the recording
-        :param stamp_s: time at which the line was sent [s since 1970 UTC]; the first of all is due at once
-        :param speed: playing speed as a multiple of the recorded one; 0 for as fast as possible
-        :param timeout_s: longest wait [s]
+        :param number: number of the recording
+        :param stamp_s: time at which the line was sent [s since 1970 UTC]; the first line of all is due at once
+        :param speed: playing speed as a multiple of the recorded speed; 0 for as fast as possible
+        :param timeout_s: maximum wait [s]
         """
         self._set_position(number, stamp_s)
         with self._turn:
@@ -74,9 +74,8 @@ class PlaybackClock:
 class RecordingSource:
     """A :class:`LineSource` that plays a file.
 
-    :param path: the file
-    :param speed: playing speed as a multiple of the recorded one; 0 for as fast as possible
-    :param stamp_of: time at which a line was sent; lines without a time follow the line before at once
+    :param speed: playing speed as a multiple of the recorded speed; 0 for as fast as possible
+    :param stamp_of: time at which a line was sent; a line without a time follows the previous line at once
     :param playback: shared by recordings that are played together
     :raises InputError: if the file cannot be read
     """

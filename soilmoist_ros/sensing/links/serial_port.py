@@ -23,7 +23,7 @@ class SerialConnection:
         self._port = port
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` if none arrived in time."""
+        """Some bytes, ``None`` after the timeout."""
         descriptor = self._port.fileno()
         ready, _, _ = select.select([descriptor], [], [], min(timeout_s, 0.5))  # close() does not wake it
         if not ready:
@@ -45,8 +45,8 @@ class SerialConnection:
 def open_serial(device: str, baud: int) -> SerialConnection:
     """Open a port, 8 data bits, no parity, one stop bit.
 
-    :param device: such as ``/dev/ttyUSB0``
+    :param device: path, such as ``/dev/ttyUSB0``
     :param baud: bits per second
-    :raises OSError: if there is no such device, or another program has it
+    :raises OSError: if there is no such device, or another program uses it
     """
     return SerialConnection(serial.Serial(device, baud, timeout=0, exclusive=True))

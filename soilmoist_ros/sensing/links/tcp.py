@@ -7,7 +7,7 @@ import socket
 import sys
 
 CONNECT_S = 3.0
-"""Longest time of an attempt to connect [s]."""
+"""Maximum time of an attempt to connect [s]."""
 CHUNK = 65_536
 
 
@@ -23,7 +23,7 @@ class SocketConnection:
         self._socket = connected
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` if none arrived in time."""
+        """Some bytes, ``None`` after the timeout."""
         try:
             self._socket.settimeout(timeout_s)
             data = self._socket.recv(CHUNK)
@@ -48,7 +48,7 @@ def connect_tcp(host: str, port: int) -> SocketConnection:
     connected = socket.create_connection((host, port), timeout=CONNECT_S)
     connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     if sys.platform == "linux":
-        # A peer without power is noticed within about 15 s, whatever the silence limit is.
+        # Detects a peer without power within about 15 s, regardless of the silence limit.
         for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
             connected.setsockopt(socket.IPPROTO_TCP, option, value)
     return SocketConnection(connected, datagrams=False)

@@ -1,1 +1,1 @@
-"""The site file, the calibration of N0 with soil cores, and the curve from count rate to soil moisture."""
+"""The site file, the calibration of N0 with soil cores, and the calibration curve to soil moisture."""

@@ -27,7 +27,7 @@ class SoilCores:
     """Moisture and density from the soil cores of a calibration.
 
     :param vwc: weighted mean volumetric water content [m^3/m^3]
-    :param vwc_sd: standard error of that mean [m^3/m^3]; NaN for a single core
+    :param vwc_sd: standard error of ``vwc`` [m^3/m^3]; NaN for a single core
     :param bulk_density_gcm3: weighted mean dry bulk density [g/cm^3], ``None`` if unknown
     :param count: number of cores
     """
@@ -40,12 +40,12 @@ class SoilCores:
 
 @dataclass(frozen=True)
 class N0Estimate:
-    """N0 with its uncertainty and the sources of that uncertainty.
+    """N0 with its uncertainty and the sources of the uncertainty.
 
     :param n0_cps: count rate over dry soil [counts/s]
     :param n0_sd_cps: standard deviation of N0 [counts/s]
-    :param from_counting_cps: part of the standard deviation that comes from counting [counts/s]
-    :param from_cores_cps: part that comes from the cores [counts/s]; NaN if unknown
+    :param from_counting_cps: part of the standard deviation from counting [counts/s]
+    :param from_cores_cps: part of the standard deviation from the cores [counts/s]; NaN if unknown
     """
 
     n0_cps: float
@@ -61,7 +61,6 @@ def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None) -> SoilC
     density; optionally ``bulk_density_gcm3`` and ``weight`` (for example the sensor's sensitivity at the core's
     distance and depth). Other columns are ignored.
 
-    :param path: CSV file
     :param bulk_density_gcm3: density for gravimetric values of cores without a density
     :raises InputError: with every mistake in the file
     """
@@ -94,10 +93,9 @@ def estimate_n0(rate_cps: float, rate_sd_cps: float, vwc: float, vwc_sd: float, 
     """N0 in closed form, and its first-order standard deviation from counting and from the cores.
 
     :param rate_cps: corrected rate at the calibration [counts/s], > 0
-    :param rate_sd_cps: its standard deviation [counts/s], ``rate / sqrt(raw counts)``
+    :param rate_sd_cps: standard deviation of the rate [counts/s], ``rate / sqrt(raw counts)``
     :param vwc: soil moisture of the cores [m^3/m^3]
-    :param vwc_sd: its standard deviation [m^3/m^3]; NaN if unknown: then only counting adds to the result
-    :param soil: soil properties
+    :param vwc_sd: standard deviation of ``vwc`` [m^3/m^3]; if NaN, the result includes only counting
     :raises ValueError: if the rate is not positive or the moisture is out of the curve's range
     """
     properties = (soil.bulk_density_gcm3, soil.lattice_water, soil.organic_water)
@@ -111,9 +109,9 @@ def estimate_n0(rate_cps: float, rate_sd_cps: float, vwc: float, vwc_sd: float, 
 
 
 def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | None = None) -> None:
-    """Write a calibration (and soil properties, if given) into a site file; comments and order stay.
+    """Write a calibration (and soil properties, if given) into a site file, preserving comments and order.
 
-    The file is replaced in one step, so a crash leaves either the old or the new file.
+    The file is replaced atomically: a crash leaves either the old or the new file.
 
     :raises InputError: if the file cannot be read or written
     """
@@ -128,7 +126,7 @@ def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | No
     temporary = site_file.with_name(site_file.name + ".tmp")
     try:
         temporary.write_text(text.getvalue(), encoding="utf-8")
-        load_site(temporary)  # a file that cannot be read back must not replace a good one
+        load_site(temporary)  # an unreadable file must not replace a valid one
         os.replace(temporary, site_file)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "check its permissions", site_file) from None
@@ -204,7 +202,7 @@ def _number(row: dict[str, str], column: str, low: float, high: float, remedy: s
 
 
 def pooled_rate(raw_counts: Sequence[int], effective_exposure_s: Sequence[float]) -> tuple[float, float]:
-    """Corrected rate of all records together, and its standard deviation [counts/s].
+    """Corrected rate of all records together, and standard deviation of the rate [counts/s].
 
     :raises ValueError: without any count or exposure
     """

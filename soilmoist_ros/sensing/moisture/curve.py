@@ -53,8 +53,8 @@ class CalibrationCurve:
     def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
         """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
 
-        NaN where :meth:`valid` is false. Very dry values below 0 are returned as they are: they show that
-        N0 or the water terms are wrong, which clipping would hide.
+        NaN where :meth:`valid` is false. Values below 0 are not clipped, because they show that N0 or the water
+        terms are wrong.
         """
         return self._vwc(self._excess(rate_cps))
 
@@ -74,18 +74,18 @@ class CalibrationCurve:
         return -self.bulk_density_gcm3 * A0 / (self.n0_cps * self._excess(rate_cps) ** 2)
 
     def weight(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """Squared slope: factor from the variance of a rate to that of the VWC [(m^3/m^3 per count/s)^2].
+        """Squared slope: factor from rate variance to VWC variance [(m^3/m^3 per count/s)^2].
 
-        Near its pole and below, the curve is so steep that one place would decide a whole plan. Rates there are
+        Near and below its pole, the curve is so steep that one place would dominate a plan. Rates there are
         raised to a tenth above the pole.
         """
         return self.slope(np.maximum(np.asarray(rate_cps, float), _NEAR_POLE * self.lowest_rate_cps)) ** 2
 
     def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """Standard deviation of the VWC from that of the rate [m^3/m^3].
+        """Standard deviation of the VWC [m^3/m^3] from the standard deviation of the rate.
 
         :param rate_cps: corrected rate [counts/s], any shape
-        :param rate_sd_cps: its standard deviation [counts/s], same shape
+        :param rate_sd_cps: standard deviation of the rate [counts/s], same shape
         :param order: 1, ``|d vwc/d rate| * sd``; or 3, the third-order expansion of Jakobi et al. (2020),
             Frontiers in Water 2:10, which is larger where the noise reaches the curve's steep end
         :raises ValueError: for another order
@@ -99,10 +99,10 @@ class CalibrationCurve:
     def vwc_and_sd(
         self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """:meth:`vwc` and its standard deviation of third order (:meth:`vwc_sd`), in less time than both.
+        """:meth:`vwc` and third-order :meth:`vwc_sd`, faster than two calls.
 
         :param rate_cps: corrected rate [counts/s], any shape
-        :param rate_sd_cps: its standard deviation [counts/s], same shape
+        :param rate_sd_cps: standard deviation of the rate [counts/s], same shape
         """
         excess = self._excess(rate_cps)
         relative = np.asarray(rate_sd_cps, float) / excess

@@ -55,7 +55,7 @@ class IntensityCorrection(Section):
 
 
 class CorrectionSettings(Section):
-    """Which corrections are applied; ``null`` switches one off."""
+    """The corrections to apply; ``null`` switches a correction off."""
 
     pressure: PressureCorrection | None = PressureCorrection()
     humidity: HumidityCorrection | None = HumidityCorrection()
@@ -79,13 +79,13 @@ class Calibration(Section):
     n0_cps: Positive
     """Count rate over dry soil N0: all tubes, corrected [counts/s]."""
     n0_sd_cps: NotNegative | None = None
-    """Its standard deviation [counts/s]."""
+    """Standard deviation of N0 [counts/s]."""
     date: str | None = None
     """Day of the calibration."""
     note: str | None = None
-    """How it was obtained."""
+    """Method of the calibration."""
     illustrative: bool = False
-    """Whether N0 is a guess, not a calibration: the report then warns that absolute moisture is not real."""
+    """Whether N0 is a guess, not a calibration; the report then warns that absolute moisture is not real."""
 
 
 class Location(Section):
@@ -117,9 +117,9 @@ class Site(Section):
     tube_shares: list[NotNegative] | None = None
     """Share of each tube in the rate of the whole sensor; estimated from the log if left out."""
     soil: Soil | None = None
-    """Soil properties; without them there is a rate map only."""
+    """Soil properties; without them only the rate is mapped."""
     calibration: Calibration | None = None
-    """Calibration; without it there is a rate map only."""
+    """Calibration; without it only the rate is mapped."""
 
     def __repr_args__(self) -> Iterator[tuple[str, str]]:
         yield "name", self.name
@@ -140,7 +140,7 @@ class Site(Section):
 
     @property
     def support_radius_m(self) -> float:
-        """Radius of the footprint that is deconvolved from the counts [m]; 0 maps the counts as they are."""
+        """Radius of the footprint for deconvolution [m]; 0 without deconvolution."""
         return self.footprint_radius_m if self.deconvolve_footprint else 0.0
 
     @property
@@ -165,8 +165,8 @@ def load_site(name_or_path: str | Path) -> Site:
     Files of release 0.1 mark a guessed N0 by the word *illustrative* in the note of the calibration. They are read
     like files with the key ``illustrative: true``, with a warning.
 
-    :param name_or_path: path of a site file, or name of a shipped one
-    :raises InputError: if there is none, or with every mistake in the file
+    :param name_or_path: path of a site file, or name of a shipped site file
+    :raises InputError: if there is no such file, or with every mistake in the file
     """
     path = resource("sites", name_or_path) if isinstance(name_or_path, str) else name_or_path
     site = _with_key_illustrative(load_model(path, Site), path)

@@ -1,4 +1,4 @@
-"""The steps from a raw record to a corrected one at its place."""
+"""The steps from a raw record to a corrected, geo-tagged record."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MIN_POSITION_GAP_S = 5.0
 
 
 class UnusableRecordError(Exception):
-    """A record cannot be used or placed; has the kind of problem and the remedy."""
+    """A record cannot be corrected or placed; contains the kind of problem and the remedy."""
 
     def __init__(self, kind: Kind, message: str, remedy: str) -> None:
         super().__init__(message)
@@ -31,9 +31,9 @@ class UnusableRecordError(Exception):
 
 
 def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | None:
-    """Source of the incoming intensity, ``None`` if it is not corrected for.
+    """Source of the incoming intensity, ``None`` without intensity correction.
 
-    :raises InputError: if the file of a monitor cannot be used
+    :raises InputError: if the neutron-monitor file is invalid
     """
     if settings.intensity is None:
         return None
@@ -49,7 +49,7 @@ def correction_factors(
 
     The factor of a correction that is switched off is 1.
 
-    :raises ValueError: if a value that an active correction needs is missing or impossible; names it
+    :raises ValueError: if an active correction lacks a value, or a value is impossible; the message names it
     """
     factors = {"f_pressure": 1.0, "f_humidity": 1.0, "f_intensity": 1.0}
     if settings.pressure is not None:
@@ -68,12 +68,12 @@ def correct_record(
     intensity: NeutronMonitor | float | None,
     shares: NDArray[np.float64],
 ) -> CountRecord:
-    """The record with its corrections, not yet placed.
+    """Correct a record without placing it.
 
     :param record: the raw record
-    :param air: weather at its time
-    :param site: which corrections are applied
-    :param intensity: incoming intensity: of a monitor or constant, ``None`` if unknown
+    :param air: weather at the time of the record
+    :param site: settings of the corrections
+    :param intensity: incoming intensity: from a monitor or constant, ``None`` if unknown
     :param shares: share of each tube in the whole rate [-]
     :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
     """
@@ -95,7 +95,7 @@ def correct_record(
 
 
 def place_record(record: CountRecord, position: Position | None, frame: LocalFrame | None) -> CountRecord:
-    """The record at its place.
+    """Add the coordinates of a record.
 
     :raises UnusableRecordError: if there is no position, or it is beyond the datum's hemisphere
     """
@@ -119,5 +119,5 @@ def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> 
 
 
 def position_gap_s(interval_s: float) -> float:
-    """Longest time between two fixes over which the place of a record may be interpolated [s]."""
+    """Maximum time between two fixes for interpolating the position of a record [s]."""
     return max(_POSITION_GAP_RECORDS * interval_s, _MIN_POSITION_GAP_S)

@@ -1,4 +1,4 @@
-"""The driver of a sensor: reads its links, and turns their lines into records."""
+"""The driver of a sensor: reads its links, and converts their lines to records."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, 
 from soilmoist_ros.sensing.survey.stream import SensorStream
 
 LINES_PER_STEP = 500
-"""Lines processed in one step, so that other work gets its turn after a jam."""
+"""Maximum number of lines per step; a backlog must not block other work."""
 LOGGER, GNSS = "logger", "GNSS"
 
 
@@ -33,10 +33,10 @@ class DriverSettings:
     """Addresses and limits of a driver.
 
     :param logger_uri: address of the logger
-    :param logger_format: its format: its name, or a YAML file
-    :param gnss_uri: address of the GNSS receiver; empty if fixes come from outside
-    :param silence_limit_s: time without a byte after which a link is connected again [s]
-    :param fix_wait_s: longest time that a record waits for a fix [s]
+    :param logger_format: name of a logger format, or path of a YAML file
+    :param gnss_uri: address of the GNSS receiver; empty if the fixes have another source
+    :param silence_limit_s: time without a byte after which a link reconnects [s]
+    :param fix_wait_s: maximum time that a record waits for a fix [s]
     """
 
     logger_uri: str
@@ -48,7 +48,7 @@ class DriverSettings:
 
 @dataclass(frozen=True)
 class Batch:
-    """What has arrived since the last step, each in its order.
+    """Data since the last step, in order of arrival.
 
     :param logger_lines: lines of the logger
     :param gnss_lines: lines of the receiver
@@ -67,13 +67,11 @@ class Batch:
 
 
 class Driver:
-    """Reads the devices in background threads; everything else runs in the thread of the caller.
+    """Reads the devices in background threads; all other work runs in the caller's thread.
 
-    :param settings: addresses and limits
-    :param site: the sensor
-    :param frame: plane to place the records in
-    :param now_s: time, if it is known [s since 1970 UTC]; dates the fixes of receivers that send no date
-    :raises InputError: if a setting cannot be used
+    :param frame: plane of the coordinates
+    :param now_s: time, if known [s since 1970 UTC]; dates the fixes of receivers that send no date
+    :raises InputError: if a setting is invalid
     """
 
     def __init__(self, settings: DriverSettings, site: Site, frame: LocalFrame, now_s: float = NAN) -> None:
@@ -83,7 +81,7 @@ class Driver:
         self.stream = SensorStream(
             site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s
         )
-        self._open_all()  # checks the addresses; nothing is connected yet
+        self._open_all()  # checks the addresses without connecting
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()
 
@@ -95,7 +93,7 @@ class Driver:
         """
 
         def on_line() -> None:
-            if not self._awake.is_set():  # waking up costs more than a line
+            if not self._awake.is_set():  # a wake-up costs more than a line
                 self._awake.set()
                 wake()
 
@@ -110,12 +108,12 @@ class Driver:
     def step(self, now_s: float) -> Batch:
         """Process the lines that have arrived.
 
-        :param now_s: time, zero if it is not known yet [s since 1970 UTC]
+        :param now_s: time, zero if unknown [s since 1970 UTC]
         """
         self._awake.clear()
-        # Records wait by steady time: simulated time jumps while lines are still on their way.
+        # Waits use monotonic time, because simulated time jumps before all lines have arrived.
         steady_s = time.monotonic()
-        # All fixes first: a record that came with them need not wait.
+        # All fixes first, so that a record that arrives with its fix does not wait.
         gnss_lines = self._lines(GNSS)
         fixes = [fix for line in gnss_lines if (fix := self.stream.take_nmea_line(line)) is not None]
         jammed = len(gnss_lines) == LINES_PER_STEP

@@ -12,13 +12,13 @@ from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
 CLOCK_TOLERANCE_S = 5.0
-"""Difference of the clocks above which there is a warning [s]."""
+"""Maximum difference of the clocks without a warning [s]."""
 MAX_SILENT_PERIODS = 3.5
-"""Time without a record that is an error, as a multiple of the record period."""
+"""Maximum time without a record before an error, as a multiple of the record period."""
 STALE_FIX_S = 5.0
-"""Age of the last fix above which there is a warning [s]."""
+"""Maximum age of the last fix without a warning [s]."""
 MAX_LOSSES = 1
-"""Lost records among the last ones above which there is a warning."""
+"""Maximum number of recently lost records without a warning."""
 
 _LINK_LEVELS = {
     LinkState.CONNECTED: Level.OK,

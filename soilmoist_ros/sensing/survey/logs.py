@@ -1,4 +1,4 @@
-"""Logs of a survey -> corrected, geo-tagged counts, and a list of everything that was lost."""
+"""Processes the logs of a survey into corrected, geo-tagged counts and a list of problems."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class SurveyRecords:
     """The processed logs of one survey.
 
     :param records: corrected, geo-tagged records in order of time
-    :param frame: plane in which they lie
-    :param problems: faults of all records that were lost, or kept with a note
+    :param frame: plane of the coordinates
+    :param problems: faults of all records that were dropped, or kept with a note
     :param tube_share: share of each tube in the rate of the whole sensor, shape (tubes,)
     """
 
@@ -74,15 +74,15 @@ def process_logs(
 
     :param logs: parsed logs, in any order
     :param site: corrections and tubes
-    :param frame: plane to place the records in; about the mean position if ``None``
-    :param track: positions of a separate GNSS receiver; those of the logger are used if ``None``
-    :raises InputError: if the logs are of different probes, or not one record can be placed and corrected
+    :param frame: plane of the coordinates; centred on the mean position if ``None``
+    :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
+    :raises InputError: if the logs are of different probes, or no record can be placed and corrected
     """
     entries = _in_order_of_time(logs)
     problems = [problem for log in logs for problem in log.problems]
     entries = _without_duplicates(entries, problems)
     survey = _survey_of([entry.record for entry in entries], site, frame, track, problems)
-    # A logger's own positions have the time of its own clock; those of a separate receiver have GNSS time.
+    # Positions in a log have the time of the logger's clock; positions of a separate receiver have GNSS time.
     ahead_s = [0.0 if track is None else _clock_ahead_s(entry.log) for entry in entries]
     if frame is None:
         survey.frame = _frame_about(survey, entries, ahead_s)
@@ -96,7 +96,7 @@ def process_logs(
 
 
 def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
-    """Raw counts and effective exposures [s] of all records, with or without a position, as for a calibration.
+    """Raw counts and effective exposures [s] of all records for a calibration, with or without a position.
 
     :raises InputError: if the logs are of different probes, or a record cannot be corrected
     """
@@ -127,7 +127,7 @@ def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:
 
 
 def _without_duplicates(entries: list[_Entry], problems: list[Problem]) -> list[_Entry]:
-    """Drop records that are in two of the files."""
+    """Drop records that occur in two files."""
     seen: dict[tuple[object, ...], _Entry] = {}
     for entry in entries:
         record = entry.record
@@ -148,7 +148,7 @@ def _survey_of(
     track: Track | None,
     problems: list[Problem],
 ) -> Survey:
-    """A survey that knows all its records beforehand."""
+    """A survey with all records known in advance."""
     if len({len(record.tube_counts) for record in records}) > 1:
         raise InputError("the logs have different numbers of tubes", "map the logs of each probe separately")
     try:
@@ -163,7 +163,7 @@ def _clock_ahead_s(log: LogFile) -> float:
 
 
 def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[float]) -> LocalFrame | None:
-    """The plane about the mean position, ``None`` if no position is known."""
+    """The plane centred on the mean position, ``None`` if no position is known."""
     places: list[Position] = []
     previous: LoggerRecord | None = None
     for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
@@ -173,14 +173,14 @@ def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[fl
         previous = record
     if not places:
         return None
-    # Rounded to about 10 m, so that the datum can be written down and typed in again.
+    # Rounded to about 10 m, so that users can note and retype the datum.
     latitude = float(np.mean([place.latitude_deg for place in places]))
     east = np.exp(1j * np.radians([place.longitude_deg for place in places]))
     return LocalFrame(round(latitude, 4), round(math.degrees(float(np.angle(east.mean()))), 4))
 
 
 def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
-    """Why no record is left: the most frequent reason first, one example each."""
+    """Reasons why no record is left, most frequent first, with one example each."""
     lost = [problem for problem in problems if problem.lost]
     kinds = Counter(problem.kind for problem in lost).most_common()
     examples = [next(problem.mistake for problem in lost if problem.kind is kind) for kind, _ in kinds]

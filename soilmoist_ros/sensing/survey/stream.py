@@ -1,4 +1,4 @@
-"""Lines of a logger and of a GNSS receiver, as they come -> records of a survey."""
+"""Converts the live lines of a logger and a GNSS receiver to the records of a survey."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 
 LAST_RECORDS = 20
-"""Records by which the present state is judged."""
+"""Number of latest records for the diagnostics."""
 
 
 class ProblemCount:
-    """Problems counted by kind, and the last one by which data were lost."""
+    """Number of problems of each kind, and the last problem with lost data."""
 
     def __init__(self) -> None:
         self.lost: Counter[Kind] = Counter()
-        """What was dropped; a repeated record is dropped, too, but is no loss."""
+        """Dropped data by kind of problem; a duplicate record is dropped, too, but is no loss."""
         self.noted: Counter[Kind] = Counter()
         self.last_loss: Problem | None = None
 
@@ -40,20 +40,20 @@ class ProblemCount:
 
     @property
     def losses(self) -> int:
-        """Number of problems by which data were lost."""
+        """Number of problems with lost data."""
         return self.lost.total() - self.lost[Kind.DUPLICATE]
 
 
 class SensorStream:
-    """Feeds a survey with lines, and keeps the figures for diagnostics.
+    """Feeds lines to a survey, and collects statistics for diagnostics.
 
     :param site: corrections and tubes
-    :param frame: plane to place the records in
-    :param logger: format of the logger, or its name
-    :param fix_wait_s: longest time that a record waits for a fix [s]
+    :param frame: plane of the coordinates
+    :param logger: format of the logger, or name of the format
+    :param fix_wait_s: maximum time that a record waits for a fix [s]
     :param reference_stamp_s: a time within 12 h of the first fix [s since 1970 UTC], for receivers that send no
         date; NaN if unknown
-    :raises InputError: if format, tube shares or the file of a neutron monitor cannot be used
+    :raises InputError: if format, tube shares or neutron-monitor file are invalid
     """
 
     def __init__(
@@ -85,9 +85,9 @@ class SensorStream:
         return f"SensorStream({self.parser.format.title!r}, {self.records_out} records)"
 
     def take_logger_line(self, line: bytes, now_s: float) -> LoggerRecord | None:
-        """Take a line of the logger; returns the record in it, with the weather as it was logged.
+        """Process a line of the logger; returns the raw record, if any, with the logged weather.
 
-        :param line: the line, with or without its end
+        :param line: the line, with or without its line end
         :param now_s: monotonic time [s]
         """
         record = self.parser.feed(line)
@@ -105,19 +105,19 @@ class SensorStream:
         return record
 
     def take_nmea_line(self, line: bytes) -> Fix | None:
-        """Take a line of the GNSS receiver; returns the fix that it completes, if any."""
+        """Process a line of the GNSS receiver; returns the fix that it completes, if any."""
         fix = self._nmea.feed(line)
         if fix is not None:
             self.take_fix(fix)
         return fix
 
     def take_fix(self, fix: Fix) -> None:
-        """Take an epoch of another source, with or without a fix."""
+        """Add an epoch from another source, with or without a fix."""
         self.last_fix = fix
         self.survey.take_fix(fix)
 
     def take_ready(self, now_s: float) -> list[CountRecord]:
-        """Records that need not wait any longer, oldest first.
+        """Remove and return the records whose wait is over, oldest first.
 
         :param now_s: monotonic time [s]
         """
@@ -127,32 +127,32 @@ class SensorStream:
         return ready
 
     def compare_clocks(self, stamp_s: float, now_s: float) -> None:
-        """Note the difference of the logger's clock and ours; it corrects nothing.
+        """Store the difference of the logger's clock and the computer's clock, for diagnostics only.
 
-        :param stamp_s: time in a line that has just come [s since 1970 UTC]
-        :param now_s: time of our clock [s since 1970 UTC]
+        :param stamp_s: time in the line that has just arrived [s since 1970 UTC]
+        :param now_s: time of the computer's clock [s since 1970 UTC]
         """
         self._clock_differences_s.append(stamp_s - now_s)
 
     @property
     def records_without_position(self) -> int:
-        """Number of records that left without a place."""
+        """Number of records returned without a position."""
         return self.logger_problems.noted[Kind.NO_POSITION]
 
     @property
     def clock_difference_s(self) -> float:
-        """Logger's clock minus ours [s], NaN if unknown: the smallest one lately, since lines may come late."""
+        """Logger's clock minus computer's clock [s], NaN if unknown; the smallest recent value, as lines may be late."""
         return min(self._clock_differences_s, key=abs, default=NAN)
 
     @property
     def record_rate_hz(self) -> float:
-        """Records per second of the logger's time lately, NaN with fewer than two."""
+        """Recent records per second of the logger's time, NaN with fewer than two records."""
         spent_s = self._stamps[-1] - self._stamps[0] if self._stamps else 0.0
         return (len(self._stamps) - 1) / spent_s if spent_s > 0 else NAN
 
     @property
     def recent_losses(self) -> int:
-        """Records lost among the last ones."""
+        """Number of recently lost records."""
         return self._good.count(False)
 
     def _on_problem(self, problem: Problem) -> None:
