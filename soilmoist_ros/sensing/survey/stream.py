@@ -141,7 +141,7 @@ class SensorStream:
 
     @property
     def clock_difference_s(self) -> float:
-        """Logger's clock minus computer's clock [s], NaN if unknown; the smallest recent value, as lines may be late."""
+        """Smallest recent logger's clock minus computer's clock [s], as lines may be late; NaN if unknown."""
         return min(self._clock_differences_s, key=abs, default=NAN)
 
     @property
