@@ -1,1 +1,1 @@
-"""What a measurement at a place is worth, and how long to count there."""
+"""The value of a measurement at a place, and the dwell there."""

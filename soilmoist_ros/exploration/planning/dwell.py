@@ -1,7 +1,7 @@
 """Dwell rules: how long to count at a stop.
 
-A rule sees only what was counted at the stop. :class:`MarginalValue`, which weighs the gain of counting on
-against the price of time, is made anew for each stop with the kriging quantities of that stop inside.
+A rule sees only the counts of the stop. :class:`MarginalValue` compares the gain of a longer dwell with the
+price of time. It is made anew for each stop and contains the kriging quantities of the stop.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
 
 MAX_DWELL_S = 3600.0
-"""Default of the longest dwell [s]: a dead or drowned sensor must not hold the robot for the rest of the day."""
+"""Default of the longest dwell [s]; it limits the time that the robot waits for a dead or drowned sensor."""
 
 MIN_INTERVAL_S, MAX_INTERVAL_S = 1, 86400
 FINEST_THRESHOLD, COARSEST_THRESHOLD = Decimal("0.001"), Decimal("0.5")
@@ -29,28 +29,28 @@ _EXAMPLES = (
     "write for example 'fmi:600' (600 s), 'ami:0.025' or 'ami:2.5%' (standard error of the count), or 'optimal'"
 )
 _ROUNDING = 1e-9
-"""Relative error that sums of exposures may have collected."""
+"""Relative rounding error allowed in sums of exposures."""
 _HALVINGS = 50
 
 
 class DwellRule(Protocol):
-    """Decides when enough has been counted at a stop. ``str(rule)`` is the text that :func:`parse_dwell` reads."""
+    """Decides when a dwell ends. :func:`parse_dwell` reads ``str(rule)``."""
 
     @property
     def longest_s(self) -> float:
-        """Time at the stop after which counting ends whatever was counted [s]."""
+        """Time at the stop after which counting ends, regardless of the counts [s]."""
         ...
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
         """Whether to stop counting.
 
-        :param raw_counts: raw counts gathered at the stop
-        :param live_s: exposure in which they were gathered [s]
+        :param raw_counts: raw counts at the stop
+        :param live_s: exposure of these counts [s]
         """
         ...
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """Whole dwell to expect, for planning [s]; ``longest_s`` where the rate is unknown (NaN) or not positive.
+        """Expected dwell, for planning [s]; ``longest_s`` where the rate is unknown (NaN) or not positive.
 
         :param rate_cps: corrected rate expected at the stop [counts/s]
         :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
@@ -58,16 +58,16 @@ class DwellRule(Protocol):
         ...
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """How much of the dwell is done, 0..1; 1 exactly if :meth:`enough`."""
+        """Share of the dwell that is done, 0..1; 1 exactly if :meth:`enough`."""
         ...
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
-        """What was reached, in words, once counting has ended."""
+        """Result of the dwell in words, after counting has ended."""
         ...
 
 
 def _read_rule(value: object) -> DwellRule | None:
-    """The rule of a text; a rule is returned as it is, an empty text is no rule."""
+    """Read a rule from text; a rule is returned unchanged, an empty text gives ``None``."""
     return parse_dwell(value) if isinstance(value, str) and value else value or None  # type: ignore[return-value]
 
 
@@ -76,7 +76,7 @@ StopRule = Annotated[
     PlainValidator(_read_rule),
     PlainSerializer(lambda rule: "" if rule is None else str(rule), return_type=str),
 ]
-"""Dwell rule of a single stop, ``None`` for the mission's. A journal holds its text."""
+"""Dwell rule of a single stop, ``None`` for the mission's rule. Journals contain it as text."""
 
 
 @dataclass(frozen=True)
@@ -84,15 +84,15 @@ class FixedInterval:
     """Count for a fixed time ("FMI").
 
     :param interval_s: time to count [s], > 0
-    :param longest_s: longest time at the stop [s]; at least twice the interval when made by :func:`parse_dwell`,
-        so that only a sensor with little live time is cut short
+    :param longest_s: longest time at the stop [s]. :func:`parse_dwell` sets at least twice the interval,
+        so that only a sensor with little live time reaches the limit.
     """
 
     interval_s: float
     longest_s: float = MAX_DWELL_S
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether the interval has been counted."""
+        """Whether the exposure covers the interval."""
         return live_s >= self.interval_s * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
@@ -100,7 +100,7 @@ class FixedInterval:
         return self.interval_s
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share of the interval that has been counted, 0..1."""
+        """Share of the interval that is done, 0..1."""
         return 1.0 if self.enough(raw_counts, live_s) else live_s / self.interval_s
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
@@ -115,7 +115,7 @@ class FixedInterval:
 class AdaptiveInterval:
     """Count until the relative standard error ``1 / sqrt(raw counts)`` falls to a threshold ("AMI").
 
-    The *raw* counts decide: they are Poisson, the corrected ones are not.
+    The rule uses the *raw* counts: they are Poisson distributed, corrected counts are not.
 
     :param threshold: relative standard error to reach, 0 < threshold < 1 [-]
     :param longest_s: counting ends after this time in any case [s]
@@ -128,7 +128,7 @@ class AdaptiveInterval:
     def counts_needed(self) -> int:
         """Smallest count that meets the threshold: 1600 for 0.025, 1112 for 0.03.
 
-        Taken from the decimal number as written: in floating point ``1 / 0.025**2`` is not 1600.
+        Computed from the decimal number as written: in floating point ``1 / 0.025**2`` is not 1600.
         """
         return math.ceil(1 / Fraction(repr(float(self.threshold))) ** 2)
 
@@ -137,13 +137,13 @@ class AdaptiveInterval:
         return raw_counts >= self.counts_needed or live_s >= self.longest_s * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """Time in which the counts needed are expected, at most the longest dwell [s]."""
+        """Expected time to reach the counts needed, at most the longest dwell [s]."""
         if not (rate_cps > 0 and factor > 0):
             return self.longest_s
         return min(self.counts_needed * factor / rate_cps, self.longest_s)
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share of the counts needed or of the longest dwell, whichever ends the dwell sooner, 0..1."""
+        """Share of the counts needed or of the longest dwell, whichever is larger, 0..1."""
         if self.enough(raw_counts, live_s):
             return 1.0
         return max(raw_counts / self.counts_needed, live_s / self.longest_s)
@@ -162,7 +162,7 @@ class AdaptiveInterval:
 
 @dataclass(frozen=True)
 class Optimal:
-    """Count as long as it pays. Each stop gets a :class:`MarginalValue`; this stands in where there is no map yet.
+    """Count as long as it pays: :class:`MarginalValue` at each stop, or a fixed dwell while there is no map.
 
     :param longest_s: counting ends after this time in any case [s]
     """
@@ -173,15 +173,15 @@ class Optimal:
     """Dwell without a map [s]."""
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether the dwell for an unknown field is over."""
+        """Whether the dwell without a map is over."""
         return live_s >= min(self.UNKNOWN_S, self.longest_s) * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """The dwell for an unknown field [s]."""
+        """The dwell without a map [s]."""
         return min(self.UNKNOWN_S, self.longest_s)
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share of that dwell, 0..1."""
+        """Share of the dwell without a map that is done, 0..1."""
         return 1.0 if self.enough(raw_counts, live_s) else live_s / min(self.UNKNOWN_S, self.longest_s)
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
@@ -194,15 +194,15 @@ class Optimal:
 
 @dataclass(frozen=True)
 class MarginalValue:
-    """Count at one stop while a second there lowers the integrated variance more than a second elsewhere.
+    """Count at a stop while one more second there lowers the integrated variance more than a second elsewhere.
 
-    After t seconds the integrated variance has fallen by ``A t / (B t + n)``, n being the rate times the
-    correction factor, so counting on pays while ``A n / (B t + n)^2 > price``. The rate is that counted here.
-    Where further properties are counted at once, their terms join the sum, each with the noise expected of it.
+    A dwell of t seconds lowers the integrated variance by ``A t / (B t + n)``, with n the rate times the
+    correction factor. Counting pays while ``A n / (B t + n)^2 > price``. The rate is the rate counted at the stop.
+    Every further property adds a term, with its expected noise.
 
     :param gain: A: weighted sum over the cells of the squared posterior covariance with the stop
     :param variance: B: posterior variance at the stop, nugget included [(counts/s)^2], > 0
-    :param price: fall of the integrated variance per second that the time is worth elsewhere, >= 0
+    :param price: reduction of the integrated variance per second elsewhere, >= 0
     :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
     :param longest_s: counting ends after this time in any case [s]
     :param others: A, B and n of each further property
@@ -216,7 +216,7 @@ class MarginalValue:
     others: tuple[tuple[float, float, float], ...] = ()
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether counting on is worth less than its price, or the longest dwell is over."""
+        """Whether more counting is worth less than the price, or the longest dwell is over."""
         return live_s >= self._best_s(self._noise(raw_counts, live_s)) * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
@@ -225,7 +225,7 @@ class MarginalValue:
         return self._best_s(self.factor**2 * rate_cps / factor) if rate_cps > 0 else self.longest_s
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share of the dwell that pays at the rate counted so far, 0..1."""
+        """Share that is done of the dwell that pays at the rate counted so far, 0..1."""
         if self.enough(raw_counts, live_s):
             return 1.0
         return live_s / self._best_s(self._noise(raw_counts, live_s))
@@ -237,7 +237,7 @@ class MarginalValue:
         return f"{raw_counts} counts in {live_s:.0f} s; counting elsewhere is worth more now"
 
     def _noise(self, raw_counts: int, live_s: float) -> float:
-        """Noise n from what was counted; half a count stands for none."""
+        """Noise n at the counted rate; zero counts are replaced by half a count."""
         return self.factor**2 * max(raw_counts, 0.5) / live_s if live_s > 0 else math.inf
 
     def _best_s(self, noise: float) -> float:
@@ -247,7 +247,7 @@ class MarginalValue:
         terms = ((self.gain, self.variance, noise), *self.others)
         if self.price <= 0:
             return self.longest_s if any(gain > 0 for gain, _, _ in terms) else 0.0
-        # The sum falls with time, and reaches the price no sooner than any of its terms.
+        # The sum falls with time and reaches the price no sooner than any single term.
         alone_s = max((math.sqrt(gain * n / self.price) - n) / variance for gain, variance, n in terms)
         low, high = min(max(alone_s, 0.0), self.longest_s), self.longest_s
         for _ in range(_HALVINGS if self.others else 0):
@@ -266,14 +266,14 @@ class MarginalValue:
 def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
     """Read a dwell rule.
 
-    ``str`` of the result is the rule in its plainest form (``ami:2.5%`` becomes ``ami:0.025``), which reads
-    back as the same rule.
+    ``str`` of the result is the rule in its simplest form (``ami:2.5%`` becomes ``ami:0.025``). Reading this text
+    returns an equal rule.
 
     :param text: ``fmi:SECONDS``, ``ami:THRESHOLD``, ``ami:PERCENT%`` or ``optimal``; upper case and spaces do
-        not matter. (``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each further property and ``/LONGEST`` at the
-        end, is what ``optimal`` becomes at a stop; journals hold it.)
+        not matter. Journals contain ``optimal`` at a stop as ``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each
+        further property and ``/LONGEST`` at the end.
     :param longest_s: counting by ``ami`` or ``optimal`` ends after this time in any case [s], > 0
-    :raises InputError: if the text is not a rule; it says what would be one
+    :raises InputError: if the text is not a rule; the message lists examples
     """
     if not (math.isfinite(longest_s) and longest_s > 0):
         raise InputError(
@@ -291,18 +291,18 @@ def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
 
 
 def dwell_rule(given: str | DwellRule, longest_s: float = MAX_DWELL_S) -> DwellRule:
-    """A dwell rule, read if it is text; see :func:`parse_dwell`."""
+    """Read a dwell rule if it is text; see :func:`parse_dwell`."""
     return parse_dwell(given, longest_s) if isinstance(given, str) else given
 
 
 @dataclass(frozen=True)
 class DwellKind:
-    """A dwell rule that can be chosen by name.
+    """A dwell rule that users choose by name.
 
     :param read: makes the rule from the text after ``NAME:`` and the longest dwell [s];
         raises :class:`InputError` if the text is no value
-    :param describe: the rule for readers, from the same text
-    :param needs_value: whether the text is required; without it the rule is its name alone
+    :param describe: returns a readable description for the text after ``NAME:``
+    :param needs_value: whether the rule requires this text; otherwise the rule is its name alone
     """
 
     read: Callable[[str, float], DwellRule]
@@ -359,7 +359,7 @@ def _of_stop(numbers: str, longest_s: float) -> DwellRule:
 
 
 def _checked(plug_in: Any) -> DwellKind:
-    """A dwell rule of another package.
+    """Check a dwell rule of another package.
 
     :raises TypeError: if it is no :class:`DwellKind`
     """
@@ -379,7 +379,7 @@ DWELL_RULES: Registry[DwellKind] = Registry(
     },
     _checked,
 )
-"""Dwell rules by name; another package adds one with an entry point ``soilmoist_ros.dwell_rules``."""
+"""Dwell rules by name; other packages add rules with the entry point ``soilmoist_ros.dwell_rules``."""
 
 
 def _decimal(number: str, rule: str) -> Decimal:

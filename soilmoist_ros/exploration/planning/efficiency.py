@@ -1,8 +1,8 @@
-"""How good any plan could have been: the least integrated variance that counting for a given time can leave.
+"""Lower bound of the integrated variance that any plan can reach in a given counting time.
 
-Without travel and with the time divided at will among all places, the best division is an A-optimal design
-(Pukelsheim 2006, Optimal Design of Experiments): a convex problem, so what is found is the least. No plan of a
-robot that must drive can leave less under the same variogram.
+The bound ignores travel and divides the time freely among all places. The best division is an A-optimal design
+(Pukelsheim 2006, Optimal Design of Experiments). The problem is convex, so the search finds the global minimum.
+No plan of a driving robot reaches less variance with this variogram.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 Array = NDArray[np.float64]
 
 ROUNDS = 200
-"""Most rounds of the search."""
+"""Maximum number of rounds of the search."""
 CLOSE = 1e-3
-"""The search ends when what is found is certain to be within this share of the least."""
+"""The search ends when the result is certain to be within this share of the minimum."""
 _FAR = 100.0
 
 
 @dataclass(frozen=True, eq=False)
 class LeastVariance:
-    """The best that a time can do.
+    """Result of :func:`least_variance`.
 
     :param integrated_variance: least weighted sum of the variances of the cells [(counts/s)^2]
     :param dwell_s: time to count at each cell, shape (g,) [s]
-    :param gap: what is found is at most this share above the least
+    :param gap: the result is at most this share above the minimum
     """
 
     integrated_variance: float
@@ -40,9 +40,9 @@ class LeastVariance:
 def least_variance(
     variogram: Variogram, cells_xy: Array, weight: Array, rate_cps: Array, time_s: float
 ) -> LeastVariance:
-    """The least integrated variance of the smooth rate that counting for a time can leave.
+    """Minimum integrated variance of the smooth rate after a given counting time.
 
-    :param variogram: variogram; its nugget is left out, so the bound holds for any
+    :param variogram: variogram; its nugget is ignored, so the bound is valid for every nugget
     :param cells_xy: cells that stand for the field, shape (g, 2) [m]; cost grows with the cube of g
     :param weight: omega of each cell, shape (g,), summing up to 1 for a map of the rate
     :param rate_cps: rate at each cell times the correction factor, shape (g,) [counts/s]

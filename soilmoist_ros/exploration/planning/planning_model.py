@@ -1,14 +1,13 @@
-"""What counting somewhere would be worth: the posterior covariance, and how hypothetical counts lower it.
+"""The value of a measurement: the posterior covariance, and how hypothetical counts lower it.
 
-The kriging variance does not depend on the data, only on where was counted, for how long, and at about which
-rate. So the integrated variance ``IV = sum_g omega_g Var(g)`` after any plan is known beforehand. With the
-posterior covariance C and a sample of t seconds at x, whose noise is ``rate / t``::
+The kriging variance depends only on the places, the exposures and the approximate rates. So the integrated
+variance ``IV = sum_g omega_g Var(g)`` after any plan is known in advance. With the posterior covariance C and a
+sample of t seconds at x, whose noise is ``rate / t``::
 
     IV falls by  A t / (B t + rate),    A = sum_g omega_g C(g, x)^2,    B = C(x, x) + nugget
 
-and joint counts at several places S lower it by ``sum_g omega_g C_gS (C_SS + N)^-1 C_Sg``. Where several
-properties are counted at once (:mod:`properties`), each has its model, and the falls
-add up.
+Joint counts at several places S lower IV by ``sum_g omega_g C_gS (C_SS + N)^-1 C_Sg``. Each property
+(:mod:`properties`) has its own model, and the reductions add up.
 """
 
 from __future__ import annotations
@@ -39,16 +38,16 @@ _HALVINGS = 50
 
 @dataclass(frozen=True, eq=False)
 class Worth:
-    """What a trip and a dwell are worth; arrays of one value per candidate.
+    """Value of a trip and a dwell; arrays of one value per candidate.
 
-    :param on_way: fall of the integrated variance by what is counted on the way
-    :param gain: A of the stop after that
-    :param variance: B of the stop after that [(counts/s)^2]
+    :param on_way: reduction of the integrated variance by the counts on the way
+    :param gain: A of the stop after the trip
+    :param variance: B of the stop after the trip [(counts/s)^2]
     :param rate: rate expected at the stop [counts/s]
     :param travel_s: time of the trip, stop overhead included [s]
     :param dwell_s: dwell with the highest value [s], 0 if counting on the way is worth more
-    :param value: fall of the integrated variance per second of trip and dwell, at that dwell
-    :param others: A, B and noise n of each further property; the fall and the value are those of all together
+    :param value: reduction of the integrated variance per second of trip and dwell, with ``dwell_s``
+    :param others: A, B and noise n of each further property; ``on_way`` and ``value`` include all properties
     """
 
     on_way: Array
@@ -62,17 +61,17 @@ class Worth:
 
 
 class PlanningModel:
-    """The map's uncertainty as a planner sees it, over cells that stand for the field.
+    """The map's uncertainty as a planner sees it, over cells that represent the field.
 
-    Its nodes are the cells, then those stops that are no cells.
+    The nodes are the cells, followed by the stops that are not cells.
 
     :param kriging: kriging of all samples so far
     :param cells_xy: cells over which the variance is integrated, shape (g, 2) [m]
     :param weight: omega of each cell, shape (g,): ``1/g`` for a map of the rate
     :param stops_xy: candidates, shape (k, 2) [m]
     :param factor: product of the correction factors now: ``raw rate = rate / factor`` [-]
-    :param others: models of further properties over the same cells and stops, their weights such that the
-        integrated variances add up
+    :param others: models of further properties over the same cells and stops; their weights are scaled so that
+        the integrated variances add up
     """
 
     def __init__(
@@ -113,7 +112,7 @@ class PlanningModel:
         return self.gram_of(slice(None))
 
     def gram_of(self, nodes: Indices | slice) -> Array:
-        """Rows of :attr:`gram` for some nodes, which take less time than all; shape (s, m)."""
+        """Rows of :attr:`gram` for some nodes, shape (s, m); faster than the whole matrix."""
         to_cells = self.covariance[: self._cells]
         return np.asarray((to_cells[:, nodes].T * self.weight) @ to_cells)
 
@@ -128,14 +127,14 @@ class PlanningModel:
         return np.asarray(self._tree.query(np.asarray(xy, float))[1], np.intp)
 
     def noise(self, nodes: Indices, exposure_s: Array) -> Array:
-        """Variance of counts at nodes about the smooth rate there [(counts/s)^2]; as good as infinite for 0 s."""
+        """Variance of counts at nodes about the smooth rate [(counts/s)^2]; practically infinite for 0 s."""
         counting = self.factor * self.rate[nodes] / np.maximum(exposure_s, _NO_TIME_S)
         return np.asarray(self.nugget + counting)
 
     def fall(self, nodes: Indices, exposure_s: Array) -> float:
-        """How much counts at some nodes lower the integrated variance.
+        """Reduction of the integrated variance by counts at some nodes.
 
-        :param nodes: numbers of the nodes, a node may occur twice
+        :param nodes: numbers of the nodes; a node may occur twice
         :param exposure_s: exposure at each [s]
         """
         noisy = self.covariance[np.ix_(nodes, nodes)] + np.diag(self.noise(nodes, exposure_s))
@@ -151,12 +150,12 @@ class PlanningModel:
         overhead_s: float,
         longest_s: Array,
     ) -> Worth:
-        """What going to each of some candidates and counting there is worth.
+        """Value of the trip to each candidate and of counting there.
 
         :param stops: numbers of the candidates, shape (k,)
         :param travel_s: times of the trips, stop overhead included, shape (k,) [s]
         :param ways: nodes on the way to each, shape (k, m)
-        :param exposure_s: exposure at each of them, shape (k, m) [s]; 0 where a way has fewer nodes
+        :param exposure_s: exposure at each of these nodes, shape (k, m) [s]; 0 where a route has fewer nodes
         :param overhead_s: time of the trip in which the robot already stands at the stop and counts [s]
         :param longest_s: longest dwell possible at each, shape (k,) [s]
         """
@@ -178,11 +177,11 @@ class PlanningModel:
         )
 
     def _at_stops(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array, Array]:
-        """For stops after counts on the way to each: the fall by these, and then A, B and noise n of the stop.
+        """Reduction by the counts on the way to each stop, and A, B and noise n of the stop after these counts.
 
         :param node: nodes of the stops, shape (k,)
-        :param nodes: nodes at which is counted before, the stop's own last, shape (k, m)
-        :param seconds: exposure at each of these, shape (k, m) [s]
+        :param nodes: nodes on the way, the node of the stop last, shape (k, m)
+        :param seconds: exposure at each node on the way, shape (k, m) [s]
         """
         noise = self.factor * self.rate[node]
         if seconds.any():
@@ -190,21 +189,21 @@ class PlanningModel:
         else:
             on_way, gain = np.zeros(len(node)), self.gain[node]
             left = self.covariance[node, node]
-        # A place that is known for certain (no variance, no gain) must not divide by nothing.
+        # A place that is known for certain (no variance, no gain) must not cause a division by zero.
         variance = np.maximum(np.maximum(left, 0.0) + self.nugget, 1e-12 * self.rate[node])
         return on_way, gain, variance, noise
 
     def _after_ways(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:
-        """The fall by counts on the way to each stop, and then A and the variance without nugget of the stop.
+        """Reduction by the counts on the way to each stop; then A and the variance without nugget of the stop.
 
-        Parameters as of :meth:`_at_stops`.
+        Parameters as in :meth:`_at_stops`.
         """
         noisy = self.covariance[nodes[:, :, None], nodes[:, None, :]]
         places = np.arange(nodes.shape[1])
         noisy[:, places, places] += self.noise(nodes, seconds)
         gram = self.gram[nodes[:, :, None], nodes[:, None, :]]
         across = self.covariance[nodes, node[:, None]]
-        # D = tr(M^-1 G_SS), and with v = M^-1 C_Sx what is left at the stop: C_gx - C_gS v for each cell.
+        # D = tr(M^-1 G_SS). With v = M^-1 C_Sx, the covariance of cell and stop becomes C_gx - C_gS v.
         solved = np.linalg.solve(noisy, np.concatenate([gram, across[:, :, None]], axis=2))
         on_way = np.trace(solved[:, :, :-1], axis1=1, axis2=2)
         v = solved[:, :, -1]
@@ -215,9 +214,9 @@ class PlanningModel:
 
 @lru_cache(maxsize=4)
 def _nearest_cells(cells_xy: bytes, stops_xy: bytes) -> tuple[Array, Indices]:
-    """Distance to the nearest cell of each stop, and its number; places of shape (n, 2) by their bytes.
+    """Distance of each stop to the nearest cell, and the number of the cell; places of shape (n, 2) as bytes.
 
-    Kept, because most plans of a mission, and of a campaign, have the same stops.
+    The result is cached because most plans of a mission or campaign have the same stops.
     """
     from scipy.spatial import KDTree
 
@@ -229,20 +228,20 @@ def _nearest_cells(cells_xy: bytes, stops_xy: bytes) -> tuple[Array, Indices]:
 def best_dwell(
     on_way: Array, gain: Array, variance: Array, rate: Array, travel_s: Array, longest_s: Array
 ) -> tuple[Array, Array]:
-    """The dwell that makes the most of the time of a trip (marginal value theorem, Charnov 1976), and its value.
+    """Dwell with the highest value per second of a trip (marginal value theorem, Charnov 1976), and the value.
 
     With D counted on the way, ``(D + A t/(B t + n)) / (T + t)`` is largest where
-    ``(D B^2 + A B) t^2 + 2 D B n t + D n^2 - A n T = 0``; for D = 0 that is ``t = sqrt(n T / B)``. The sum over
-    several properties is largest at a time between the best of each.
+    ``(D B^2 + A B) t^2 + 2 D B n t + D n^2 - A n T = 0``; for D = 0 this is ``t = sqrt(n T / B)``. The best
+    dwell for several properties lies between their separate best dwells.
 
-    :param on_way: D, fall of the integrated variance on the way; as A, B and n of shape (k,), or (p, k) for p
-        properties
+    :param on_way: D, reduction of the integrated variance on the way; D, A, B and n have the shape (k,), or
+        (p, k) for p properties
     :param gain: A
     :param variance: B [(counts/s)^2], > 0
     :param rate: n, rate times correction factor [counts/s], > 0
     :param travel_s: T [s]
     :param longest_s: longest dwell possible [s]
-    :returns: dwell [s], and fall of the integrated variance per second
+    :returns: dwell [s], and reduction of the integrated variance per second
     """
     square = on_way * variance**2 + gain * variance
     half = on_way * variance * rate
@@ -263,12 +262,12 @@ def best_dwell(
 def _best_of_all(
     on_way: Array, gain: Array, variance: Array, rate: Array, travel_s: Array, each_s: Array
 ) -> Array:
-    """The dwell that makes the most of the time of a trip for several properties together, shape (k,) [s].
+    """Dwell with the highest value per second of a trip for all properties together, shape (k,) [s].
 
-    It is where ``sum_p [A n (T + t)/(B t + n)^2 - A t/(B t + n) - D]`` passes zero. Each term falls with t and is
-    zero at the best dwell of its property, so the root lies between these; it is found by bisection.
+    There ``sum_p [A n (T + t)/(B t + n)^2 - A t/(B t + n) - D]`` is zero. Each term falls with t and is zero at
+    the best dwell of its property. So the root lies between the best dwells; bisection finds it.
 
-    The other arguments are those of :func:`best_dwell`.
+    The other arguments are described in :func:`best_dwell`.
 
     :param each_s: best dwell of each property alone, shape (p, k) [s]
     """
@@ -282,11 +281,11 @@ def _best_of_all(
 
 
 def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
-    """Evenly spaced cells that stand for all: every m-th row and column, so that about ``most`` remain.
+    """Evenly spaced cells that represent the field: every m-th row and column, so that about ``most`` remain.
 
     :param mask: cells of the field, shape (ny, nx)
     :param most: about the largest number of cells
-    :returns: those chosen, shape (ny, nx); at least one
+    :returns: chosen cells, shape (ny, nx); at least one
     """
     step = max(1, math.ceil(math.sqrt(np.count_nonzero(mask) / most)))
     rows, columns = np.indices(mask.shape)

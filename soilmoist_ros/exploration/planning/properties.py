@@ -1,13 +1,13 @@
-"""Several properties of one field: how much the map of each leaves to be explained, and what that is worth.
+"""Properties of a field, and the normalised kriging variance that a planner lowers for all of them.
 
-Each property p has its own counts and its own map. A planner that weighs them lowers::
+Each property p has its own counts and its own map. The planner lowers::
 
     sum_p w_p IV_p / V_p,    V_p = sum_g omega_g (1 - mean correlation between the cells) sill_p
 
-IV_p is the integrated variance of the smooth rate, V_p what it is where nothing but the mean over the field is
-known (the dispersion variance, Chiles & Delfiner 2012, Geostatistics, section 2.8): each IV_p / V_p is the share
-of the variation over the field that the map of the property does not explain yet, whatever its unit. The sill
-alone would not do: of a field with a trend only the ratio of sill and range is known well.
+IV_p is the integrated variance of the smooth rate. V_p is its value when only the mean over the field is known
+(the dispersion variance, Chiles & Delfiner 2012, Geostatistics, section 2.8). IV_p / V_p has no unit, so the
+properties can be added. V_p is not the sill, because the data of a field with a trend determine only the ratio of
+sill and range well.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ Array = NDArray[np.float64]
 
 @dataclass(eq=False)
 class Property:
-    """A property of the field that is mapped, as the planner sees it now.
+    """A mapped property of the field, as the planner sees it now.
 
-    :param field_map: its map; all properties are mapped on the same grid
-    :param weight: what a share of its variation is worth, compared with the weights of the others; 0: nothing
+    :param field_map: its map; all properties have the same grid
+    :param weight: weight of its normalised kriging variance, relative to the other properties; 0: ignored
     :param factor: product of the correction factors of its sensor now, ``raw rate = rate / factor`` [-]
-    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
-    :param name: namespace of its mapper, empty for the robot's own
+    :param curve: calibration, to lower the variance of the moisture map instead of the rate map
+    :param name: namespace of its mapper, empty for the mapper of the robot
     """
 
     field_map: FieldMap
@@ -44,7 +44,7 @@ class Property:
 
 
 def correction_factor(record: CountRecord) -> float:
-    """Product of the correction factors of a record: its exposure divided by the effective one [-].
+    """Product of the correction factors of a record: exposure divided by effective exposure [-].
 
     >>> correction_factor(CountRecord(0.0, 0.0, 0.0, 0.0, 40, exposure_s=10.0, effective_exposure_s=8.0))
     1.25
@@ -53,7 +53,7 @@ def correction_factor(record: CountRecord) -> float:
 
 
 def variation(variogram: Variogram, cells_xy: Array) -> float:
-    """Variance of the smooth rate over cells that a variogram lets expect [(counts/s)^2].
+    """Variance of the smooth rate over cells, as expected from a variogram [(counts/s)^2].
 
     :param variogram: of the rate
     :param cells_xy: places of the cells, shape (g, 2) [m]

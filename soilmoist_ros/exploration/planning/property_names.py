@@ -1,4 +1,4 @@
-"""Further properties of a field: their names, by which their ROS namespaces and their files are known."""
+"""Names of further properties, used for their ROS namespaces and files."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _FILES: Final = (".yaml", ".yml")
 
 
 def property_weights(texts: Iterable[str]) -> dict[str, float]:
-    """Namespaces in which further properties are mapped, each with its weight.
+    """Namespaces of further properties, each with its weight.
 
-    :param texts: ``NAMESPACE`` or ``NAMESPACE:WEIGHT``; a name that does not begin with / is below the robot's own
-    :raises InputError: if one is not a namespace, or its weight not a number from 0
+    :param texts: ``NAMESPACE`` or ``NAMESPACE:WEIGHT``; names without a leading / are below the robot's
+    :raises InputError: if a text has no valid namespace, or its weight is not a number from 0
     """
     found = {}
     for text in texts:
@@ -38,10 +38,10 @@ def property_weights(texts: Iterable[str]) -> dict[str, float]:
 
 
 def property_name(field: str) -> str:
-    """Name of the property whose truth is a surrogate field.
+    """Name of the property that a surrogate field simulates.
 
     :param field: name of the field, or the path of its file
-    :returns: letters, digits and _, as ROS wants it, such as ``synthetic_low`` of ``synthetic-low``
+    :returns: letters, digits and _, as ROS requires, such as ``synthetic_low`` of ``synthetic-low``
     """
     path = Path(field)
     text = path.stem if path.suffix in _FILES else path.name

@@ -1,4 +1,4 @@
-"""What the planner can look ahead with: the worth of each stop, the way there included."""
+"""Look-ahead of the planner: the value of each stop, the trip included."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Indices = NDArray[np.intp]
 MAX_CELLS = 400
 """Approximate number of cells that represent the field: the variance is smooth over the variogram's range."""
 MAX_STOPS = 500
-"""Largest number of nodes of a graph that are compared."""
+"""Largest number of graph nodes that are compared."""
 MAX_PLACES = 12
 """Largest number of places that represent a route."""
 _ROUNDING = 1e-9
@@ -40,14 +40,14 @@ class Counting:
 
 
 class Prospect:
-    """Candidates as a planner weighs them.
+    """Candidates and their values for the planner.
 
     :param model: posterior covariance, with exactly these candidates as its stops
     :param stops: the candidates
     :param travel: routes and times
     :param position_xy: where the robot is [m]
-    :param travel_s: travel times to the candidates, shape (k,) [s]; inf where none is possible
-    :param budget_s: time left for a trip and counting at its end, shape (k,) [s]
+    :param travel_s: travel times to the candidates, shape (k,) [s]; inf if unreachable
+    :param budget_s: time left for the trip and the dwell, shape (k,) [s]
     :param counting: when the robot counts
     """
 
@@ -76,14 +76,14 @@ class Prospect:
 
     @cached_property
     def _reachable_stops(self) -> Sequence[Stop]:
-        """These candidates."""
+        """Candidates at :attr:`reachable`."""
         if len(self.reachable) == len(self.stops):
             return self.stops
         return tuple(self.stops[number] for number in self.reachable.tolist())
 
     @cached_property
     def worth(self) -> Worth:
-        """Worth of each :attr:`reachable` candidate, in that order."""
+        """Value of each :attr:`reachable` candidate, in the order of :attr:`reachable`."""
         stops = self.reachable
         ways, exposure_s = self.ways(stops)
         longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], MAX_DWELL_S)
@@ -91,11 +91,11 @@ class Prospect:
 
     @property
     def price(self) -> float:
-        """What a second is worth: the highest value of all candidates."""
+        """Price of a second: the highest value of all candidates."""
         return float(self.worth.value.max(initial=0.0))
 
     def dwell(self, stop: Stop, longest_s: float = MAX_DWELL_S) -> MarginalValue | None:
-        """Dwell rule of a stop at the price of time, ``None`` if it is not among the candidates.
+        """Dwell rule of a stop at the current price of time, ``None`` if the stop is not reachable.
 
         :param longest_s: counting ends after this time in any case [s]
         """
@@ -123,11 +123,11 @@ class Prospect:
         return stop.x_m, stop.y_m
 
     def travel_from(self, row: int) -> Array:
-        """Travel times from a reachable candidate to all of them [s]."""
+        """Travel times from a reachable candidate to all reachable candidates [s]."""
         return self._travel.travel_s(self.place(row), self._reachable_stops)
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
-        """Nodes on the way from a place to a reachable candidate, and the exposure at each [s].
+        """Nodes on the route from a place to a reachable candidate, and the exposure at each [s].
 
         :param travel_s: time of the trip, stop overhead included [s]
         """
@@ -139,7 +139,7 @@ class Prospect:
         return self.model.nearest_nodes(places), np.full(count, drive_s / count)
 
     def ways(self, stops: Indices) -> tuple[Indices, Array]:
-        """Nodes of the model along the way to each candidate, shape (k, m), and the exposure at each [s]."""
+        """Nodes on the route to each candidate, and the exposure at each [s]; both of shape (k, m)."""
         if not self._counting.on_way:
             return np.empty((len(stops), 0), np.intp), np.empty((len(stops), 0))
         drive_s = self._travel_s[stops] - self._travel.motion.stop_overhead_s
@@ -157,13 +157,13 @@ class Prospect:
 
 
 def along(polyline: Array, count: int) -> Array:
-    """Middles of ``count`` equal pieces of a way, shape (count, 2) [m].
+    """Middles of ``count`` equal pieces of a route, shape (count, 2) [m].
 
     :param polyline: corners, shape (p, 2) [m]
     :param count: >= 1
     """
     shares = (np.arange(count) + 0.5) / count
-    if len(polyline) == 2:  # most ways are straight, and this is done for every candidate
+    if len(polyline) == 2:  # fast path: most routes are straight, and every candidate needs this
         return np.asarray(polyline[0] + shares[:, None] * (polyline[1] - polyline[0]))
     length_m = polyline_length_m(polyline)
     reached = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])

@@ -1,4 +1,4 @@
-"""The rules that the published strategies share, and the constants they are run with."""
+"""Rules that the published strategies share, and their constants."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Preset:
 
     :param name: name of the preset
     :param warm_up_samples: samples at random places before the first model
-    :param keep_away_cells: distance that new targets keep from places already measured [cells]
-    :param monte_carlo_floor: Monte Carlo draws among candidates whose kriging variance is above this many
-        times the mean of the map
+    :param keep_away_cells: minimum distance of new targets from measured places [cells]
+    :param monte_carlo_floor: Monte Carlo draws from candidates whose kriging variance is above this multiple of
+        the mean of the map
     :param drop_below_sd: Adaptive Sampling drops targets whose kriging variance is below the mean of the map
         minus this many standard deviations of the map
-    :param samples_per_hour: samples that Adaptive Sampling expects to take, which sets the length of its
-        queue; ``None``: as many targets as the time left allows, travel and dwell counted
+    :param samples_per_hour: expected rate of samples, which sets the length of the queue of Adaptive Sampling;
+        ``None``: as many targets as fit into the time left, travel and dwell included
     """
 
     name: str
@@ -46,33 +46,33 @@ PRESETS = MappingProxyType(
         "authors": Preset("authors", 3, 4.0, 0.9, 0.5, 5.0),
     }
 )
-"""``paper``: the published text; ``authors``: the constants of the authors' experiments, which it leaves out.
+"""``paper``: constants of the published text; ``authors``: unpublished constants of the authors' experiments.
 
-``recommended`` has the constants of ``paper``: the recommended strategies use none of them.
+``recommended`` equals ``paper``, because the recommended strategies use none of the constants.
 """
 
 
 def reachable(situation: Situation) -> NDArray[np.bool_]:
-    """Candidates at which the robot would arrive before the mission ends, shape (k,)."""
+    """Candidates that the robot can reach before the mission ends, shape (k,)."""
     return np.asarray(np.isfinite(situation.travel_s) & (situation.travel_s < situation.time_left_s))
 
 
 def away_from(situation: Situation, distance_m: float) -> NDArray[np.bool_]:
-    """Candidates at least this far from every place measured, shape (k,)."""
+    """Candidates at least this far from every measured place, shape (k,)."""
     measured = np.asarray(situation.measured_xy, float).reshape(-1, 2)
     if distance_m <= 0 or not len(measured) or not situation.candidates:
         return np.ones(len(situation.candidates), bool)
     from scipy.spatial.distance import cdist
 
     away = np.ones(len(situation.candidates), bool)
-    for start in range(0, len(measured), 100):  # of many, some at a time
+    for start in range(0, len(measured), 100):  # in blocks, to limit memory
         squares = cdist(measured[start : start + 100], situation.candidates_xy, "sqeuclidean")
         away &= squares.min(axis=0) >= (distance_m * (1 - 1e-9)) ** 2
     return away
 
 
 def eligible(situation: Situation, preset: Preset) -> Indices:
-    """Candidates that may become a new target: reachable in time, and as far from measured places as asked."""
+    """Candidates for a new target: reachable in time, and far enough from measured places."""
     allowed = reachable(situation)
     allowed &= away_from(situation, preset.keep_away_cells * situation.cell_m)
     return np.flatnonzero(allowed & np.isfinite(situation.variance))

@@ -24,23 +24,23 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MAX_STOPS = 200
-"""Stops beyond which a tour is not planned: it is planned anew long before they are reached."""
+"""Maximum number of stops of a tour; a new tour is planned long before the last one is reached."""
 MAX_CELLS = 5000
-"""Cells that the k-means sees; of more, every n-th."""
+"""Approximate number of cells for the k-means; larger fields use every n-th cell."""
 LLOYD_ROUNDS = 50
-"""Rounds of the k-means."""
+"""Maximum number of rounds of the k-means."""
 _ROUNDING = 1e-9
-"""Relative difference below which two numbers may be equal."""
+"""Relative difference below which two times count as equal."""
 
 
 @dataclass
 class AdaptiveSampling:
-    """A queue of targets, thinned, refilled and put in order anew at every choice.
+    """A queue of targets that is thinned, refilled and sorted at every choice.
 
-    Targets whose kriging variance has fallen below the threshold are dropped, new ones are drawn with
-    probability in proportion to theirs, and the order is the shortest route from the robot. With
-    ``samples_per_hour`` the queue holds what that rate gives in the time left; without, draws are added
-    until the next one would not be finished in time. It always holds at least one target, if there is one.
+    Targets with a kriging variance below the threshold are dropped. New targets are drawn with a probability
+    proportional to their kriging variance. The order is the shortest route from the robot. ``samples_per_hour``
+    times the time left is the length of the queue. Without ``samples_per_hour``, targets are added as long as
+    the tour fits into the time left. The queue contains at least one target, if a candidate is available.
     """
 
     preset: Preset
@@ -70,7 +70,7 @@ class AdaptiveSampling:
         return Choice(first, reason, self.queue)
 
     def _kept(self, situation: Situation) -> tuple[Indices, int, float]:
-        """Candidates that stay in the queue, how many fell below the threshold, and the threshold."""
+        """Candidates that stay in the queue, the number of dropped ones, and the threshold."""
         map_variance = situation.map_variance
         threshold = float(np.mean(map_variance) - self.preset.drop_below_sd * np.std(map_variance))
         number = {stop.name: index for index, stop in enumerate(situation.candidates)}
@@ -84,14 +84,14 @@ class AdaptiveSampling:
     def _as_expected(
         situation: Situation, kept: Indices, fresh: Indices, size: int, rng: np.random.Generator
     ) -> Indices:
-        """The queue of a given length, in order; of more than that, those of highest variance stay."""
+        """Tour of a given number of targets; queued targets of highest variance come before new ones."""
         strongest = kept[np.argsort(-situation.variance[kept], kind="stable")]
         chosen = np.concatenate([strongest[:size], fresh[: max(size - len(kept), 0)]])
         return _tour(situation, chosen, rng).order
 
     @staticmethod
     def _as_time_allows(situation: Situation, kept: Indices, fresh: Indices, rng: np.random.Generator) -> Indices:
-        """As many targets as can be visited in the time left, in order."""
+        """Tour of as many targets as fit into the time left."""
         tour = _tour(situation, kept, rng)
         while len(tour.order) > 1 and tour.route.duration_s > situation.time_left_s:
             weakest = np.argmin(situation.variance[tour.order])
@@ -116,7 +116,7 @@ class _Tour(NamedTuple):
 
 
 def _tour(situation: Situation, chosen: Indices, rng: np.random.Generator) -> _Tour:
-    """The shortest tour of some candidates from the robot; those that no way leads on to are left out."""
+    """Shortest tour of some candidates from the robot, without the unreachable ones."""
     chosen = np.asarray(chosen, np.intp)
     between = situation.travel_between_s(chosen) if len(chosen) else np.empty((0, 0))
     route = open_route(situation.travel_s[chosen], between, rng, situation.expected_dwell_s)
@@ -127,9 +127,9 @@ def _tour(situation: Situation, chosen: Indices, rng: np.random.Generator) -> _T
 
 
 def _fitting(situation: Situation, tour: _Tour, fresh: Indices) -> int:
-    """How many of the draws, in their order, fit into a tour in the time left; at least one into an empty tour.
+    """Number of leading draws that can join the tour in the time left; at least one for an empty tour.
 
-    Each is put where it lengthens the tour least, which gives an upper bound of the shortest tour.
+    Each draw is inserted where it lengthens the tour least, which gives an upper bound of the shortest tour.
     """
     dwell = situation.expected_dwell_s
     most = int(min(MAX_STOPS - len(tour.order), situation.time_left_s // max(dwell, 1.0) + 1, len(fresh)))
@@ -153,13 +153,13 @@ def _fitting(situation: Situation, tour: _Tour, fresh: Indices) -> int:
 
 @dataclass
 class Lattice:
-    """The static baseline: places spread evenly over the field, planned once and visited in the shortest order.
+    """The static baseline: evenly spread places, planned once and visited in the shortest order.
 
-    The places are the centres of a k-means of the field's cells, each moved to the nearest candidate. There
-    are as many as can be visited in the mission's time at the dwell expected when it starts. It looks at no
-    map, and finishes just in time: in the shipped campaign ``paper`` (its main dwell rule, ``ami:0.03``) its error
-    is the highest of all strategies at a quarter and at half of the time, and the lowest at the end. So it is hard
-    to beat where the whole time is certain, and poor where a mission may be cut short.
+    The places are the centres of a k-means of the field's cells, each moved to the nearest candidate. Their
+    number is the highest that fits into the mission's time at the dwell expected at its start. The strategy
+    ignores the map and finishes just in time. In the shipped campaign ``paper`` (its main dwell rule, ``ami:0.03``)
+    its error is the highest of all strategies at a quarter and at half of the time, and the lowest at the end. So
+    it is hard to beat where the whole time is certain, and poor where a mission may end early.
     """
 
     plan: tuple[Stop, ...] | None = field(default=None)
@@ -181,7 +181,7 @@ class Lattice:
 
 
 def _lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, ...]:
-    """The most places of a lattice that can be visited in time, in order."""
+    """Tour of the largest lattice that fits into the time left."""
     possible = np.flatnonzero(reachable(situation))
     if not len(possible):
         return ()
@@ -209,9 +209,9 @@ def _lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, ...]
 
 
 def _surely_fits(situation: Situation, chosen: Indices) -> bool | None:
-    """Whether the shortest tour of some candidates fits into the time left, ``None`` if that is not plain.
+    """Whether the shortest tour of some candidates fits into the time left, ``None`` if the bounds do not decide.
 
-    It is no longer than the tour of the nearest neighbour, and at each candidate it arrives by some leg.
+    The nearest-neighbour tour is the upper bound. The sum of the shortest legs to each candidate is the lower one.
     """
     start, between = situation.travel_s[chosen], situation.travel_between_s(chosen)
     if not (np.isfinite(start).all() and np.isfinite(between).all()):
@@ -225,7 +225,7 @@ def _surely_fits(situation: Situation, chosen: Indices) -> bool | None:
 
 
 def _snapped(centres: Array, situation: Situation, possible: Indices) -> Indices:
-    """The reachable candidates nearest to the centres, each once."""
+    """Reachable candidates nearest to the centres, without duplicates."""
     from scipy.spatial import KDTree
 
     _, nearest = KDTree(situation.candidates_xy[possible]).query(centres)
@@ -233,11 +233,11 @@ def _snapped(centres: Array, situation: Situation, possible: Indices) -> Indices
 
 
 def k_means(xy: Array, count: int, rng: np.random.Generator) -> Array:
-    """Centres of clusters of places, by Lloyd's rounds from a k-means++ start, shape (count, 2) [m].
+    """Centres of clusters of places, shape (count, 2) [m]; Lloyd's algorithm with a k-means++ start.
 
     :param xy: places, shape (g, 2) [m]
-    :param count: number of clusters, >= 1; no more than there are different places are made
-    :param rng: source of the start
+    :param count: number of clusters, >= 1; limited to the number of different places
+    :param rng: random numbers for the start
     """
     from scipy.spatial import KDTree
 
