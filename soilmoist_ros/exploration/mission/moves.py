@@ -1,4 +1,4 @@
-"""What a mission can do in one step: send goals, cancel them, count, plan, go home, end; and when time is up."""
+"""What a mission can do in one step: send and cancel goals, count, plan, go home, end, and meet deadlines."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 
 _MAX_AT_ONCE = 10
-"""Deadlines met in one step; more than can be due, unless limits are shorter than time can resolve."""
+"""Maximum number of deadlines per step; more are due only if limits are below the resolution of the clock."""
 
 
 class Moves:
-    """A step under way: the state so far, the actions it has asked for, and what can be done next.
+    """One step: the state so far, the requested actions, and the possible moves.
 
-    :param rules: what governs the mission
+    :param rules: rules of the mission
     :param state: the state at the time of the step
 
     Attributes
@@ -75,7 +75,7 @@ class Moves:
     # What may follow -----------------------------------------------------------------------------------------
 
     def enter(self, phase: Phase, reason: str) -> None:
-        """Change the phase, and forget what belongs to others."""
+        """Change the phase, and clear the data of other phases."""
         state = self.state
         held = phase is Phase.PAUSED or (phase is Phase.CANCELLING and state.todo is Todo.PAUSE)
         self.state = replace(
@@ -89,7 +89,7 @@ class Moves:
         )
 
     def then(self, todo: Todo, reason: str) -> None:
-        """Do something once the robot has stopped, at once if no goal is open."""
+        """Carry out a todo after the robot has stopped, at once if no goal is open."""
         goal = self.state.goal
         if goal is None:
             self.carry_out(todo, reason)
@@ -101,7 +101,7 @@ class Moves:
         self.enter(Phase.CANCELLING, f"{reason}; waiting for the robot to stop")
 
     def carry_out(self, todo: Todo, reason: str) -> None:
-        """Do what was to follow; no goal is open now."""
+        """Carry out a todo; no goal is open now."""
         match todo:
             case Todo.PLAN:
                 self.plan(reason)
@@ -124,7 +124,7 @@ class Moves:
                 assert_never(todo)
 
     def plan(self, reason: str) -> None:
-        """Ask for the next stop, if the time allows for one."""
+        """Request the next stop, if the time left suffices."""
         left_s = self.leave_by_s() - self.now_s
         if left_s <= self.rules.min_dwell_s:
             self.end(MissionEnd.TIME_UP, f"{reason}; the time left is too short for another stop")
@@ -140,7 +140,7 @@ class Moves:
         self.enter(Phase.PLANNING, f"{reason}; choosing {number if warm_up else 'the next stop'}")
 
     def travel(self, travel_s: float, reason: str) -> None:
-        """Send the robot to its target, if the time allows for it."""
+        """Send the robot to its target, if the time left suffices."""
         target = self.state.target
         assert target is not None
         needed_s = travel_s + self.rules.min_dwell_s + self.rules.way_home_s(xy(target.stop))
@@ -168,7 +168,7 @@ class Moves:
             self.travel_failed(reason)
 
     def travel_failed(self, reason: str) -> None:
-        """The robot did not get to its stop: once more, or rule the stop out."""
+        """The robot did not reach its stop: retry, or rule the stop out."""
         target = self.state.target
         assert target is not None
         target = replace(target, attempts=target.attempts + 1)
@@ -181,7 +181,7 @@ class Moves:
             self.fail(Todo.PLAN, f"{target.stop.name} is ruled out for now: {reason}")
 
     def return_failed(self, reason: str) -> None:
-        """The robot did not get home: once more, or finish where it is."""
+        """The robot did not get home: retry, or finish where it is."""
         self.state = replace(self.state, returns=self.state.returns + 1)
         if self.state.returns <= self.rules.retries:
             self.then(Todo.RETURN, f"home was not reached: {reason}")
@@ -191,7 +191,7 @@ class Moves:
             self.then(Todo.FINISH, ending)
 
     def fail(self, todo: Todo, reason: str) -> None:
-        """Go on after a failure, or ask the operator if there have been too many."""
+        """Continue after a failure, or ask the operator after too many failures."""
         self.state = replace(self.state, failures=self.state.failures + 1)
         if self.state.failures < self.rules.failures_to_pause:
             self.then(todo, reason)
@@ -200,7 +200,7 @@ class Moves:
             self.hold(todo, f"{many}: {reason}; check the robot, then resume or abort")
 
     def hold(self, resume: Todo, reason: str, needs_operator: bool = True) -> None:
-        """Pause: stop the robot, and remember what to resume."""
+        """Pause: stop the robot, and store what to resume."""
         self.suspend(reason)
         self.state = replace(self.state, resume=resume, needs_operator=needs_operator)
         self.then(Todo.PAUSE, reason)
@@ -212,7 +212,7 @@ class Moves:
         self.state = replace(self.state, blacklist=(*others, out))
 
     def end(self, code: MissionEnd, reason: str) -> None:
-        """Measure no more: go home if wanted, then finish."""
+        """Stop measuring: go home if there is a home, then finish."""
         self.leave_stop(VisitEnd.TIME_UP, reason)
         self.state = replace(self.state, ending=reason, ended=code, returns=0)
         self.then(Todo.RETURN, reason)
@@ -248,7 +248,7 @@ class Moves:
 
     @property
     def dwell_name(self) -> str:
-        """The mission's dwell rule: that of a single stop says nothing to people."""
+        """The mission's dwell rule; the rule of a single stop is not readable for people."""
         return str(self.rules.dwell)
 
     def counting_reason(self) -> str:
@@ -274,7 +274,7 @@ class Moves:
             self.state = replace(self.state, counting=replace(counting, before_s=before_s, since_s=None))
 
     def count_again(self, reason: str) -> None:
-        """Go on counting after a pause, unless the robot was moved in the meantime."""
+        """Resume counting after a pause, unless the robot was moved in the pause."""
         counting = self.state.counting
         assert counting is not None
         moved_m = math.dist(self.place, (counting.x_m, counting.y_m))
@@ -284,7 +284,7 @@ class Moves:
             self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False))
 
     def leave_stop(self, code: VisitEnd, reason: str) -> int:
-        """Close the stop; returns the counts. What was counted becomes a visit."""
+        """Close the stop and return its raw counts; a stop with counts becomes a visit."""
         self.suspend(reason)
         target, counting = self.state.target, self.state.counting
         self.state = replace(self.state, target=None, counting=None)
@@ -297,7 +297,7 @@ class Moves:
         return counting.raw_counts
 
     def visit(self, target: Target, counting: Counting, code: VisitEnd, reason: str) -> Visit:
-        """What was counted at a stop."""
+        """The visit of a stop."""
         assert self.state.started_s is not None
         return Visit(
             name=target.stop.name,
@@ -320,7 +320,7 @@ class Moves:
         )
 
     def complete(self, code: VisitEnd, reason: str) -> None:
-        """Counting is over; nothing counted at all is a failure."""
+        """End counting; a stop without counts is a failure."""
         assert self.state.target is not None
         stop = self.state.target.stop
         if self.leave_stop(code, reason) > 0:
@@ -337,7 +337,7 @@ class Moves:
         return self.state.started_s + self.rules.budget_s - self.rules.way_home_s(self.place)
 
     def deadlines(self) -> list[tuple[float, Callable[[], None]]]:
-        """Times at which something happens without an event, and what."""
+        """Times at which the mission acts without an event, and the action."""
         state, rules, goal, counting = self.state, self.rules, self.state.goal, self.state.counting
         match state.phase:
             case Phase.COUNTING:  # the phase of nearly all steps
@@ -368,11 +368,11 @@ class Moves:
 
     @cached_property
     def deadline_s(self) -> float | None:
-        """The first of them, ``None`` for none; when the step is complete."""
+        """The earliest deadline after the step, ``None`` without deadlines."""
         return min((time_s for time_s, _ in self.deadlines()), default=None)
 
     def meet_deadlines(self) -> None:
-        """Do what is due, the earliest first; after a gap without events that may be several things."""
+        """Carry out due deadlines, the earliest first; after a gap without events there may be several."""
         for _ in range(_MAX_AT_ONCE):
             self.deadline_s, act = min(self.deadlines(), key=itemgetter(0), default=(None, None))
             if self.deadline_s is None or act is None or self.deadline_s > self.now_s:
@@ -380,13 +380,13 @@ class Moves:
             act()
 
     def time_up(self) -> None:
-        """The time is used up but for the way home."""
+        """Only the time for the way home is left."""
         away = self.rules.way_home_s(self.place) > 0
         reason = "the time left is needed for the way home" if away else "the mission time is used up"
         self.end(MissionEnd.TIME_UP, reason)
 
     def time_up_in_pause(self) -> None:
-        """The same in a pause: the robot must not move before the operator resumes."""
+        """Time is up in a pause: the robot must not move before the operator resumes."""
         reason = "the mission time was used up in a pause"
         if self.rules.way_home_s(self.place) == 0:
             self.end(MissionEnd.TIME_UP, reason)
@@ -400,11 +400,11 @@ class Moves:
         self.fail(Todo.PLAN, f"no plan within {self.rules.plan_limit_s:.0f} s")
 
     def goal_late(self) -> None:
-        """The robot is not there in time."""
+        """The robot did not arrive in time."""
         self.goal_failed("it took too long")
 
     def cancel_late(self) -> None:
-        """The navigation did not report the end of a cancelled goal: go on without."""
+        """The navigation did not report the end of a cancelled goal: continue without the report."""
         todo = self.state.todo
         assert todo is not None
         cause = f"{self.state.cause} (the end of the goal was not reported in {self.rules.cancel_limit_s:.0f} s)"

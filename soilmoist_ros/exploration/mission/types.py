@@ -1,7 +1,6 @@
-"""What the mission speaks: the rules it is given, the events it hears, the actions it asks for, and its status.
+"""Rules, events, actions and status of a mission, all of them frozen data.
 
-All of it is frozen data. Times ``now_s`` are of one clock, the one that stamps the records (ROS time, or the
-simulator's clock).
+All times ``now_s`` come from the clock that stamps the records (ROS time, or the simulator's clock).
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class Phase(StrEnum):
 
 
 class Verb(StrEnum):
-    """What an operator may ask for."""
+    """Commands of an operator."""
 
     START = "start"
     PAUSE = "pause"
@@ -41,7 +40,7 @@ class Verb(StrEnum):
 
 
 class PlanKind(StrEnum):
-    """What kind of stop the planner is asked for."""
+    """Kind of stop that a plan request asks for."""
 
     WARM_UP = "warm_up"
     EXPLORE = "explore"
@@ -51,13 +50,13 @@ class MissionEnd(StrEnum):
     """Why a mission ended."""
 
     TIME_UP = "time_up"
-    """The budget was used up, or what was left was too short for another stop."""
+    """The budget was used up, or the rest was too short for another stop."""
     NOTHING_LEFT = "nothing_left"
-    """No stop was left that could be reached and was of use."""
+    """No reachable and useful stop was left."""
     ABORTED = "aborted"
     """The operator aborted it."""
     SILENT_SENSOR = "silent_sensor"
-    """No record arrived, and the rules abort then."""
+    """No record arrived, and the rules demand an abort."""
 
 
 class OnSilence(StrEnum):
@@ -70,7 +69,7 @@ class OnSilence(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class MissionRules:
-    """What governs a mission from start to end.
+    """Rules of a mission from start to end.
 
     The budget runs from the start to the end of measuring *and* of the way home. It keeps running while the
     mission is paused: batteries, daylight and the people in the field do not stop for a pause.
@@ -78,13 +77,13 @@ class MissionRules:
     :param budget_s: time of the mission, the way home and pauses included [s]
     :param dwell: when to end counting at a stop
     :param home: where to go at the end, ``None`` to stay at the last stop
-    :param warm_up_stops: samples that are asked for as ``warm_up`` before the map guides the choice
+    :param warm_up_stops: number of ``warm_up`` samples before the map guides the choice
     :param min_dwell_s: minimum useful dwell; stops that leave less are skipped [s]
     :param speed_mps: speed, to estimate travel [m/s]
     :param stop_overhead_s: time of each trip that is not driving [s]
     :param detour: driven distance over straight distance, where the planner gives no travel time [-]
     :param arrival_radius_m: the robot is at a stop within this distance; keep it above the positions' noise [m]
-    :param goal_time_factor: a trip may take this many times the expected time ... [-]
+    :param goal_time_factor: maximum trip time as a multiple of the expected time ... [-]
     :param goal_time_margin_s: ... plus this [s]
     :param return_margin_s: reserve kept for the way home [s]
     :param cancel_limit_s: time after which a cancelled goal counts as ended [s]
@@ -93,7 +92,7 @@ class MissionRules:
     :param blacklist_s: how long a stop is ruled out after it failed or was skipped [s]
     :param failures_to_pause: failures without a visit in between after which the operator is asked
     :param silence_limit_s: time without a record of the stop, while counting, that counts as silence [s]
-    :param on_silence: what to do then; ``wait`` ends with the dwell rule's longest time
+    :param on_silence: what to do on silence; ``wait`` ends with the dwell rule's longest time
     :param odometer_step_m: moves shorter than this count as noise of the position [m]
     :raises ValueError: if a value is out of its range
     """
@@ -138,7 +137,7 @@ class MissionRules:
         return self.stop_overhead_s + self.detour * math.dist(start, end) / self.speed_mps
 
     def way_home_s(self, start: tuple[float, float]) -> float:
-        """Time to keep for the way home [s]; 0 without a home, or there."""
+        """Time to keep for the way home [s]; 0 without a home, or at home."""
         if self.home is None or self.is_at(start, self.home):
             return 0.0
         return self.travel_s(start, (self.home.x_m, self.home.y_m)) + self.return_margin_s
@@ -170,8 +169,8 @@ class Planned:
     """The planner answers a :class:`RequestPlan`.
 
     :param now_s: time [s]
-    :param plan_id: that of the request
-    :param choice: next stop, ``None`` if nothing is worth going to or can be reached
+    :param plan_id: id of the request
+    :param choice: next stop, ``None`` if no stop is useful and reachable
     :param travel_s: expected travel time to it [s]; estimated from the straight distance if ``None``
     :param reason: why there is no choice
     """
@@ -185,7 +184,7 @@ class Planned:
 
 @dataclass(frozen=True, slots=True)
 class PlanFailed:
-    """The planner could not answer: it broke. The mission asks again, or asks the operator in the end."""
+    """The planner failed. The mission retries, and finally asks the operator."""
 
     now_s: float
     plan_id: int
@@ -194,7 +193,7 @@ class PlanFailed:
 
 @dataclass(frozen=True, slots=True)
 class GoalReached:
-    """The navigation reports success; the mission still compares the position with that of the stop [m]."""
+    """The navigation reports success; the mission still checks the distance to the stop [m]."""
 
     now_s: float
     goal_id: int
@@ -243,7 +242,7 @@ Event = Command | Planned | PlanFailed | GoalReached | GoalFailed | RecordArrive
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Answer to a :class:`Command`: whether it is being done, and what happens or why not."""
+    """Answer to a :class:`Command`: whether it is accepted, and what happens or why not."""
 
     verb: Verb
     accepted: bool
@@ -257,7 +256,7 @@ class RequestPlan:
     :param plan_id: id of the request
     :param kind: a warm-up stop, or one that the map guides
     :param blacklisted: names of stops that must not be chosen now
-    :param time_left_s: time left after the way home *from here* has been taken off [s]; for strategies
+    :param time_left_s: time left minus the way home *from here* [s]; for strategies
     :param budget_left_s: time until the robot must be home [s]. A stop fits if the travel to it, the shortest
         useful dwell and the way home *from there* fit in; offer only such stops, since the mission ends
         when the choice does not fit.
@@ -290,7 +289,7 @@ class CancelGoal:
 
 @dataclass(frozen=True, slots=True)
 class StartCounting:
-    """From now on records count for this stop; for displays, nothing needs to be done."""
+    """From now on records count for this stop; displays show it, and no action is needed."""
 
     stop: Stop
     dwell: str
@@ -306,7 +305,7 @@ class StopCounting:
 
 @dataclass(frozen=True, slots=True)
 class VisitDone:
-    """A stop is complete: bring the map up to date. A new plan is requested right after it."""
+    """A stop is complete: update the map. A new plan request follows at once."""
 
     visit: Visit
 
@@ -330,7 +329,7 @@ class MissionStatus:
     :param raw_counts: raw counts at the target so far
     :param failures: failures since the last sample
     :param blacklisted: names of the stops that are ruled out
-    :param estimated_end_s: latest time at which the mission ends [s]; ``None`` when none is under way
+    :param estimated_end_s: latest time at which the mission ends [s]; ``None`` when no mission is running
     :param needs_operator: whether it is paused and did not pause at the operator's command
     :param silent: whether the sensor is silent while the robot counts
     :param ended: why the mission has ended or is ending; ``None`` before
@@ -359,7 +358,7 @@ class MissionStatus:
 
 @dataclass(frozen=True, slots=True)
 class Publish:
-    """Show the status of the mission. Asked for when more than the time has changed."""
+    """Publish the status of the mission, because more than the time has changed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +373,7 @@ class Finish:
     """The mission has ended; nothing is moving any more.
 
     :param reason: why, for reports
-    :param code: the same as a code
+    :param code: reason code
     """
 
     reason: str

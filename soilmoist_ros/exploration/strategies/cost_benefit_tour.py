@@ -1,4 +1,4 @@
-"""``gcb``: a tour of several stops, built by benefit and cost, of which the first stop is driven.
+"""``gcb``: a tour of several stops, built by benefit and cost; the robot drives to the first one.
 
 Zhang & Vorobeychik (2016), AAAI 3119-3126: insert, one by one, the stop with the largest gain per second that it
 adds to the tour, as long as the tour fits into the time; here on the posterior covariance, with what is counted on
@@ -27,7 +27,7 @@ HORIZON = 0.5
 MAX_ON_DETOUR_S = 60.0
 """Longest time that the robot counts near a stop while it drives there and away [s]."""
 MAX_STOPS = 12
-"""Largest number of stops of a tour: it is planned anew long before the last."""
+"""Largest number of stops of a tour; a new tour is planned long before the last one."""
 
 
 @dataclass
@@ -127,7 +127,7 @@ class _Tour:
         stops = self._nodes
         noisy = model.covariance[np.ix_(nodes, nodes)] + np.diag(model.noise(nodes, seconds))
         across = model.covariance[np.ix_(nodes, stops)]
-        # Of counts on the way the nodes are many, and their worth has taken the whole matrix already.
+        # With counts on the way, the value of the stops has already computed the whole matrix.
         gram = model.gram[nodes] if self._prospect.counts_on_way else model.gram_of(nodes)
         # With V = (C_SS + N)^-1 C_Sx what is left is C_gx - C_gS V for each cell.
         v = np.linalg.solve(noisy, across)
@@ -137,7 +137,7 @@ class _Tour:
         return np.maximum(gain, 0.0), np.maximum(variance, 0.0) + model.nugget, noise
 
     def counted(self) -> tuple[Indices, Array]:
-        """Nodes at which the tour counts, and how long."""
+        """Nodes at which the tour counts, and the exposure at each [s]."""
         prospect = self._prospect
         nodes = [self._nodes[self.stops]]
         overhead_s = prospect.overhead_s

@@ -1,4 +1,4 @@
-"""Strategies that weigh what counting is worth against the time it takes."""
+"""Strategies that compare the value of a measurement with the time it takes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _APART_CELLS = 4
 
 @dataclass(frozen=True)
 class VarianceReduction:
-    """``ivr``: the stop with the largest fall of the integrated variance per second of travel and dwell.
+    """``ivr``: the stop that lowers the integrated variance most per second of travel and dwell.
 
-    What is counted on the way is weighed with it. Before there is a map, it goes to the middle of the field.
+    Counts on the way are included. Without a map, the strategy chooses the middle of the field.
     """
 
     def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
@@ -37,7 +37,7 @@ class VarianceReduction:
 
 
 def to_the_middle(situation: Situation) -> Choice | None:
-    """The candidate nearest to the middle of the field, for want of a map; a new place, if there is one."""
+    """Candidate nearest to the middle of the field, at a new place if possible; used without a map."""
     reached = reachable(situation)
     new = reached & away_from(situation, _APART_CELLS * situation.cell_m)
     possible = np.flatnonzero(new if new.any() else reached)

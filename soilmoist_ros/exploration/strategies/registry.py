@@ -1,4 +1,4 @@
-"""Strategies by name: the built-in ones, and those that other packages add."""
+"""Strategies by name: built-in ones, and ones from other packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order in which to visit targets: an open travelling-salesman route that starts at the robot."""
+"""Order of visits: an open travelling-salesman route that starts at the robot."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 EXACT_UP_TO = 8
-"""Targets up to which the best order is found by dynamic programming."""
+"""Maximum number of targets for the exact solution by dynamic programming."""
 ITERATIONS = 300
-"""Iterations of the search beyond that: a number, not a time, so that a run can be repeated."""
+"""Iterations of the search for more targets; a number, not a time, to make runs repeatable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +45,14 @@ def open_route(
 ) -> Route:
     """Shortest route that starts at the robot, visits every target and does not return.
 
-    Exact for up to :data:`EXACT_UP_TO` targets. Beyond, PyVRP improves the route of the nearest neighbour
-    for a fixed number of iterations, so the result is never worse than that and the same for the same seed.
+    Exact for up to :data:`EXACT_UP_TO` targets. For more, PyVRP improves the nearest-neighbour route
+    for a fixed number of iterations. The result is never worse than this route, and equal seeds give equal routes.
 
-    :param from_start_s: travel times from the robot, shape (k,) [s], >= 0; inf where there is no way
+    :param from_start_s: travel times from the robot, shape (k,) [s], >= 0; inf if unreachable
     :param between_s: travel times from row to column, shape (k, k) [s], likewise; need not be symmetric
     :param rng: source of the seed
-    :param service_s: time spent at each target, one value or shape (k,) [s]; it does not change which order
-        is shortest, but it does change the arrivals
+    :param service_s: time spent at each target, one value or shape (k,) [s]; it changes
+        the arrivals, but not the shortest order
     :param iterations: iterations of the search
     :raises ValueError: for other shapes, or times that are negative or NaN
     :raises InputError: if PyVRP is needed and not installed
@@ -85,7 +85,7 @@ def timed_route(order: Indices, from_start_s: Array, between_s: Array, service_s
 
 
 def nearest_neighbour(from_start_s: Array, between_s: Array) -> Indices:
-    """Order of always going to the nearest target that is left; the first of equals."""
+    """Order that always visits the nearest remaining target next; the first of equals."""
     left = np.ones(len(from_start_s), bool)
     order = np.empty(len(left), np.intp)
     row = from_start_s

@@ -1,4 +1,4 @@
-"""What a strategy is: it looks at the situation and chooses the next stop."""
+"""Interface of a strategy: it chooses the next stop from the situation."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """All that a strategy may know when it chooses.
+    """The data from which a strategy chooses.
 
-    :param candidates: stops that may be chosen; those the mission has ruled out (blacklisted) are not among them
+    :param candidates: stops that may be chosen, without the blacklisted ones
     :param candidates_xy: their places [m], shape (k, 2)
     :param variance: kriging variance at each candidate [(counts/s)^2], shape (k,)
     :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,)
@@ -29,11 +29,11 @@ class Situation:
     :param position_xy: where the robot is [m], shape (2,)
     :param measured_xy: places measured so far [m], shape (n, 2)
     :param travel_s: travel time from the robot to each candidate, stop overhead included [s], shape (k,);
-        inf where it cannot be reached
+        inf if unreachable
     :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
     :param time_left_s: mission time that is left [s]
     :param expected_dwell_s: dwell that the next measurement is expected to take [s]
-    :param prospect: makes what is needed to look ahead, ``None`` while there is no map; it takes a while
+    :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
     """
 
     candidates: tuple[Stop, ...]

@@ -157,8 +157,8 @@ class Lattice:
 
     The places are the centres of a k-means of the field's cells, each moved to the nearest candidate. Their
     number is the highest that fits into the mission's time at the dwell expected at its start. The strategy
-    ignores the map and finishes just in time. In the shipped campaign ``paper`` (its main dwell rule, ``ami:0.03``)
-    its error is the highest of all strategies at a quarter and at half of the time, and the lowest at the end. So
+    ignores the map and finishes just in time. In the shipped campaign ``paper`` (main dwell rule ``ami:0.03``) its
+    error is the highest of all strategies at a quarter and at half of the time, and the lowest at the end. So
     it is hard to beat where the whole time is certain, and poor where a mission may end early.
     """
 

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TOLERANCE_M = 1e-6
-"""A line this far over the border still counts as inside, so that one may drive along it."""
+"""A line this far over the border still counts as inside, so that the robot may drive along the border."""
 
 
 class DrivableArea:

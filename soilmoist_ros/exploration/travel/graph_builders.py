@@ -25,7 +25,7 @@ MAX_NODES = 100_000
 
 @dataclass(frozen=True, eq=False)
 class BuiltGraph:
-    """A travel graph and what did not become part of it.
+    """A travel graph and its dropped nodes.
 
     :param graph: the largest connected part
     :param dropped: nodes of other parts, which the robot could not reach without leaving the drivable area
@@ -46,9 +46,9 @@ class BuiltGraph:
 def open_lattice(
     field: Field, spacing_m: float, *, neighbours: Literal[4, 8] = 8, margin_m: float = 0.0
 ) -> BuiltGraph:
-    """Nodes on a square lattice, centred on the field, with ways both ways to the neighbours.
+    """Nodes on a square lattice, centred on the field, with edges in both directions to the neighbours.
 
-    No way crosses the border or a no-go area.
+    No edge crosses the border or a no-go area.
 
     :param field: outline and no-go areas
     :param spacing_m: distance between rows and between columns [m], > 0
@@ -174,7 +174,7 @@ def _crossings(polygon: Array, along: Array, across: Array, offset: float) -> li
 
 
 def _in_headland(ways: list[tuple[Stop, Stop]], polygon: Array, headland_m: float) -> list[tuple[Stop, Stop]]:
-    """The ways that stay within a headland of the border, so that they do not run through the crop."""
+    """Edges that stay within a headland of the border, so that they do not cross the crop."""
     if not ways:
         return []
     import shapely
@@ -193,7 +193,7 @@ def _allowed(ways: list[tuple[Stop, Stop]], area: DrivableArea) -> list[tuple[St
 
 
 def _connected(nodes: list[Stop], ways: list[tuple[Stop, Stop]], remedy: str) -> BuiltGraph:
-    """The largest connected part of nodes and ways that may be driven both ways."""
+    """The largest connected part of nodes and edges, with every edge in both directions."""
     if not nodes:
         raise InputError("no node of the travel graph would lie inside the field", remedy)
     names = [(a.name, b.name) for a, b in ways]

@@ -27,5 +27,5 @@ class Stop:
 
 def stops_xy(stops: Sequence[Stop]) -> Array:
     """Places of stops, shape (k, 2) [m]."""
-    # Of thousands, two lists of numbers become an array sooner than one of pairs.
+    # Two lists of numbers convert faster than thousands of pairs.
     return np.ascontiguousarray(np.array([[stop.x_m for stop in stops], [stop.y_m for stop in stops]], float).T)

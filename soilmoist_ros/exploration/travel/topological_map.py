@@ -227,7 +227,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
     try:
         graph = TravelGraph.from_edges(stops, edges, connected=not mistakes, path=path)
     except InputError as error:
-        # an edge to a node that has a mistake of its own would report the same mistake again
+        # an edge to a faulty node would only repeat the mistake of the node
         raise InputError(mistakes or error.mistakes) from None
     if mistakes:
         raise InputError(mistakes)
@@ -310,8 +310,8 @@ def _line(entries: Any, number: int) -> int:
 
 
 def _plain(node: Any) -> Any:
-    """The content with ordinary dicts, lists, strings and numbers in place of the YAML parser's own."""
-    if type(node) in _PLAIN:  # nearly all are, and to ask for a Mapping takes long
+    """The content with ordinary dicts, lists, strings and numbers instead of the YAML parser's types."""
+    if type(node) in _PLAIN:  # fast path: the check for a Mapping is slow
         return node
     if isinstance(node, Mapping):
         return {str(key): _plain(value) for key, value in node.items()}

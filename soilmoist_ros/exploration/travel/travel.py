@@ -1,4 +1,4 @@
-"""How long it takes to get from place to place: on straight lines, or along a travel graph."""
+"""Routes and travel times: on straight lines, or along a travel graph."""
 
 from __future__ import annotations
 
@@ -41,22 +41,22 @@ class RobotMotion:
                 raise ValueError(f"{name} must be >= 0 and finite, got {value}")
 
     def travel_s(self, length_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
-        """Time for ways of given lengths and turns, one stop overhead included [s]; inf for an infinite length."""
+        """Time for lengths and turns of routes, one stop overhead included [s]; inf for an infinite length."""
         way = np.asarray(length_m, float) / self.speed_mps
         return np.asarray(way + np.asarray(turn_rad, float) * self.turn_s_per_rad + self.stop_overhead_s)
 
     def polyline_s(self, polyline: Array) -> float:
-        """Time for a way given by its corners, shape (p, 2) [m], one stop overhead included [s]."""
+        """Time for a route given by its corners, shape (p, 2) [m], one stop overhead included [s]."""
         return float(self.travel_s(polyline_length_m(polyline), polyline_turn_rad(polyline)))
 
 
 def polyline_length_m(polyline: Array) -> float:
-    """Length of a way given by its corners, shape (p, 2) [m]."""
+    """Length of a route given by its corners, shape (p, 2) [m]."""
     return float(np.hypot(*np.diff(polyline, axis=0).T).sum())
 
 
 def polyline_turn_rad(polyline: Array) -> float:
-    """Sum of the changes of heading at the inner corners of a way, shape (p, 2) [rad]."""
+    """Sum of the changes of heading at the inner corners of a route, shape (p, 2) [rad]."""
     legs = np.diff(polyline, axis=0)
     legs = legs[np.any(legs != 0, axis=1)]
     cross = legs[:-1, 0] * legs[1:, 1] - legs[:-1, 1] * legs[1:, 0]
@@ -77,19 +77,19 @@ class TravelModel(Protocol):
         ...
 
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
-        """Corners of the way from a place to a stop, both included, shape (p, 2) [m].
+        """Corners of the route from a place to a stop, both included, shape (p, 2) [m].
 
         :raises ValueError: if the stop cannot be reached
         """
         ...
 
     def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
-        """Length of that way [m]; inf if unreachable."""
+        """Length of the route [m]; inf if unreachable."""
         ...
 
 
 class _Model:
-    """What both models share: times follow from lengths, and from the corners only if turning costs time."""
+    """Base of both models: times depend on lengths, and on corners only if turning costs time."""
 
     motion: RobotMotion
 
@@ -127,14 +127,14 @@ class _Model:
 
 
 class FreeTravel(_Model):
-    """Straight lines; where the field's border or a no-go area is in the way, the shortest way around it.
+    """Straight lines, or the shortest route around the field's border and the no-go areas.
 
-    Ways around bend at corners of the border and of the no-go areas (a visibility graph), without any
-    clearance: draw the no-go areas as large as the robot needs. A robot that is outside the field drives
-    straight to its nearest place first. Stops outside, or in another part of the field, are unreachable.
+    Routes bend at corners of the border and of the no-go areas (a visibility graph), without any clearance:
+    draw the no-go areas as large as the robot needs. A robot outside the field first drives straight to the
+    nearest place in the field. Stops outside, or in another part of the field, are unreachable.
 
     :param motion: how the robot moves
-    :param polygons: outlines of the field, each of shape (k, 2) [m]; without any, nothing is in the way
+    :param polygons: outlines of the field, each of shape (k, 2) [m]; without any, all routes are straight
     :param no_go: outlines of areas that must not be entered, likewise
     """
 
@@ -178,7 +178,7 @@ class FreeTravel(_Model):
         return np.asarray(lengths + np.hypot(*(start - from_xy)))
 
     def _places(self, stops: Sequence[Stop]) -> tuple[Array, NDArray[np.bool_]]:
-        """Places of stops, and whether each is inside the field; remembered of the last two tuples."""
+        """Places of stops, and whether each is inside the field; cached for the last two tuples."""
         for asked in self._asked:
             if asked[0] is stops:
                 self._asked = [*(each for each in self._asked if each is not asked), asked]
@@ -202,7 +202,7 @@ class FreeTravel(_Model):
 
     @cached_property
     def _corner_ways(self) -> tuple[Array, Indices]:
-        """Lengths of the shortest ways between corners, and the corner before each on the way."""
+        """Lengths of the shortest routes between corners, and the corner before each on the route."""
         from scipy.sparse.csgraph import dijkstra
 
         assert self._area is not None
@@ -216,9 +216,9 @@ class FreeTravel(_Model):
 
 
 class GraphTravel(_Model):
-    """Along the shortest ways of a travel graph; the robot enters it at the node that is nearest to it.
+    """Shortest routes along a travel graph; the robot enters the graph at the nearest node.
 
-    :param graph: nodes and ways; stops are named after its nodes
+    :param graph: nodes and edges; stops have the names of its nodes
     :param motion: how the robot moves
     """
 

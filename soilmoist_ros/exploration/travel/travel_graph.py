@@ -1,4 +1,4 @@
-"""The travel graph: nodes that the robot knows and the edges between them."""
+"""The travel graph: named nodes and the edges between them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 ALL_PAIRS_UP_TO = 2000
-"""Nodes up to which the distances of all pairs are kept (48 MB at this size); beyond, one row per source used."""
+"""Maximum number of nodes for which all pairs are kept (48 MB at this size); larger graphs keep used rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class TravelGraph:
 
     :param names: names of the nodes, unique
     :param xy: their places, shape (n, 2) [m]
-    :param edges: start and end of each way as indices of nodes, shape (e, 2)
-    :param length_m: length of each way, shape (e,) [m], >= 0
+    :param edges: start and end of each edge as indices of nodes, shape (e, 2)
+    :param length_m: length of each edge, shape (e,) [m], >= 0
     """
 
     names: tuple[str, ...]
@@ -49,11 +49,11 @@ class TravelGraph:
         connected: bool = True,
         path: Path | None = None,
     ) -> TravelGraph:
-        """Graph of nodes and of ways given by the names of their ends.
+        """Graph of nodes and of edges given by the names of their ends.
 
         :param nodes: the nodes, at least one
-        :param edges: (start, end) of each way; a way that may be driven both ways is given twice
-        :param length_m: length of each way [m]; the straight distance if left out
+        :param edges: (start, end) of each edge; give both directions if the robot may drive both
+        :param length_m: length of each edge [m]; default: the straight distance
         :param connected: refuse nodes that cannot be reached from the others, or not be left again
         :param path: file to name in messages
         :raises InputError: with every unknown end, duplicate name, bad place or length, and unreachable node
@@ -102,15 +102,15 @@ class TravelGraph:
         return self.names[int(np.argmin(np.hypot(*(self.xy - np.asarray(xy, float)).T)))]
 
     def distances_from(self, start: str) -> Array:
-        """Length of the shortest way to each node, shape (n,) [m]; inf where there is none."""
+        """Length of the shortest route to each node, shape (n,) [m]; inf if unreachable."""
         return self._tree(self.index(start))[0].copy()
 
     def distance_m(self, start: str, end: str) -> float:
-        """Length of the shortest way from one node to another [m]; inf if there is none."""
+        """Length of the shortest route from one node to another [m]; inf if unreachable."""
         return float(self._tree(self.index(start))[0][self.index(end)])
 
     def path(self, start: str, end: str) -> tuple[str, ...]:
-        """Nodes of the shortest way, both ends included; empty if there is none."""
+        """Nodes of the shortest route, both ends included; empty if there is none."""
         source, node = self.index(start), self.index(end)
         length, before = self._tree(source)
         if not np.isfinite(length[node]):
@@ -121,7 +121,7 @@ class TravelGraph:
         return tuple(self.names[number] for number in reversed(way))
 
     def reachable(self, start: str) -> frozenset[str]:
-        """Nodes to which a way leads, the start included."""
+        """Nodes that can be reached, the start included."""
         return frozenset(self.names[number] for number in np.flatnonzero(np.isfinite(self.distances_from(start))))
 
     def components(self) -> Indices:
@@ -164,7 +164,7 @@ class TravelGraph:
         )
 
     def part(self, keep: NDArray[np.bool_]) -> TravelGraph:
-        """The graph of some of the nodes and the ways between them.
+        """The graph of some of the nodes and the edges between them.
 
         :param keep: nodes to keep, shape (n,)
         """
@@ -175,7 +175,7 @@ class TravelGraph:
 
     @cached_property
     def _matrix(self) -> Any:
-        """Lengths as a sparse matrix; the shortest of parallel ways."""
+        """Lengths as a sparse matrix; the shortest of parallel edges."""
         from scipy.sparse import csr_array
 
         order = np.lexsort([self.length_m, self.edges[:, 1], self.edges[:, 0]])
@@ -190,7 +190,7 @@ class TravelGraph:
         return self._shortest(self._matrix, None)
 
     def _tree(self, source: int) -> tuple[Array, Indices]:
-        """Shortest lengths from a node, and the node before each on the way."""
+        """Shortest lengths from a node, and the node before each on the route."""
         if len(self.names) <= ALL_PAIRS_UP_TO:
             lengths, before = self._all_pairs
             return lengths[source], before[source]
