@@ -1,4 +1,4 @@
-"""Quality of service of publishers <-> offers and requests of a recorder."""
+"""Quality of service of publishers <-> what a recorder stores and requests."""
 
 from __future__ import annotations
 

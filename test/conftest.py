@@ -1,4 +1,4 @@
-"""Fixtures that every folder of tests shares."""
+"""Fixtures shared by all folders of tests."""
 
 import os
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# The same examples in every run, whatever the speed of the machine; HYPOTHESIS_PROFILE=search looks for new ones.
+# Every run uses the same examples at any machine speed; HYPOTHESIS_PROFILE=search looks for new examples.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
@@ -22,12 +22,12 @@ def roving_record() -> Path:
 
 @pytest.fixture(scope="session")
 def reference_data() -> Path:
-    """Folder of answers that other programs computed."""
+    """Folder of results that other programs computed."""
     return ROOT / "test" / "data"
 
 
 def pytest_collection_modifyitems(items):
-    """The nodes run as processes, so the whole folder is left out by ``scripts/test --fast``."""
+    """The nodes run as processes, so ``scripts/test --fast`` skips the whole folder."""
     for item in items:
         if ROOT / "test" / "nodes" in item.path.parents:
             item.add_marker(pytest.mark.process)

@@ -1,4 +1,4 @@
-"""A robot installs all that the product imports: package.xml by rosdep, requirements-robot.txt by pip."""
+"""A robot installs every import of the product: package.xml by rosdep, requirements-robot.txt by pip."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROSDEP_KEYS = {
     name: f"python3-{name}"
     for name in ("click", "jinja2", "matplotlib", "numpy", "pyproj", "rich", "scipy", "serial", "shapely")
 }
-"""Imports that Ubuntu packages in a version that is new enough; ROS packages have the name of their import."""
+"""Imports for which Ubuntu has a recent enough package; ROS packages have the name of their import."""
 COMES_WITH = {"markupsafe": "jinja2", "pydantic_core": "pydantic", "ruamel": "ruamel.yaml"}
 OPTIONAL = {
     "pandas": "campaigns, on a laptop",
@@ -32,7 +32,7 @@ OPTIONAL = {
 
 @functools.cache
 def imported(root: Path = ROOT) -> dict[str, list[str]]:
-    """Files by the third-party package that they import, wherever in the file."""
+    """Files by the third-party package that they import anywhere in the file."""
     found: dict[str, list[str]] = {}
     for folder in ("soilmoist_ros", "msg_adapters", "launch"):
         for path in sorted((root / folder).rglob("*.py")):
@@ -72,5 +72,5 @@ def test_nothing_is_installed_in_vain():
 
 
 def test_the_keys_of_optional_packages_do_not_break_rosdep():
-    """Packages below interfaces/ are no keys of rosdep, and it does not look for them inside of this one."""
+    """Packages below interfaces/ are no keys of rosdep, and rosdep does not search inside this package."""
     assert rosdep_keys() & set(OPTIONAL) == set()

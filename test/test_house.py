@@ -9,9 +9,9 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 CORE = ("foundation", "sensing", "mapping", "exploration", "simulation", "recording", "reporting", "replay")
 MAX_NAMES = 12
-"""Names in the public API of a folder at most."""
+"""Highest number of names in the public API of a folder."""
 LONG = 100
-"""Lines from which a file must have its tests."""
+"""Number of lines from which a file must have tests."""
 AVOIDED = re.compile(r"\b(beside|errands?)\b", re.IGNORECASE)
 LIMITS = re.compile(r"\b_?(MOST|FEWEST|LEAST|LONGEST|SHORTEST)_[A-Z]")
 

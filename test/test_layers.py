@@ -1,4 +1,4 @@
-"""The rules that imports can break, read from the source of every file, also within functions and type checks."""
+"""Rules for imports, checked in the source of every file, including functions and type checks."""
 
 import ast
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ ROS = {
     "visualization_msgs",
 }
 HANDFUL = 12
-"""Names that a folder shows at most, and files that a newcomer meets in it at most."""
+"""Highest number of public names, and of files, in a folder."""
 
 
 def sources(root: Path = ROOT) -> dict[str, Path]:
@@ -52,7 +52,7 @@ def sources(root: Path = ROOT) -> dict[str, Path]:
 
 
 def imports(path: Path, root: Path = ROOT) -> set[str]:
-    """Absolute names of all that a file imports: modules, and what may be modules."""
+    """Absolute names of a file's imports: modules, and names that may be modules."""
     package = path.relative_to(root).parts[:-1]
     names = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -66,7 +66,7 @@ def imports(path: Path, root: Path = ROOT) -> set[str]:
 
 
 def edges(root: Path = ROOT) -> Iterator[tuple[str, str]]:
-    """Pairs (module, what it imports) of modules of the product; a package only where nothing in it is meant."""
+    """Pairs (module, imported module) of the product; a package only if no module in the package is imported."""
     modules = sources(root)
     for name, path in modules.items():
         found = imports(path, root) & set(modules)
@@ -91,7 +91,7 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
 
 
 def rooms(pairs: Iterator[tuple[str, str]], depth: int) -> dict[str, set[str]]:
-    """The graph of folders: names cut to so many parts, and no folder beside itself."""
+    """The graph of folders: names cut to ``depth`` parts, without edges from a folder to itself."""
     graph: dict[str, set[str]] = {}
     for name, other in pairs:
         here, there = (".".join(each.split(".")[:depth]) for each in (name, other))
@@ -102,7 +102,7 @@ def rooms(pairs: Iterator[tuple[str, str]], depth: int) -> dict[str, set[str]]:
 
 
 def ros_below_the_nodes(root: Path = ROOT) -> list[str]:
-    """Files of the core that import ROS or what needs it."""
+    """Files of the core that import ROS, or modules that need ROS."""
     return [
         f"{name} imports {other}"
         for name, path in sources(root).items()
@@ -113,7 +113,7 @@ def ros_below_the_nodes(root: Path = ROOT) -> list[str]:
 
 
 def upward(root: Path = ROOT) -> list[str]:
-    """Imports of a folder that comes later."""
+    """Imports from a later folder."""
     pairs = [(name.split("."), other.split(".")) for name, other in edges(root)]
     return [
         f"{'.'.join(name)} imports {'.'.join(other)}"

@@ -1,4 +1,4 @@
-"""The package as pip, colcon and ROS see it."""
+"""The package for pip, colcon and ROS."""
 
 import re
 import shlex
@@ -28,7 +28,7 @@ PAGES = {
 }
 """README and every page of the documentation, by path."""
 PLUG_IN = "docs/example_plugin/README.md"
-"""Its commands need what it installs: test_example_plugin.py runs them."""
+"""Page whose commands need the plug-in; test_example_plugin.py runs them."""
 
 
 def blocks(page, language):
@@ -36,7 +36,7 @@ def blocks(page, language):
 
 
 def table(page, first_heading):
-    """The `names` in the first column of a table, which is found by the heading of that column."""
+    """The `names` in the first column of the table whose first column has this heading."""
     found = re.search(
         rf"^ *\| {re.escape(first_heading)} \|.*\n *\|[-|]+\n((?: *\|.*\n)+)", PAGES[page], re.MULTILINE
     )
@@ -53,7 +53,7 @@ def commands(page):
 
 
 def anchors(page):
-    """What a link may name after `#`: the headings, as the viewers of Markdown write them."""
+    """Targets of links after `#`: the headings, as viewers of Markdown convert them."""
     prose = re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.MULTILINE)
     titles = re.findall(r"^#+ (.*)$", prose, re.MULTILINE)
     return {re.sub(r"[^\w -]", "", title).strip().lower().replace(" ", "-") for title in titles}
@@ -70,7 +70,7 @@ def test_package_xml_says_what_setup_py_says():
         root.findtext("name"), root.findtext("version"), root.findtext("license"), maintainer.get("email")
     ]  # fmt: skip
     assert soilmoist_ros.__version__ == root.findtext("version")
-    # colcon silently takes a package with a bad address for one that is not of ROS
+    # For a bad address colcon silently treats the package as one without ROS.
     assert "@" in maintainer.get("email")
     assert "." in maintainer.get("email").split("@")[1]
     assert root.find("export").findtext("build_type") == "ament_python"

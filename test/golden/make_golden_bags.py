@@ -1,7 +1,7 @@
-"""Makes the golden bags: tiny recordings, one per case, with what a replay of each must come to.
+"""Makes the golden bags: tiny recordings, one per case, with the expected results of a replay.
 
-``python test/golden/make_golden_bags.py`` writes them again to its own folder. The messages are made by the
-code of the nodes, so the bags are made anew only when a message changes, and then the change is looked at.
+``python test/golden/make_golden_bags.py`` writes the bags to the folder of this file. The code of the nodes makes
+the messages. Make the bags again only when a message changes, and review the change.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ HERE = Path(__file__).resolve().parent
 FIELD = "half-wet"
 CELL_M = 4.0
 Event = CountRecord | MissionStatus | tuple[str, str] | None
-"""What is published: a record, a status, a line of a device (topic, text), or the map of all records so far."""
+"""Published event: a record, a status, a line of a device (topic, text), or the map of all records so far."""
 
 
 class Robot:
-    """Publishes as the nodes of one robot would, into a bag.
+    """Writes messages to a bag as the nodes of one robot would publish them.
 
     :param writer: the bag
     :param run: folder of the run, with the configuration
-    :param namespace: of the robot
+    :param namespace: namespace of the robot
     """
 
     def __init__(self, writer: BagWriter, run: Path, namespace: str = "") -> None:
@@ -101,13 +101,13 @@ def configure(run: Path, seed: int = 1) -> None:
     write_parameters(run, "planner", {"strategy": "greedy", "dwell": "fmi:60", "hours": 0.3, "seed": seed})
     write_field_file(field, folder / "field.yaml")
     write_site_file(field, folder / "site.yaml")
-    # As names from nowhere: the files are found in the same folder, wherever the folder is.
+    # These paths do not exist: a replay must find the files in the folder of the bag.
     files = {"field": "/run/configuration/field.yaml", "site": "/run/configuration/site.yaml"}
     write_parameters(run, "mapper", {**files, "cell_m": CELL_M, "simulated": True})
 
 
 def write_bag(run: Path, events: Iterable[Event]) -> None:
-    """A run with a bag of one robot."""
+    """Write a run with a bag of one robot."""
     configure(run)
     with BagWriter(run / "bag") as writer:
         robot = Robot(writer, run)
@@ -136,7 +136,7 @@ def drive(start: tuple[float, float], end: tuple[float, float], count: int) -> l
 
 
 class _Recorded(mission_simulator._Simulation):
-    """A simulated mission that keeps what its nodes would publish."""
+    """A simulated mission that keeps the events that its nodes would publish."""
 
     def __init__(self, settings: MissionSettings) -> None:
         super().__init__(settings)
@@ -160,7 +160,7 @@ class _Recorded(mission_simulator._Simulation):
 
 
 def mission(seed: int = 1) -> tuple[list[Event], MissionResult]:
-    """What the nodes publish in a mission, and what came of it."""
+    """Events that the nodes publish in a mission, and the result."""
     settings = MissionSettings(
         field=FIELD, hours=0.3, seed=seed, dwell="fmi:60", cell_m=CELL_M, map_from="records", model="matern32",
         fit="reml", preset="paper",
@@ -182,7 +182,7 @@ def drive_and_stop(run: Path) -> None:
 
 
 def no_position_gap(run: Path) -> None:
-    """A drive during which the receiver is without a fix for a while, and once somewhere else."""
+    """A drive during which the receiver loses the fix for a while, and once reports a wrong place."""
     places = drive((5, 5), (55, 40), 30)
     places[10:14] = [(NAN, NAN)] * 4
     places[20] = (4000.0, 40.0)
@@ -190,7 +190,7 @@ def no_position_gap(run: Path) -> None:
 
 
 def was_reset(run: Path) -> None:
-    """The map was reset between two drives: the last map on line knows the second one only."""
+    """The map is reset between two drives: the last map on line has only the second drive."""
     many = records([*drive((5, 5), (55, 5), 12), *drive((55, 40), (5, 40), 12)])
     configure(run)
     with BagWriter(run / "bag") as writer:
@@ -204,7 +204,7 @@ def was_reset(run: Path) -> None:
 
 
 def raw_lines(run: Path) -> None:
-    """A short survey with what logger and receiver sent."""
+    """A short survey with the lines of logger and receiver."""
     field = surrogate_field(FIELD)
     stops = np.array([(10.0, 10.0), (40.0, 12.0), (35.0, 30.0)])
     log = simulate_log(field, stop_and_go(stops, 60.0), np.random.default_rng(3))
@@ -227,7 +227,7 @@ def raw_lines(run: Path) -> None:
 
 
 def two_robots(run: Path) -> None:
-    """Two robots in one bag, of which only the second has a mission."""
+    """Two robots in one bag; only the second has a mission."""
     configure(run)
     with BagWriter(run / "bag") as writer:
         first, second = Robot(writer, run, "/robot1"), Robot(writer, run, "/robot2")
@@ -244,7 +244,7 @@ CASES: dict[str, Callable[[Path], None]] = {
 
 
 def summary(run: Path, **settings: Any) -> dict[str, Any]:
-    """What a replay of a run comes to, in a few numbers."""
+    """Result of a replay of a run, in a few numbers."""
     from soilmoist_ros.replay import ReplaySettings, replay_bag
 
     replay = replay_bag(run, ReplaySettings(**settings))
@@ -273,16 +273,16 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
     "raw_lines": {"counts": {}, "raw": {"source": "raw"}},
     "two_robots": {"robot1": {"counts_topic": "/robot1/counts"}, "robot2": {"counts_topic": "/robot2/counts"}},
 }
-"""Settings of the replays of a case by name; those that are not here are replayed as they are."""
+"""Settings of the replays of a case by name; other cases are replayed with the defaults."""
 
 
 def expected(run: Path) -> dict[str, Any]:
-    """What the replays of a case come to."""
+    """Results of the replays of a case."""
     return {name: summary(run, **settings) for name, settings in OPTIONS.get(run.name, {"replay": {}}).items()}
 
 
 def main() -> None:
-    """Write all cases, or those named on the command line."""
+    """Write all cases, or the cases named on the command line."""
     for name in sys.argv[1:] or CASES:
         run = HERE / name
         shutil.rmtree(run, ignore_errors=True)

@@ -30,7 +30,7 @@ sds = numbers(1e-3, 1e3)
 
 @st.composite
 def fixes(draw):
-    """Fixes as receivers have them, with a geoid of height 0."""
+    """Fixes of receivers, with a geoid separation of 0."""
     covariance = diagonal_covariance(draw(sds), draw(sds), draw(sds))
     sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
     place = Position(draw(numbers(-90, 90)), draw(numbers(-180, 180)), draw(numbers(-400, 9000)), sd)

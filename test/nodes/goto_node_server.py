@@ -14,9 +14,9 @@ from topological_navigation_msgs.action import GotoNode
 
 
 def go(node, goal):
-    """Publish the target as feedback; arrive at every node but ``nowhere``.
+    """Publish the target as feedback; arrive at every node except ``nowhere``.
 
-    The client's subscription may be discovered after its goal: feedback before that would be lost.
+    Discovery of the client's subscription may follow the goal; earlier feedback would be lost.
     """
     while not node.count_subscribers("topological_navigation/_action/feedback"):
         time.sleep(0.01)

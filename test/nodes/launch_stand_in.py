@@ -1,6 +1,6 @@
-"""The few parts of ``launch`` and ``launch_ros`` that the launch files use, for machines without them.
+"""Stand-ins for the parts of ``launch`` and ``launch_ros`` that the launch files use; neither package has wheels.
 
-There are no wheels of them. Each part takes the same arguments as the real one, and refuses others.
+Each stand-in accepts the arguments of the real part, and refuses others.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class Node:
     on_exit: list[Any] | None = None
 
     def ros_arguments(self, folder: Path) -> list[str]:
-        """The command line that ``launch_ros`` makes of it; parameters are written to files in a folder."""
+        """Command line that ``launch_ros`` would make; parameters are written to files in a folder."""
         namespace = f"/{self.namespace.strip('/')}".rstrip("/")
         arguments = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:={namespace or '/'}"]
         for number, given in enumerate(self.parameters):
@@ -120,7 +120,7 @@ MODULES = {
 
 
 def load(path: Path, monkeypatch: Any) -> LaunchDescription:
-    """What a launch file describes."""
+    """Description that a launch file generates."""
     for name, classes in MODULES.items():
         module = ModuleType(name)
         for one in classes:
@@ -137,12 +137,12 @@ def load(path: Path, monkeypatch: Any) -> LaunchDescription:
 
 
 def arguments_of(description: LaunchDescription) -> dict[str, DeclareLaunchArgument]:
-    """The arguments that a launch file declares."""
+    """Arguments that a launch file declares."""
     return {one.name: one for one in description.entities if isinstance(one, DeclareLaunchArgument)}
 
 
 def start(path: Path, monkeypatch: Any, given: dict[str, str], context: LaunchContext | None = None) -> list[Any]:
-    """All that a launch file starts with some arguments, that of included files as well."""
+    """Everything that a launch file and its included files start with some arguments."""
     context = context or LaunchContext()
     context.launch_configurations.update(given)
     started: list[Any] = []

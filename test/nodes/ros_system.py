@@ -22,7 +22,7 @@ from rclpy.node import Node
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
 
 LIMIT_S = 60.0
-"""Longest time to wait for something that should happen at once; machines that run tests are busy."""
+"""Longest wait for an immediate event [s]; machines that run tests are busy."""
 
 
 class RosSystem:
@@ -69,7 +69,7 @@ class RosSystem:
 
     def _spin(self) -> None:
         while self._spinning and self.context.ok():
-            with contextlib.suppress(Exception):  # an entity that a test destroys meanwhile
+            with contextlib.suppress(Exception):  # a test may destroy an entity meanwhile
                 self._executor.spin_once(timeout_sec=0.2)
 
     def start(
@@ -83,7 +83,7 @@ class RosSystem:
     ) -> NodeProcess:
         """Start a node as a process.
 
-        :param executable: name of the node; a path is started as it is
+        :param executable: name of the node, or a path to start unchanged
         :param params: parameters, written to a file
         """
         command = [sys.executable, "-m", f"soilmoist_ros.nodes.{executable}"]
@@ -120,7 +120,7 @@ class RosSystem:
             self.node.destroy_client(client)
 
     def wait_for(self, condition: Callable[[], Any], timeout: float = LIMIT_S, message: str = "") -> Any:
-        """Wait until a condition holds, and give what it gave; shows what the processes said if it does not."""
+        """Wait until a condition holds, and return its value; a failure shows the output of the processes."""
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
             found = condition()
@@ -144,29 +144,29 @@ class NodeProcess:
             )  # fmt: skip
 
     def output(self) -> str:
-        """What it has written so far."""
+        """Output so far."""
         return self._output.read_text(errors="replace")
 
     @property
     def running(self) -> bool:
-        """Whether it still runs."""
+        """Whether the process still runs."""
         return self.process.poll() is None
 
     def stop(self, number: int = signal.SIGINT, timeout: float = LIMIT_S) -> int:
-        """Ask it to end, and give its exit code."""
+        """Send the signal, and return the exit code."""
         if self.running:
             self.process.send_signal(number)
         return self.wait(timeout)
 
     def wait(self, timeout: float = LIMIT_S) -> int:
-        """Wait for its end, and give its exit code."""
+        """Wait until the process ends, and return the exit code."""
         try:
             return self.process.wait(timeout)
         except subprocess.TimeoutExpired:
             raise AssertionError(f"{self.command[:3]} does not end\n{self.output()}") from None
 
     def kill(self) -> None:
-        """End it and what it has started, at once."""
+        """Kill the process and its children."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()

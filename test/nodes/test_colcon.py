@@ -1,4 +1,4 @@
-"""What ``ros2 run`` does after a build with colcon: finds the package by its index, and starts a file of it."""
+"""``ros2 run`` after a build with colcon: finds the package by the index, and starts a file of the package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NODES = {"sensor_driver", "mapper", "planner", "recorder", "field_simulator"}
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory):
-    """A colcon workspace in which the package has been built; its sources are those that git would take."""
+    """A colcon workspace in which the package is built from the files that git would commit."""
     workspace = tmp_path_factory.mktemp("colcon")
     listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
@@ -35,7 +35,7 @@ def workspace(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sourced(workspace):
-    """Environment variables that sourcing the workspace sets, on top of the wheels of ROS."""
+    """Environment variables after sourcing the workspace, on top of the wheels of ROS."""
     base = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     base |= {"AMENT_PREFIX_PATH": sys.prefix}
     shown = subprocess.run(

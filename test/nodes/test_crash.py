@@ -1,4 +1,4 @@
-"""Killed at any moment: what was measured is on the disk, and the mission continues where it stopped."""
+"""Nodes killed at any moment: the measurements are on the disk, and the mission resumes."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from soilmoist_ros.recording.journal_lines import decode
 from soilmoist_ros.replay import replay_bag
 from soilmoist_ros.reporting.field_survey import open_survey
 
-# What rclpy says when a server of the test goes away in the middle of an answer.
+# rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 LOST_S = 0.5 + 0.5
-"""What a kill may cost of a recording: half a second, and a period of flushing."""
+"""Longest part of a recording that a kill may lose: half a second, and a period of flushing."""
 MISSION = {"hours": 0.15, "dwell": "fmi:40", "autostart": True}
 SLOW_RATE, RATE, LAST_RATE = 8.0, 40.0, 200.0
-"""How much faster than real time the world runs: slow enough for a busy machine while something is to happen."""
+"""Speeds of the world relative to real time; the slow one leaves a busy machine time for an event."""
 END_S = 90.0
 """Longest wait for the end of a mission of some 10 s."""
 
 
 class Business:
-    """Measures how long a short sleep and a short write take here: nobody is faster. A context manager."""
+    """Context manager that measures the duration of a short sleep and a short write on this machine."""
 
     def __init__(self, folder):
         self.longest_s, self._ending = 0.0, threading.Event()
@@ -70,12 +70,12 @@ class Business:
 
     @property
     def allowed_s(self):
-        """What a kill may cost on this machine now."""
+        """Longest time that a kill may lose on this machine now."""
         return LOST_S + 5 * self.longest_s
 
 
 class Received:
-    """Records as they were published, with the time of that."""
+    """Published records with the times of their publication."""
 
     def __init__(self, ros):
         self.stamps, self.times_s = [], []
@@ -86,7 +86,7 @@ class Received:
         self.times_s.append(time.monotonic())
 
     def require(self, stamps):
-        """That these are the records from some on, without a gap and each once; the number of those after them."""
+        """Check that the stamps are consecutive, without repetition; return the number of records after them."""
         assert stamps
         first = self.stamps.index(stamps[0])
         assert stamps == self.stamps[first : first + len(stamps)]
@@ -94,9 +94,9 @@ class Received:
 
 
 def in_journal(folder, name=None):
-    """Stamps of the records of a journal, or of those of a further property in it.
+    """Stamps of the records in a journal, or of the records of a further property.
 
-    It must be whole but for what was being written.
+    The journal must be complete except for an unfinished write.
     """
     lines = decode((folder / "journal.jsonl").read_bytes())
     assert all("never confirmed" in problem for problem in lines.problems)
@@ -115,7 +115,7 @@ def recover(bag, target):
 
 
 def require_progress(before, after):
-    """That nothing a mission had used or gathered is forgotten."""
+    """Check that a mission keeps everything that it used or gathered."""
     assert after.samples >= before.samples
     assert after.distance_m >= before.distance_m - 1e-6
     assert after.time_used_s >= before.time_used_s
@@ -142,7 +142,7 @@ def test_a_recorder_loses_half_a_second_at_most(ros, tmp_path, seed):
         recover_bag(tmp_path / "bags" / "run", tmp_path / "recovered")
         with BagReader(tmp_path / "recovered") as reader:
             texts = reader.read_texts("/notes")
-    except InputError:  # nothing was there yet to be recovered, on a machine that is very busy
+    except InputError:  # on a very busy machine there may be nothing to recover yet
         texts = []
     assert texts == [str(number) for number in range(len(texts))]
     assert len(texts) >= sum(time_s < safe_s for time_s in sent_s)
@@ -157,7 +157,7 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
         first.wait(lambda status: status.samples >= stops and status.phase is Phase.TRAVELLING)
         time.sleep(rng.uniform(0, 1.5))
         first.process.kill()
-        world.rate = SLOW_RATE  # it takes a moment to come back
+        world.rate = SLOW_RATE  # the restart takes a moment
         received.require(in_journal(folder))
 
         asking = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)

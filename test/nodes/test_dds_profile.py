@@ -1,4 +1,4 @@
-"""The DDS profile of tests, demos and simulations: nothing leaves this machine, and nothing comes in."""
+"""The DDS profile of tests, demos and simulations blocks all traffic from and to other machines."""
 
 from __future__ import annotations
 

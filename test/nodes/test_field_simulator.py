@@ -55,7 +55,7 @@ class Listener:
         return self._thread.is_alive()
 
     def close(self):
-        with contextlib.suppress(OSError):  # the other side has ended it
+        with contextlib.suppress(OSError):  # the other side may have closed it
             self._socket.shutdown(socket.SHUT_RDWR)
         self._thread.join(10)
         self._socket.close()
@@ -94,7 +94,7 @@ class Field:
         return to_seconds(self.clock[-1].clock) - START_S
 
     def place(self):
-        """Where the receiver says the robot is [m]."""
+        """Place of the robot in the receiver's last fix [m]."""
         position = self.gnss.found[-1].position
         return surrogate_field("half-wet").frame.to_local(position.latitude_deg, position.longitude_deg)[0]
 
@@ -135,7 +135,7 @@ class Goal:
         self._result = self._ask(self.handle.get_result_async) if self.handle.accepted else None
 
     def _ask(self, request):
-        """Send a request from a callback of the client's group: from elsewhere, its answer may come too early."""
+        """Send a request from a callback of the client's group; otherwise the answer may come too early."""
         sent = []
         timer = self._field.ros.node.create_timer(0.0, lambda: sent or sent.append(request()))
         future = self._field.ros.wait_for(lambda: sent)[0]
@@ -147,12 +147,12 @@ class Goal:
         return future.result()
 
     def end(self):
-        """Status and success, once it has ended."""
+        """Wait for the end; return status and success."""
         answer = self._wait(self._result)
         return answer.status, answer.result.success
 
     def cancel(self):
-        """The goals that the answer to a cancel request names."""
+        """Goals in the answer to a cancel request."""
         return self._wait(self._ask(self.handle.cancel_goal_async)).goals_canceling
 
     def close(self):
@@ -160,7 +160,7 @@ class Goal:
 
 
 def far_node(field):
-    """Name and place of the node that is the farthest from the start."""
+    """Name and place of the node farthest from the start."""
     name = field.graph.names[-1]
     return name, field.graph.xy[-1]
 
@@ -219,7 +219,7 @@ def test_a_goal_ends_where_it_should(ros, field):
     ros.wait_for(lambda: simulated.is_at(xy), message="the receiver at the node")
     ros.wait_for(lambda: simulated.current and simulated.current[-1].data == name, message="the current node")
     assert "none" in [message.data for message in simulated.current]
-    # Feedback may be lost at the ends: before the two have met, and once the result is known.
+    # Feedback may be lost before discovery and after the result.
     way = simulated.graph.path(start, name)
     assert len(goal.routes) > 1
     assert goal.routes == [node for node in way if node in goal.routes]
@@ -337,7 +337,7 @@ def test_it_survives_clients_that_come_and_go(ros, field):
     ros.wait_for(lambda: simulated.logger.found)
     for listener in simulated.listeners:
         listener.close()
-    simulated.listen()  # a new client gets the header first, and then what comes from now on
+    simulated.listen()  # a new client gets the header first, then new lines
     ros.wait_for(lambda: len(simulated.logger.found) >= 3)
     assert simulated.logger.parser.metadata["simulated"] == "yes"
     assert simulated.process.stop(signal.SIGINT) == 0

@@ -1,4 +1,4 @@
-"""The ROS types below interfaces/, as they are built next to the wheels of ROS 2."""
+"""The ROS types below interfaces/, built next to the wheels of ROS 2."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from soilmoist_ros.recording.bag.definitions import find_definition
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = sorted(folder for folder in (ROOT / "interfaces").iterdir() if folder.is_dir())
 TYPE_HASH = "RIHS01_97efcb9cbd4eed92186f675fe1a7417bc263a0737bc1b503107614ae3ebf88c2"
-"""Type hash of the robot's own package: nodes of both understand each other only if it is the same."""
+"""Type hash of the robot's package; nodes communicate only if the hashes are equal."""
 
 
 @pytest.fixture
 def goto_node():
-    """The action type; may be missing only where it cannot be built."""
+    """The action type; missing only on machines that cannot build it."""
     if not shutil.which(os.environ.get("CXX", "c++")):
         pytest.skip("GotoNode is not built: there is no C++ compiler")
     pytest.importorskip("rclpy")
@@ -103,7 +103,7 @@ def test_package_xml_is_of_an_interface_package(package):
 
 @pytest.fixture
 def project(tmp_path):
-    """A copy of what scripts/build_interfaces uses, with an environment that only looks like one with ROS."""
+    """A copy of the files that scripts/build_interfaces uses, with a fake ROS environment."""
     for name in ("scripts/build_interfaces", "requirements-ros.txt", "requirements-interfaces.txt"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
@@ -135,7 +135,7 @@ def test_without_ros_the_script_says_so_and_goes_on(project):
 
 
 def test_the_script_stops_when_the_build_fails(project):
-    """A stand-in python and pip that do nothing: cmake cannot find ROS then."""
+    """The stand-ins of python and pip do nothing, so cmake cannot find ROS."""
     python = project / ".venv" / "bin" / "python"
     python.parent.mkdir()
     headers = project / "headers"

@@ -1,4 +1,4 @@
-"""Launch files: what they start, with which parameters, as the nodes would see them."""
+"""Launch files: the nodes that they start, and the parameters that the nodes receive."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROBOT, SIMULATION, REPLAY = (ROOT / "launch" / f"{name}.launch.py" for name in (
 
 @pytest.fixture
 def seen(tmp_path, monkeypatch):
-    """What a node that is launched finds its parameters to be."""
+    """Parameters that a launched node receives."""
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
     monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "config" / "dds" / "loopback.xml"))
 

@@ -57,7 +57,7 @@ def survey_records(n=24, seed=3):
 
 
 class Outputs:
-    """What the mapper publishes, as the observer gets it."""
+    """Messages of the mapper that the observer receives."""
 
     def __init__(self, ros):
         self.samples = ros.collect(PointCloud2, "samples", qos.LATCHED)
@@ -66,7 +66,7 @@ class Outputs:
         self.uncertainty = ros.collect(OccupancyGrid, "uncertainty", qos.LATCHED)
 
     def complete(self, stamp_s):
-        """Whether the last messages of all topics are of one map, the one with the record of this time."""
+        """Whether the last messages of all topics belong to the map that ends with the record of this time."""
         if not (self.samples and self.model and self.soil_map and self.uncertainty):
             return False
         stamps = [to_seconds(last[-1].header.stamp) for last in (self.samples, self.soil_map, self.uncertainty)]
@@ -82,7 +82,7 @@ def field(tmp_path):
 
 @pytest.fixture
 def start(ros, field, tmp_path):
-    """Starts a mapper of the field, and gives what publishes to it."""
+    """Starts a mapper of the field, and returns the publisher of its records."""
 
     def make(**params):
         site = params.pop("site", "example")
@@ -101,7 +101,7 @@ def publish(publisher, records):
 
 
 def on_line(field, records, **options):
-    """The core, fed with the records as they come out of messages."""
+    """The core after records that were converted to messages and back."""
     survey = open_survey(str(field), "example", **options)
     for one in records:
         survey.map.add(counts_from_message(counts_to_message([one]))[0])

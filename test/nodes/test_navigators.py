@@ -19,7 +19,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
 from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_class
 
-# What rclpy says when a server of the test goes away in the middle of an answer.
+# rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 FAR, OTHER = STOPS[-1], STOPS[0]
@@ -27,7 +27,7 @@ LIMITS = GoalLimits(start_s=20.0, answer_s=10.0, lost_s=1.0, position_s=1.0)
 
 
 class Driver:
-    """Looks after a navigator as the planner does, and keeps what it reports."""
+    """Calls a navigator as the planner does, and keeps the reports."""
 
     def __init__(self, ros, world, make):
         self.ros, self.world, self.ends = ros, world, {}

@@ -1,4 +1,4 @@
-"""Continuous integration has all that tests would otherwise be skipped without."""
+"""Continuous integration has every package without which tests are skipped."""
 
 import importlib
 import os
@@ -25,4 +25,4 @@ import pytest
     ],
 )
 def test_what_tests_need_is_there(name):
-    importlib.import_module(name)  # the tests that need it would be skipped without a word
+    importlib.import_module(name)  # without it, tests would be skipped silently

@@ -26,12 +26,12 @@ from soilmoist_ros.nodes.runtime.qos import LATCHED, VISITS
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.journal import load_journal
 
-# What rclpy says when a server of the test goes away in the middle of an answer.
+# rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
 class Planning:
-    """A planner process and what it says."""
+    """A planner process and its messages."""
 
     def __init__(self, ros, folder, namespace="", remaps=(), **params):
         self.ros, self.namespace = ros, namespace
@@ -265,7 +265,7 @@ def test_two_robots_share_one_mapper_and_never_count_at_the_same_place(ros, tmp_
         said = [mission_from_message(message) for message in robot.messages]
         stops.append({status.target.name for status in said if status.phase is Phase.COUNTING})
     assert not stops[0] & stops[1]
-    # more than each robot counted alone: the map has the counts of both
+    # The map has the counts of both robots, more than each robot counted alone.
     counted = samples_from_message(samples[-1]).counts.sum()
     assert counted > max(sum(world.counted.values()) for world in worlds)
 
@@ -323,7 +323,7 @@ def test_a_mission_survives_its_planner(ros, tmp_path):
         planning.wait(lambda status: status.phase is Phase.TRAVELLING and status.distance_m > 0)
         target = planning.status.target
         planning.process.kill()
-        world.rate = 1.0  # it takes a moment to come back
+        world.rate = 1.0  # the restart takes a moment
         assert world.goal is not None, "nothing stopped the robot"
 
         again = Planning(ros, tmp_path, autostart=True, **journal)

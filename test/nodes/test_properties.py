@@ -1,4 +1,4 @@
-"""A planner and two mappers: unknown parts of a further property change the choice of stops."""
+"""A planner and two mappers: unmapped parts of a further property change the choice of stops."""
 
 import pytest
 
@@ -29,7 +29,7 @@ def record(number, place, rate_cps):
 
 
 def test_planner_and_mapper_have_one_grid(ros, tmp_path):
-    """The field file has cells of 2 m, the mapper is given others: the planner's stops are the mapper's cells."""
+    """The mapper overrides the 2 m cells of the field file; the planner's stops are the mapper's cells."""
     (tmp_path / "field.yaml").write_text(FIELD)
     common = {"use_sim_time": True, "field": str(tmp_path / "field.yaml")}
     models = ros.collect(String, "model", LATCHED)
@@ -53,7 +53,7 @@ def test_unknown_parts_of_a_further_property_change_the_choice(ros, tmp_path):
     common = {"use_sim_time": True, "field": str(tmp_path / "field.yaml")}
     diagnostics = ros.collect(DiagnosticArray, "/diagnostics", 10)
     missions = ros.collect(DiagnosticStatus, "mission", LATCHED)
-    ros.collect(PoseStamped, "goal_pose")  # somebody takes the goals, but nobody drives
+    ros.collect(PoseStamped, "goal_pose")  # a subscriber receives the goals, but nothing drives
 
     def feed(namespace, places, level_cps):
         """Start a mapper, let it map records of the past, and wait for the map."""
@@ -62,7 +62,7 @@ def test_unknown_parts_of_a_further_property_change_the_choice(ros, tmp_path):
         save_dir = str(tmp_path / f"map{namespace.strip('/')}")
         ros.start("mapper", params={**common, "save_dir": save_dir}, namespace=namespace)
         publisher = ros.node.create_publisher(PointCloud2, f"{namespace}/counts", RECORDS)
-        listeners = 2 if namespace else 1  # the planner writes down what is counted of a further property
+        listeners = 2 if namespace else 1  # the planner saves records of a further property
         ros.wait_for(lambda: publisher.get_subscription_count() >= listeners, message="the mapper")
         records = [record(n, place, level_cps * (1 + place[0] / 80)) for n, place in enumerate(places)]
         publisher.publish(counts_to_message(records))
@@ -76,7 +76,7 @@ def test_unknown_parts_of_a_further_property_change_the_choice(ros, tmp_path):
         return [status.message for status in said if status.name == f"/planner: {part}"]
 
     def chosen():
-        """Start missions until the map guides the first stop: it may come a moment later than the planner."""
+        """Start missions until the map guides the first stop: the map may arrive a moment after the planner."""
         while True:
             missions.clear()
             ros.wait_for(lambda: ros.call(Trigger, "planner/start").success)

@@ -1,4 +1,4 @@
-"""The recorder as a process: published messages are in the bag, whatever happens to the process."""
+"""The recorder as a process: published messages are in the bag even after faults of the process."""
 
 import signal
 import sys
@@ -36,7 +36,7 @@ def on_disk(path):
 
 @pytest.fixture
 def published(ros):
-    """Publishers of one latched, one reliable and one best-effort topic; the latched one has spoken already."""
+    """Publishers of one latched, one reliable and one best-effort topic; the latched one has already published."""
     model = ros.node.create_publisher(String, "/robot/model", LATCHED)
     notes = ros.node.create_publisher(String, "/notes", 100)
     pressure = ros.node.create_publisher(Float64, "/pressure", BEST_EFFORT)
@@ -90,7 +90,7 @@ def test_a_kill_costs_nothing_that_was_flushed(ros, tmp_path, published):
     recover_bag(tmp_path / "bags" / "run", tmp_path / "recovered")
     with BagReader(tmp_path / "recovered") as bag:
         assert bag.read_texts("notes") == [f"note {number}" for number in range(20)]
-    # Started again, it does not touch what the first one left.
+    # A restarted recorder does not change the files of the first one.
     left = path.read_bytes()
     ros.start("recorder", params=params(tmp_path))
     second = tmp_path / "bags" / "run_2" / "run_2_0.mcap"
@@ -180,7 +180,7 @@ def test_what_the_nodes_of_its_robot_were_set_up_with_is_with_the_bag(ros, tmp_p
     assert (values["fit"], values["use_sim_time"], values["merge_radius_m"]) == ("soft_l1", False, 0.0)
     assert values["field"] == str(folder / "field.yaml")
     assert (folder / "field.yaml").read_text() == SQUARE
-    # A node that has ended is no obstacle, and the next bag gets the whole configuration as well.
+    # Even if a node has ended, the next bag gets the whole configuration.
     mapper.kill()
     assert ros.call(Trigger, "/robot1/recorder/stop").success
     assert ros.call(Trigger, "/robot1/recorder/start").success
@@ -233,7 +233,7 @@ def test_a_topic_whose_type_is_unknown_is_reported_once_and_the_others_are_recor
     script.chmod(0o755)
     ros.node.create_publisher(MarkerArray, "/plan_markers", 10)
     ros.node.create_publisher(String, "/mixed", 10)
-    elsewhere = Context()  # as in another process: in one, ROS refuses it
+    elsewhere = Context()  # ROS refuses this within one context
     rclpy.init(context=elsewhere, domain_id=ros.domain)
     other = Node("other", context=elsewhere)
     other.create_publisher(Float64, "/mixed", 10)

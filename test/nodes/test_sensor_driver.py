@@ -1,4 +1,4 @@
-"""The sensor driver as a real process, with devices that do what devices in the field do."""
+"""The sensor driver as a real process, with devices that behave as in the field."""
 
 import contextlib
 import itertools
@@ -43,7 +43,7 @@ HEADER = [text.encode() for text in format_header("CRS-0007").splitlines()]
 
 
 class Device:
-    """A TCP server that a test plays by hand: what is sent goes to the client that is connected now."""
+    """A TCP server that a test controls; it sends to the currently connected client."""
 
     def __init__(self, greeting=()):
         self.greeting = greeting
@@ -104,7 +104,7 @@ def field(tmp_path):
 
 
 class Outputs:
-    """What the driver publishes."""
+    """Messages of the driver."""
 
     def __init__(self, ros):
         self.counts = ros.collect(PointCloud2, "counts", qos.RECORDS)
@@ -122,7 +122,7 @@ class Outputs:
 
     @property
     def numbers(self):
-        """Running numbers of the records, by their times."""
+        """Running numbers of the records, computed from their times."""
         return [round((record.stamp_s - T0) / 10) for record in self.records]
 
     def health(self, name):
@@ -130,7 +130,7 @@ class Outputs:
         return next((part for part in reversed(found) if part.name.endswith(f": {name}")), None)
 
     def diagnosed(self, name, key):
-        """What the last diagnostics of a part say of something, empty without any."""
+        """Value of a key in the last diagnostics of a part, empty without diagnostics."""
         part = self.health(name)
         return part.values.get(key, "") if part else ""
 
@@ -168,7 +168,7 @@ def start(ros, field, logger, outputs):
 
 
 def repeat_until(ros, send, received):
-    """Send until it arrives: messages before discovery are lost."""
+    """Send until a message arrives: messages before discovery are lost."""
 
     def tried():
         send()
@@ -261,10 +261,10 @@ def test_it_survives_what_connections_do(ros, start, outputs, logger):
     for byte in line(3):  # a slow drip
         logger.send(bytes([byte]), end=b"")
     logger.send(b"\r\n" + line(4) + b"\n" + line(5)[:20], end=b"")
-    logger.send(line(6))  # without the end of the line before: both are lost
+    logger.send(line(6))  # the previous line has no end, so both are lost
     logger.send(b"\x00\xff garbage \x80", b"x" * 1_000_000, line(7).replace(b"5,5", b"5,6", 1), line(8))
     ros.wait_for(lambda: outputs.numbers == [1, 3, 4, 8])
-    # Now it is half open: nothing comes any more.
+    # The connection is half open: no more data arrive.
     ros.wait_for(lambda: logger.connections >= 3, message="a new connection after silence")
     logger.send(line(9))
     ros.wait_for(lambda: outputs.numbers == [1, 3, 4, 8, 9])
@@ -314,7 +314,7 @@ def test_recordings_are_played_like_devices(ros, start, outputs, tmp_path):
     number = sum(not text.startswith(b"#") for text in log.read_bytes().splitlines())
     start(logger_uri=f"{log.as_uri()}?speed=30", gnss_uri=f"{nmea.as_uri()}?speed=30", fix_wait_s=60.0)
     ros.wait_for(lambda: outputs.counts and outputs.numbers[-1] == number, timeout=60, message="the last record")
-    assert outputs.numbers == list(range(outputs.numbers[0], number + 1))  # the first ones came before we listened
+    assert outputs.numbers == list(range(outputs.numbers[0], number + 1))  # first ones precede discovery
     assert not [one for one in outputs.records if math.isnan(one.x_m)]
 
 

@@ -25,7 +25,7 @@ from soilmoist_ros.simulation.fields.field_files import write_field_file, write_
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
-# What rclpy says when nodes of the system go away in the middle of an answer.
+# rclpy warns when nodes of the system disappear during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 LIMIT_S = 150.0
@@ -61,21 +61,21 @@ class Robot:
         self.start("sensor_driver", **files, **uris, **time)
 
     def start(self, name, /, **params):
-        """Start a node; what is absolute in a system of one robot is its own here."""
+        """Start a node; topics that are absolute for a single robot are private to each robot here."""
         write_parameters(self.folder, name, params)
         topics = ("clock", "topological_map_2") if self.namespace else ()
         remaps = [f"/{topic}:={self.namespace}/{topic}" for topic in topics]
         self.processes[name] = self.ros.start(name, params=params, namespace=self.namespace, remaps=remaps)
 
     def alive(self):
-        """Whether all nodes run, but for a planner that has finished."""
+        """Whether all nodes run, except a planner that has finished."""
         for name, process in self.processes.items():
             code = process.process.poll()
             assert code is None or (name, code) == ("planner", 0), f"{name}: {code}\n{process.output()}"
         return True
 
     def wait_finished(self):
-        """Wait for the end of the mission, and give how it stands."""
+        """Wait for the end of the mission, and return the status."""
         planner = self.processes["planner"]
         self.ros.wait_for(lambda: self.alive() and not planner.running, LIMIT_S, "the end of the mission")
         status = mission_from_message(self.missions[-1])
@@ -87,7 +87,7 @@ class Robot:
         return [record for message in list(self.counts) for record in counts_from_message(message)]
 
     def mapped(self):
-        """Records of the map as it was published last: those up to its stamp that have a place."""
+        """Records in the last published map: records with a place, up to the map's stamp."""
         stamp = self.samples[-1].header.stamp
         stamp_s = stamp.sec + 1e-9 * stamp.nanosec
         return [one for one in self.records() if one.stamp_s <= stamp_s + 1e-6 and np.isfinite(one.x_m)]
@@ -102,7 +102,7 @@ class Robot:
         )
 
     def stop(self):
-        """End all nodes, the last started first, and see that nothing of them is left."""
+        """End all nodes, the last started first, and check that no process is left."""
         for name, process in reversed(self.processes.items()):
             assert process.stop() == 0, f"{name}\n{process.output()}"
         for process in self.processes.values():
@@ -127,8 +127,8 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     simulated = simulate_mission(
         MissionSettings(map_from="records", travel="graph", model="matern32", fit="reml", **choices)
     )
-    # While the nodes think, the robot waits: on a busy machine it visits fewer places. A map of the mean rate,
-    # the least that one would know of the field, is twenty times as bad as the simulated one.
+    # The robot waits while the nodes compute, so it visits fewer stops on a busy machine. A map of the mean rate,
+    # which needs the least knowledge of the field, is twenty times as bad as the simulated one.
     known = np.var(simulated.truth_rate[np.isfinite(simulated.truth_rate)])
     assert 4 * simulated.series[-1].mse < known / 4
     assert mission.series[-1].mse < 4 * simulated.series[-1].mse
@@ -166,7 +166,7 @@ def test_two_robots_do_not_hear_each_other(ros, tmp_path):
         assert robot.wait_finished().samples >= 2
     for robot in robots:
         robot.stop()
-        # Their clocks differ by half a year: no record of one has come to the other.
+        # The clocks differ by half a year: neither robot received a record of the other.
         stamps = {round(record.stamp_s, 3) for record in robot.records()}
         assert max(stamps) - min(stamps) < 7200
         robot.check_samples()

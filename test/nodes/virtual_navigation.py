@@ -1,6 +1,6 @@
-"""A small world for tests of the planner: a clock, a robot, its fixes and counts, a mapper, and its navigation.
+"""A small world for tests of the planner: a clock, a robot, fixes and counts, a mapper, and the navigation.
 
-The navigation is the real action, with the quirks of the real one.
+The navigation serves the real action, with the quirks of the robot's server.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ CADENCE_S, SPEED_MPS = 10.0, 1.0
 
 
 def make_map():
-    """A lattice in the field, and a shed outside that it leads to."""
+    """A lattice in the field, with an edge to a shed outside."""
     ends = [(a.name, b.name) for a in STOPS for b in STOPS if math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) == 10]
     ends += [("shed", "n00"), ("n00", "shed")]
     return make_topological_map(TravelGraph.from_edges([*STOPS, SHED], ends), "test", datetime(2026, 1, 1))
 
 
 class World:
-    """Time, the robot, and what its sensors and the mapper say. Use as a context manager.
+    """Context manager of time, the robot, and messages of the sensors and the mapper.
 
     :param ros: the ROS system of the test
-    :param rate: how many times faster than real time it runs
+    :param rate: simulated time per real time
     """
 
     def __init__(self, ros, rate=45.0, namespace="", clock=True, mapper=True):
@@ -147,9 +147,7 @@ class World:
 
 
 class VirtualNavigation:
-    """The action ``topological_navigation``. Use as a context manager.
-
-    What it does wrong can be changed at any time:
+    """Context manager of the action ``topological_navigation``. Its faults can change at any time:
 
     * ``cancels``: ``aborts`` (as the robot's does: looks rejected, ends aborted) or ``properly``
     * ``lies``: reports success without moving; ``denies``: moves, but the result says no success
@@ -185,7 +183,7 @@ class VirtualNavigation:
         self.die()
 
     def die(self):
-        """Go away in the middle of everything."""
+        """Stop serving, whatever is in progress."""
         self._alive = False
         if self._spinning:
             self._spinning = False
@@ -196,7 +194,7 @@ class VirtualNavigation:
 
     def spin(self):
         while self._spinning:
-            with contextlib.suppress(Exception):  # an answer to a client that has gone
+            with contextlib.suppress(Exception):  # the client of an answer may be gone
                 self.executor.spin_once(timeout_sec=0.05)
 
     def on_cancel(self, handle):

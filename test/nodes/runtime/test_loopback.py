@@ -23,7 +23,7 @@ DISCOVERY = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_DISCOVERY
 
 @pytest.fixture
 def locks(tmp_path, monkeypatch):
-    """A folder of locks of one's own."""
+    """A separate folder of locks."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", None)
     yield tmp_path
@@ -105,7 +105,7 @@ def test_ports_lie_below_those_that_linux_hands_out():
 
 
 def test_nodes_meet_whatever_the_shell_has_set(tmp_path, monkeypatch):
-    """An environment as on a robot that is tied to a discovery server, or to itself."""
+    """The shell restricts ROS to a discovery server, or to the robot itself."""
     pytest.importorskip("rclpy")
     from ros_system import RosSystem
     from std_srvs.srv import Trigger
@@ -114,7 +114,7 @@ def test_nodes_meet_whatever_the_shell_has_set(tmp_path, monkeypatch):
         monkeypatch.setenv(name, value)
     for name in DISCOVERY:
         assert name in loopback_environment(3)
-        monkeypatch.setenv(name, loopback_environment(3)[name])  # the observer lives in this process
+        monkeypatch.setenv(name, loopback_environment(3)[name])  # the observer runs in this process
     with RosSystem(tmp_path) as ros:
         assert ros.environment["ROS_DOMAIN_ID"] == str(ros.domain)
         ros.start("mapper", params={"field": "example"})

@@ -1,4 +1,4 @@
-"""The life of a node process: it survives its own mistakes, and ends in good order."""
+"""A node process survives errors in callbacks, and ends cleanly."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 LIMIT_S = 240.0
-"""Longest wait for a mission that takes some 30 s on an idle machine."""
+"""Longest wait for a mission that takes about 30 s on an idle machine [s]."""
 
 
 def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):

@@ -42,7 +42,7 @@ STATUS = MissionStatus(
 
 @pytest.fixture
 def live(ros):
-    """A live mission that a monitor feeds, and the monitor; errors in its callbacks end it, as in the demo."""
+    """A live mission and its monitor; errors in callbacks end the monitor, as in the demo."""
     survey = open_survey("example")
     found = LiveMission("test", [LiveMap(), LiveMap("salt", np.full(survey.map.grid.mask.shape, 4.0))])
     executor = SingleThreadedExecutor(context=ros.context)
@@ -96,7 +96,7 @@ def test_it_shows_every_topic(ros, live):
 
 
 def test_messages_of_others_do_no_harm(live):
-    """Called by hand: a latched topic may replace a message before it is taken."""
+    """The test calls the callbacks, since a latched topic may replace a message before delivery."""
     live.monitor._on_samples(samples_to_message(Samples(np.zeros((1, 2)), [3.0], [1.0]), 1e9))
     live.monitor._on_mission(DiagnosticStatus(message="of another robot"))
     live.monitor._on_map(live.maps[0], PointCloud2(height=2, width=3))

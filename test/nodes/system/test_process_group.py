@@ -1,4 +1,4 @@
-"""Processes that start and end together. The nodes here are small programs; one test has a real one."""
+"""Processes that start and end together. The nodes are small programs, except for one real node."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ from soilmoist_ros.nodes.system.process_group import ProcessGroup
 
 LIMIT_S = 20.0
 NODES = {
-    # Says that it is there, and its end.
+    # Reports its start and its end.
     "good": """
         signal.signal(signal.SIGINT, lambda *_: end("SIGINT"))
         signal.signal(signal.SIGTERM, lambda *_: end("SIGTERM"))
@@ -41,7 +41,7 @@ NODES = {
             sys.exit(0)
         signal.pause()
     """,
-    # As a program that has not set up anything.
+    # A program without signal handlers.
     "plain": """
         note("ready")
         time.sleep(1000)
@@ -61,7 +61,7 @@ def end(why):
 
 @pytest.fixture
 def journal(tmp_path, monkeypatch):
-    """Puts the small programs in the place of nodes; gives the file with what they say."""
+    """Replaces nodes by the small programs; returns the file to which they write."""
     path = tmp_path / "journal.txt"
     path.write_text("")
     folder = tmp_path / "soilmoist_ros" / "nodes"
@@ -85,7 +85,7 @@ def wait_for(condition):
 
 
 def said(journal):
-    """What was said, as name, process number and text."""
+    """Messages of the programs, as name, process number and text."""
     return [line.split(maxsplit=2) for line in journal.read_text().splitlines(keepends=False)]
 
 
@@ -98,7 +98,7 @@ def numbers(journal):
 
 
 def gone(number):
-    """Whether a process has ended; one that nobody has waited for yet has ended as well."""
+    """Whether a process has ended; a zombie has ended as well."""
     try:
         with open(f"/proc/{number}/stat") as file:
             return file.read().rpartition(")")[2].split()[0] in "ZX"
@@ -193,7 +193,7 @@ def test_how_nodes_have_ended(journal, tmp_path):
         assert nodes.ended() == {"short": 3, "plain": -signal.SIGKILL}
         assert nodes.log("short").read_text() == "I have failed\n"
     assert nodes.ended() == {}
-    nodes.stop()  # once more does no harm
+    nodes.stop()  # a second stop does nothing
 
 
 def test_a_name_is_started_once(journal, tmp_path):
@@ -225,7 +225,7 @@ def program(folder, *arguments):
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(folder), *arguments],
         env={**environment, "PYTHONPATH": str(process_group.__file__).partition("/soilmoist_ros/")[0]},
-        cwd=folder / "soilmoist_ros",  # where the small programs are not found before the package
+        cwd=folder / "soilmoist_ros",  # so that the package is imported, not the small programs
         stdin=subprocess.PIPE,
     )
     try:
@@ -249,14 +249,14 @@ def test_nodes_end_when_their_parent_is_killed(journal, tmp_path):
 def test_an_interrupt_reaches_nodes_of_a_program_in_the_background(journal, tmp_path):
     with program(tmp_path, "plain", "background") as process:
         ready(journal, 1)
-        process.communicate(b"\n", timeout=LIMIT_S)  # not the 15 s after which it would be killed
+        process.communicate(b"\n", timeout=LIMIT_S)  # shorter than the 15 s before a kill
         assert process.returncode == 0
     log = (tmp_path / "log" / "plain.log").read_text()
     assert "KeyboardInterrupt" in log
 
 
 def test_a_real_node(ros, tmp_path):
-    """Its parameters reach it, and it ends in good order."""
+    """The node receives its parameters, and ends cleanly."""
     from std_srvs.srv import Trigger
 
     from soilmoist_ros.recording.run_folder import write_parameters

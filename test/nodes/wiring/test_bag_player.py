@@ -1,4 +1,4 @@
-"""A bag played to real nodes: they do what they did when it was recorded."""
+"""A bag played to real nodes: the nodes act as during the recording."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def play(ros, tmp_path):
 
 @pytest.fixture
 def notes_bag(tmp_path):
-    """A text a second, and one that is latched at the beginning."""
+    """One text per second, and one latched text at the beginning."""
     offered = {"/r/notes": VOLATILE, "/topological_map_2": KEPT, "/r/samples": KEPT}
     text = find_definition("std_msgs/msg/String")
     topics = [Topic(name, text, (qos,)) for name, qos in offered.items()]
