@@ -101,7 +101,7 @@ def configure(run: Path, seed: int = 1) -> None:
     write_parameters(run, "planner", {"strategy": "greedy", "dwell": "fmi:60", "hours": 0.3, "seed": seed})
     write_field_file(field, folder / "field.yaml")
     write_site_file(field, folder / "site.yaml")
-    # These paths do not exist: a replay must find the files in the folder of the bag.
+    # These paths do not exist: a replay finds the files in the configuration folder, wherever the folder is.
     files = {"field": "/run/configuration/field.yaml", "site": "/run/configuration/site.yaml"}
     write_parameters(run, "mapper", {**files, "cell_m": CELL_M, "simulated": True})
 

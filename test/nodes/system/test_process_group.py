@@ -249,7 +249,7 @@ def test_nodes_end_when_their_parent_is_killed(journal, tmp_path):
 def test_an_interrupt_reaches_nodes_of_a_program_in_the_background(journal, tmp_path):
     with program(tmp_path, "plain", "background") as process:
         ready(journal, 1)
-        process.communicate(b"\n", timeout=LIMIT_S)  # shorter than the 15 s before a kill
+        process.communicate(b"\n", timeout=LIMIT_S)  # not the 15 s after which stop() kills
         assert process.returncode == 0
     log = (tmp_path / "log" / "plain.log").read_text()
     assert "KeyboardInterrupt" in log
