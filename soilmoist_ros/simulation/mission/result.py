@@ -46,7 +46,7 @@ class SeriesRow:
 
     @property
     def mse_10s(self) -> float:
-        """Mean squared error in the unit of the publication [(counts/10 s)^2]."""
+        """Mean squared error in the authors' unit [(counts/10 s)^2]."""
         return 100 * self.mse
 
     @property

@@ -395,7 +395,7 @@ def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
 
 
 def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float]]:
-    """Position errors, drawn in blocks; the values equal those of single draws."""
+    """Position errors, drawn in blocks; the values equal single draws."""
     while True:
         yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
 

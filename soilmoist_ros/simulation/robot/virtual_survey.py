@@ -86,8 +86,8 @@ def simulate_log(
 ) -> VirtualLog:
     """Count along a trajectory in changing weather.
 
-    The true rate is divided by the correction factors of the weather; the correction therefore restores it.
-    Each tube counts its share of the rate as a Poisson variable.
+    The true rate at the robot is divided by the correction factors of the weather; the correction therefore
+    restores the rate. Each tube counts its share of the rate as a Poisson variable.
 
     :param field: field to measure
     :param trajectory: position of the robot over time
