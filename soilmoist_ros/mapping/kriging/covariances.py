@@ -1,7 +1,7 @@
-"""Covariances of samples with fixed targets, kept while samples are added, and weighted sums of them.
+"""Covariances of samples with fixed targets, stored while samples are added, and weighted sums of the covariances.
 
-What is kept of a sample depends on it and on those before alone, and a sum is made by the same operations on
-arrays of the same shapes whatever was kept or summed before: its last bits too are always the same.
+The stored values of a sample depend only on this sample and earlier ones. A sum always uses equal operations on
+arrays of equal shapes, whatever was stored or summed before, so the result is reproducible bit for bit.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from soilmoist_ros.mapping.variogram.support import Supports
 Array = NDArray[np.float64]
 
 _CHUNK = 128
-"""Rows that memory is asked for at a time."""
+"""Rows allocated at a time."""
 _AT_ONCE = 16384
-"""Covariances computed at a time: what comes between stays in the cache."""
+"""Covariances computed at a time, so that intermediate results stay in the cache."""
 
 
 class Covariances(Protocol):
@@ -35,34 +35,34 @@ class Covariances(Protocol):
     size: int
 
     def begin(self, variogram: Variogram) -> None:
-        """Forget all samples and use another variogram of the latent rate; comes first."""
+        """Forget all samples and use another variogram of the latent rate; call this first."""
         ...
 
     def keep(self, samples: Array, first: int, most: int) -> bool:
-        """Compute the covariances of the samples from ``first`` on; those before are as they were.
+        """Compute the covariances of the samples from ``first`` on; earlier samples are unchanged.
 
         :param samples: x, y and the spread, shape (n, 5)
-        :param most: how many numbers may be kept
-        :returns: whether they are not too many; if so, nothing is kept any more
+        :param most: maximum number of stored values
+        :returns: ``False`` if there are too many values; then none are stored
         """
         ...
 
     def combine(self, weights: Array) -> Iterator[tuple[slice, Array]]:
-        """Weighted sums over the first n of the samples.
+        """Weighted sums over the first n samples.
 
         :param weights: shape (m, n)
-        :returns: targets one after the other, some at a time, and their sums, shape (m, targets)
+        :returns: slices of consecutive targets, and their sums, shape (m, targets)
         """
         ...
 
 
 def add_rows(covariances: Covariances, weights: Array, data: Array, of_data: Array, squares: Array) -> None:
-    """Add what weighted sums over samples come to, row by row.
+    """Add weighted sums over samples, row by row.
 
     :param weights: rows of weights, shape (m, n)
     :param data: k factors of each row, shape (k, m)
-    :param of_data: to which the sums of the rows times these factors are added, shape (k, size)
-    :param squares: to which the sum of their squares is added, shape (size,)
+    :param of_data: increased by the sums of the rows times the factors, shape (k, size)
+    :param squares: increased by the sum of the squared rows, shape (size,)
     """
     for some, rows in covariances.combine(weights):
         of_data[:, some] += data @ rows
@@ -70,7 +70,7 @@ def add_rows(covariances: Covariances, weights: Array, data: Array, of_data: Arr
 
 
 class PointCovariances:
-    """Covariances with arbitrary places, all of them kept.
+    """Covariances with arbitrary places, all stored.
 
     :param xy: the places, shape (g, 2), g >= 1 [m]
     :param nugget: whether a place exactly where a sample is shares its nugget

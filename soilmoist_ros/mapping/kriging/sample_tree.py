@@ -1,8 +1,7 @@
-"""Samples merged on all scales: what is near is seen one by one, what is far in groups.
+"""Samples merged on all scales: near samples stay single, far ones form groups.
 
-The tree of Barnes & Hut (1986), Nature 324:446-449, over counts instead of masses: each group is one sample
-that holds all counts and the whole exposure of its members, at their exposure-weighted mean place: seen from
-afar a point.
+The tree of Barnes & Hut (1986), Nature 324:446-449, over counts instead of masses. A group is one sample with all
+counts and the whole exposure of its members, at their exposure-weighted mean place.
 """
 
 from __future__ import annotations
@@ -84,7 +83,7 @@ class SampleTree:
         return len(self._levels[0].counts)
 
     def margin_m(self, low: Array, high: Array, nearest: int) -> float:
-        """Width of a margin around a rectangle that holds a number of samples at most [m].
+        """Width of a margin around a rectangle that contains at most a number of samples [m].
 
         :param low: south-west corner of the rectangle, shape (2,) [m]
         :param high: north-east corner [m]
@@ -99,7 +98,7 @@ class SampleTree:
     def neighbourhood(
         self, low: Array, high: Array, margin_m: float, reach_m: float, opening: float
     ) -> Neighbourhood:
-        """What a rectangle sees: each sample within the margin, beyond it groups that look small from there.
+        """Single samples within a margin around a rectangle, and groups that look small from the rectangle beyond.
 
         :param low: south-west corner of the rectangle, shape (2,) [m]
         :param high: north-east corner [m]
@@ -131,7 +130,7 @@ class SampleTree:
 
 
 def _merged(below: _Level, first: NDArray[np.intp]) -> _Level:
-    """Groups of the consecutive members that begin at ``first``."""
+    """Groups of consecutive members, each beginning at an element of ``first``."""
     exposure_s = np.add.reduceat(below.exposure_s, first)
     mean = np.add.reduceat(below.xy * below.exposure_s[:, None], first) / exposure_s[:, None]
     low, high = np.minimum.reduceat(below.low, first), np.maximum.reduceat(below.high, first)

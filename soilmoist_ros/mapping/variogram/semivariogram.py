@@ -22,7 +22,7 @@ def empirical_semivariogram(
 
         gamma = sum(w (Z_i/t_i - Z_j/t_j)^2 - m*) / (2 sum(w)),   m* = sum(Z) / sum(t)
 
-    The term -m* takes the Poisson noise out, without bias; a class may therefore come out negative.
+    The term -m* removes the Poisson noise without bias, so the value of a class may be negative.
     A sample is never paired with itself. Pairs at one place (h = 0) are in no class whose ``lo`` is 0.
 
     :param xy: places, shape (n, 2) [m]
