@@ -1,4 +1,4 @@
-"""What flows out of the sensor, and the names that the folder shows."""
+"""Output records of the sensor, and public names of the folder."""
 
 import math
 

@@ -30,7 +30,7 @@ def test_incoming_intensity_factor_is_reference_over_intensity():
 
 
 def test_humidity_coefficient_is_that_for_grams_per_cubic_metre():
-    # 20 degC and 50 % hold 8.6 g/m^3: about 4.7 % more counts than in dry air, not 0.47 %.
+    # Air at 20 degC and 50 % contains 8.6 g/m^3: about 4.7 % more counts than in dry air, not 0.47 %.
     assert Corrections().f_humidity(20.0, 0.5) == pytest.approx(1.0467, abs=2e-4)
 
 

@@ -1,4 +1,4 @@
-"""Weather at records that lack a value."""
+"""Weather at records with missing values."""
 
 import math
 

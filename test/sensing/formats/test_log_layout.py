@@ -1,4 +1,4 @@
-"""Columns of a log, found by their names."""
+"""Columns of a log are found by name."""
 
 import pytest
 from hypothesis import given, settings

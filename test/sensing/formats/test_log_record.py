@@ -1,4 +1,4 @@
-"""Fields of one line become a record, or a reason why not."""
+"""Conversion of the fields of one line to a record, or to the reason of a lost record."""
 
 import math
 

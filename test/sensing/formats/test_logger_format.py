@@ -56,7 +56,7 @@ def test_a_user_file_is_a_format(tmp_path) -> None:
 
 @pytest.fixture
 def plug_ins(tmp_path, monkeypatch):
-    """An installed package that adds two formats by their paths and one by a function, and one without a file."""
+    """An installed package with two formats as paths, one as a function, and one without a file."""
     metadata = tmp_path / "my_loggers-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my_loggers\nVersion: 1.0\n")

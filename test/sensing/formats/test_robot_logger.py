@@ -74,7 +74,7 @@ def test_one_changed_byte_is_always_found(place, change) -> None:
     line[place] ^= change
     parser = RecordParser(FORMAT)
     assert parser.feed(bytes(line)) is None
-    # A record that turns into a remark is not reported: its first byte became #.
+    # If the first byte becomes #, the line is a remark and is not reported.
     assert [problem.kind for problem in parser.problems] == [Kind.CHECKSUM] or line.startswith(b"#")
 
 

@@ -1,4 +1,4 @@
-"""A server that does what servers in the field do, and readers of what it sends."""
+"""A server with the behaviour of servers in the field, and readers of its lines."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def test_first_order_uncertainty_holds_for_small_noise_and_third_order_for_large
     for rate, sd, order, tolerance in [(4.0, 0.02, 1, 0.01), (3.6, 0.22, 3, 0.04)]:
         sampled = CURVE.vwc(rng.normal(rate, sd, 400_000)).std()
         assert CURVE.vwc_sd(rate, sd, order=order) == pytest.approx(sampled, rel=tolerance)
-    # where the noise is large the first order is too optimistic
+    # with large noise, the first-order standard deviation is too small
     assert CURVE.vwc_sd(3.6, 0.22, order=1) < 0.95 * sampled
 
 
@@ -54,7 +54,7 @@ def test_third_order_standard_deviation_agrees_with_an_independent_implementatio
 
 @pytest.mark.parametrize(("rate", "sd"), [(3.6, 0.1), (3.2, 0.4), (2.6, 0.3)])
 def test_third_order_variance_is_that_of_the_cubic_expansion_of_the_curve(rate, sd):
-    """The expansion is that of mpmath, its variance by Gauss-Hermite quadrature, exact for cubic polynomials."""
+    """mpmath expands the curve; Gauss-Hermite quadrature of the variance is exact for cubic polynomials."""
 
     def desilets(n):
         return 1.4 * (0.0808 / (n / 6.0 - 0.372) - 0.115 - 0.04)

@@ -53,7 +53,7 @@ def test_published_sentences() -> None:
     assert (fix.status, fix.quality, fix.satellites, fix.hdop) == (FixStatus.FIX, 1, 8, 0.9)
     assert fix.speed_mps == pytest.approx(22.4 * 1852 / 3600)
     assert fix.course_deg == 84.4
-    # The date is of the last century, before any receiver of this kind: the reference is used.
+    # The date is in the last century, before receivers of this kind existed: the reference is used.
     assert fix.stamp_s == stamp("2024-03-23 12:35:19")
     assert problems == []
 

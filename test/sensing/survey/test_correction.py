@@ -1,4 +1,4 @@
-"""The steps from a raw record to a corrected one at its place."""
+"""The steps from a raw record to a corrected, geo-tagged record."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Links and evaluation together, from recordings and from a server."""
+"""Links and processing together, with recordings and a server."""
 
 import contextlib
 import math

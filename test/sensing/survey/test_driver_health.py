@@ -1,4 +1,4 @@
-"""State of links, records and fixes for the operator."""
+"""State of links, records and fixes in the diagnostics."""
 
 import math
 

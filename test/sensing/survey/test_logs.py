@@ -35,7 +35,7 @@ def write_log(path: Path, records, serial="a"):
 
 
 def track(*corners):
-    """A fix every 5 s between (elapsed time, latitude) corners."""
+    """Fixes every 5 s between corners (elapsed time, latitude)."""
     elapsed = np.arange(corners[0][0], corners[-1][0] + 1, 5.0)
     points = zip(elapsed.tolist(), np.interp(elapsed, *zip(*corners, strict=True)).tolist(), strict=True)
     return Track.from_positions((T0 + stamp, Position(latitude, 10.0)) for stamp, latitude in points)

@@ -1,4 +1,4 @@
-"""Records of a live stream are those of the files, and none is lost."""
+"""A live stream has the records of the files, and no record is lost."""
 
 import itertools
 import math
@@ -208,7 +208,7 @@ def test_missing_weather_is_that_of_before_but_not_of_long_ago():
 
 
 def test_the_loggers_own_positions_serve_as_from_a_file(roving_record):
-    """A real log: places at the middle of the interval, and where the logger had none the record has none."""
+    """A real log: positions at the middle of the interval; without a logged position the record has none."""
     path = roving_record
     site = Site(longitude="west", corrections={"pressure": None, "humidity": None})
     logger = load_logger_format("hydroinnova_rover")

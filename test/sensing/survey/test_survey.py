@@ -1,4 +1,4 @@
-"""One survey: a file and a live stream of the same data have the same records."""
+"""A file and a live stream of one survey produce equal records."""
 
 import math
 
@@ -41,7 +41,7 @@ def from_file(tmp_path, records, fixes, site):
 
 
 def one_by_one(records, fixes, site):
-    """Records and fixes in order of time, none known before it comes."""
+    """Records and fixes in order of time, none known in advance."""
     problems = []
     survey = Survey(site, FRAME, fix_wait_s=30.0, keep_unplaced=False, on_problem=problems.append)
     found = []
@@ -116,7 +116,7 @@ def test_the_middle_of_the_interval_is_joined_by_gnss_time():
     survey = Survey(UNCORRECTED, FRAME, track=Track([fix(float(s)) for s in range(100)]))
     survey.take_record(record(50.0), clock_ahead_s=20.0)
     assert survey.take_ready()[0].x_m == pytest.approx(25.0, abs=1e-6)
-    # up to 1.5 live times the interval begins at the record before, after a longer pause it is the live time
+    # the interval starts at the previous record up to 1.5 live times ago; after a longer gap it is the live time
     survey.take_record(record(64.9))
     assert survey.take_ready()[0].x_m == pytest.approx(57.45, abs=1e-6)
     survey.take_record(record(80.0))
