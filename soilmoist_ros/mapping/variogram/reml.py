@@ -48,7 +48,7 @@ _DIRECTED_PLACES = 150
 _LARGEST_STEP = 5.0
 """Search bounds of the parameters, in prior standard deviations."""
 _TOLERANCE = 1e-5
-"""Tolerance of the optimiser, roughly in prior standard deviations."""
+"""Largest component of the gradient at which the optimiser stops."""
 
 
 @dataclass(frozen=True)
