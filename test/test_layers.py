@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -51,6 +52,7 @@ def sources(root: Path = ROOT) -> dict[str, Path]:
     return dict(zip(names, paths, strict=True))
 
 
+@cache
 def imports(path: Path, root: Path = ROOT) -> set[str]:
     """Absolute names of a file's imports: modules, and names that may be modules."""
     package = path.relative_to(root).parts[:-1]

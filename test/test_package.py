@@ -220,6 +220,7 @@ def test_the_team_of_the_robot_page_is_what_the_nodes_read():
     assert all(node["ros__parameters"] == {"others": ["/robot_1", "/robot_2"]} for node in content.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
 def test_the_python_of_a_page_runs(page, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

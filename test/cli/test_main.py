@@ -224,6 +224,7 @@ def test_help_imports_no_heavy_libraries():
     assert out.rstrip().endswith("heavy:")
 
 
+@pytest.mark.slow
 def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     out = tmp_path / "out"
     result = run("simulate", "--field", "synthetic-high", "--strategy", "greedy", "--dwell", "fmi:120",
@@ -278,6 +279,7 @@ def test_further_properties_are_mapped(tmp_path):
         assert f"property   {name}: MSE {about['final'][f'mse_{name}']:.4f} (counts/s)2" in result.output
 
 
+@pytest.mark.slow
 def test_the_deprecated_options_of_properties_are_read_with_a_warning(tmp_path):
     result = run(
         "simulate", "--also", "rough", "--also-weight", 0.5, "--hours", 0.1, "--cell", 5, "--out", tmp_path

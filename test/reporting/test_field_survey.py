@@ -47,6 +47,7 @@ def test_what_is_saved_tells_the_whole_story(saved):
     assert summary["calibration"]["n0_cps"] == 6.0
 
 
+@pytest.mark.slow
 def test_a_map_that_starts_from_what_was_saved_is_the_same(saved):
     survey, folder, _ = saved
     again = filled(read_earlier(folder))

@@ -26,6 +26,7 @@ def run(result, tmp_path_factory):
     return open_run(folder)
 
 
+@pytest.mark.slow
 def test_a_mission_comes_back(run, result):
     assert run.summary["simulated"] is True
     assert run.properties == [""]
@@ -45,6 +46,7 @@ def test_a_mission_comes_back(run, result):
     assert f"{len(result.visits)} visits" in repr(run)
 
 
+@pytest.mark.slow
 def test_a_map_without_a_mission_has_no_visits(make_run, tmp_path):
     write_outputs(tmp_path, make_run())
     run = open_run(str(tmp_path))
