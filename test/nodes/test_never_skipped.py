@@ -22,6 +22,9 @@ import pytest
         "mcap_ros2.decoder",
         "xarray",
         "geopandas",
+        "pandas",
+        "distributed",
+        "yaml",
     ],
 )
 def test_what_tests_need_is_there(name):
