@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from queue import SimpleQueue
 from threading import Lock
@@ -105,6 +105,7 @@ class MissionControl:
     :param journal: where the mission is written down
     :param properties: namespaces in which further properties are mapped, and their weights; that of the robot's
         own is 1
+    :param executor: where stops are chosen; a thread of its own if ``None``
     """
 
     def __init__(
@@ -118,6 +119,7 @@ class MissionControl:
         outputs: Outputs,
         journal: MissionJournal | None = None,
         properties: Mapping[str, float] = MappingProxyType({}),
+        executor: Executor | None = None,
     ) -> None:
         self._field = field
         self._settings = settings
@@ -135,7 +137,7 @@ class MissionControl:
         named = (PropertyMap(name, weight) for name, weight in properties.items())
         self._queue = PlanningQueue(map_wait_s, (OWN, *named))
         self._queue_lock = Lock()
-        self._pool = ThreadPoolExecutor(1, "planning")
+        self._pool = executor or ThreadPoolExecutor(1, "planning")
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
         self._explorer: tuple[float | None, FieldAccess, Explorer] | None = None  # of the pool's thread
         self._choice: Choice | None = None
