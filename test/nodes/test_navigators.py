@@ -3,6 +3,7 @@
 import threading
 import time
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
@@ -15,6 +16,7 @@ from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLim
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
 from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_class
@@ -23,6 +25,7 @@ from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_c
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 FAR, OTHER = STOPS[-1], STOPS[0]
+WAY = Way(np.empty((0, 2)))
 LIMITS = GoalLimits(start_s=20.0, answer_s=10.0, lost_s=1.0, position_s=1.0)
 
 
@@ -84,11 +87,11 @@ def navigation(ros, world):
 def test_arrival_and_what_is_said_on_the_way(ros, world, navigation, drive):
     driver = drive()
     ros.wait_for(lambda: not driver.navigator.waiting_for)
-    driver.navigator.go(1, FAR)
+    driver.navigator.go(1, FAR, WAY)
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
     # the plain topic is best effort here, so it arrives only if the subscription adapts
-    driver.navigator.go(2, OTHER)
+    driver.navigator.go(2, OTHER, WAY)
     ros.wait_for(lambda: driver.navigator.on_the_way == OTHER.name, message="feedback of the plain topic")
 
 
@@ -104,17 +107,17 @@ def test_arrival_and_what_is_said_on_the_way(ros, world, navigation, drive):
 def test_what_is_not_an_arrival(navigation, drive, quirk, value, reason):
     setattr(navigation, quirk, value)
     driver = drive()
-    driver.navigator.go(1, FAR)
+    driver.navigator.go(1, FAR, WAY)
     assert driver.end_of(1).outcome is Outcome.FAILED
     assert reason in driver.end_of(1).reason
     setattr(navigation, quirk, type(value)())
-    driver.navigator.go(2, FAR)
+    driver.navigator.go(2, FAR, WAY)
     assert driver.end_of(2).outcome is Outcome.SUCCEEDED
 
 
 def test_a_stop_that_the_navigation_does_not_know(navigation, drive):
     driver = drive()
-    driver.navigator.go(1, Stop("nowhere", 0.0, 0.0))
+    driver.navigator.go(1, Stop("nowhere", 0.0, 0.0), WAY)
     assert driver.end_of(1).outcome is Outcome.FAILED
     assert "is the stop on its map" in driver.end_of(1).reason
 
@@ -124,7 +127,7 @@ def test_cancelling_stops_the_robot_whatever_is_answered(ros, world, navigation,
     navigation.cancels = cancels
     world.rate = 5.0
     driver = drive()
-    driver.navigator.go(1, FAR)
+    driver.navigator.go(1, FAR, WAY)
     ros.wait_for(lambda: navigation.goals and world.goal is not None)
     driver.navigator.cancel(1)
     assert driver.end_of(1).outcome is Outcome.CANCELED
@@ -135,9 +138,9 @@ def test_cancelling_stops_the_robot_whatever_is_answered(ros, world, navigation,
 def test_a_second_goal_waits_for_the_end_of_the_first(ros, world, navigation, drive):
     world.rate = 10.0
     driver = drive()
-    driver.navigator.go(1, FAR)
+    driver.navigator.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
-    driver.navigator.go(2, OTHER)
+    driver.navigator.go(2, OTHER, WAY)
     assert driver.end_of(1).outcome is Outcome.CANCELED
     assert driver.end_of(2).outcome is Outcome.SUCCEEDED
     assert navigation.most_at_once == 1
@@ -147,7 +150,7 @@ def test_a_second_goal_waits_for_the_end_of_the_first(ros, world, navigation, dr
 def test_goals_of_a_process_before_are_cancelled(ros, world, navigation, drive):
     world.rate = 5.0
     before = drive()
-    before.navigator.go(1, FAR)
+    before.navigator.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
     before.running = False
     after = drive()
@@ -158,7 +161,7 @@ def test_goals_of_a_process_before_are_cancelled(ros, world, navigation, drive):
 
 def test_the_server_may_come_late(ros, world, drive):
     driver = drive()
-    driver.navigator.go(1, OTHER)
+    driver.navigator.go(1, OTHER, WAY)
     assert "topological_navigation" in driver.navigator.waiting_for
     with VirtualNavigation(ros, world):
         assert driver.end_of(1).outcome is Outcome.SUCCEEDED
@@ -166,7 +169,7 @@ def test_the_server_may_come_late(ros, world, drive):
 
 def test_a_server_that_never_comes(drive):
     driver = drive(GoalLimits(start_s=0.3))
-    driver.navigator.go(1, OTHER)
+    driver.navigator.go(1, OTHER, WAY)
     assert driver.end_of(1).outcome is Outcome.FAILED
     assert "is not there" in driver.end_of(1).reason
 
@@ -175,13 +178,13 @@ def test_the_server_may_die_in_mid_goal_and_come_back(ros, world, drive):
     world.rate = 5.0
     driver = drive()
     with VirtualNavigation(ros, world) as first:
-        driver.navigator.go(1, FAR)
+        driver.navigator.go(1, FAR, WAY)
         ros.wait_for(lambda: world.goal is not None)
         first.die()
     assert driver.end_of(1).outcome is Outcome.FAILED
     world.rate = 30.0
     with VirtualNavigation(ros, world) as second:
-        driver.navigator.go(2, OTHER)
+        driver.navigator.go(2, OTHER, WAY)
         assert driver.end_of(2).outcome is Outcome.SUCCEEDED
         assert second.ends == ["succeeded"]
 
@@ -215,7 +218,7 @@ def posing(ros, world):
 
 
 def test_poses_arrive_when_the_robot_stands_there(world, posing):
-    posing.navigator.go(1, FAR)
+    posing.navigator.go(1, FAR, WAY)
     assert posing.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
     assert posing.poses == [(FAR.x_m, FAR.y_m)]
@@ -223,7 +226,7 @@ def test_poses_arrive_when_the_robot_stands_there(world, posing):
 
 def test_poses_are_cancelled_by_staying(ros, world, posing):
     world.rate = 10.0
-    posing.navigator.go(1, FAR)
+    posing.navigator.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
     posing.navigator.cancel(1)
     assert posing.end_of(1).outcome is Outcome.CANCELED

@@ -30,6 +30,7 @@ from soilmoist_ros.exploration.mission.types import (
     CancelGoal,
     Command,
     Finish,
+    GoalFailed,
     GoTo,
     MissionRules,
     MissionStatus,
@@ -50,6 +51,7 @@ from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import Samples
@@ -378,7 +380,7 @@ class MissionControl:
                     self._queue.ask(action, self._outputs.now_s())
                 self._plan_if_due()
             case GoTo():
-                self.navigator.go(action.goal_id, action.stop)
+                self._go(action)
             case CancelGoal():
                 self.navigator.cancel(action.goal_id)
             case VisitDone(visit=visit):
@@ -397,6 +399,17 @@ class MissionControl:
                 self._outputs.finish(action)
             case _:
                 pass  # counting is shown by the status
+
+    def _go(self, goal: GoTo) -> None:
+        """Send a goal with its route; one that the fence refuses is never sent."""
+        try:
+            if self._access is None or self._feed.place is None:
+                raise InputError("where the robot is, or may go, is not known")
+            way = self._access.way(self._feed.place, goal.stop)
+        except InputError as refusal:
+            self._feed.give(GoalFailed(self._outputs.now_s(), goal.goal_id, f"not sent: {refusal}"))
+        else:
+            self.navigator.go(goal.goal_id, goal.stop, way)
 
     # Planning ------------------------------------------------------------------------------------------------
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.properties import Property
@@ -14,6 +16,7 @@ from soilmoist_ros.exploration.strategies.registry import make_strategy, strateg
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field
@@ -71,6 +74,7 @@ class FieldAccess:
         cell_m: float | None = None,
     ) -> None:
         self.grid = field.grid(cell_m)
+        self.fence = Fence(field, 0.0, 0.0 if graph is None else margin_m)
         self._named: tuple[Stop, ...]
         self.travel: TravelModel
         if graph is None:
@@ -80,6 +84,18 @@ class FieldAccess:
             self.travel = GraphTravel(graph, motion)
             self._named = graph.stops
             self.stops = _inside(field, graph, margin_m)
+
+    def way(self, place: ArrayLike, stop: Stop) -> Way:
+        """The route from a place to a stop, as it may be driven.
+
+        :param place: where the robot is, shape (2,) [m]
+        :raises InputError: if no route leads there, or the fence refuses it
+        """
+        try:
+            corners = self.travel.route(place, stop)
+        except ValueError as error:
+            raise InputError(str(error), "choose another stop") from None
+        return Way(corners)
 
     def stop(self, name: str) -> Stop:
         """The stop of this name, also one outside the field.

@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.way import Way
 
 
 class Outcome(StrEnum):
@@ -44,8 +45,14 @@ class Navigator(Protocol):
         """What the navigation says about the way, for displays; empty if nothing."""
         ...
 
-    def go(self, goal_id: int, stop: Stop) -> None:
-        """Take the robot to a stop."""
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
+        """Take the robot to a stop.
+
+        :param goal_id: the mission's id of the goal
+        :param stop: where to
+        :param way: the route, allowed by the fence: a navigation that takes poses is sent its corners as way points,
+            one that takes names is sent ``way.nodes`` one after the other
+        """
         ...
 
     def cancel(self, goal_id: int) -> None:

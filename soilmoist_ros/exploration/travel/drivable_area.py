@@ -25,10 +25,15 @@ class DrivableArea:
     :param polygons: outlines of the field, each of shape (k, 2) [m], at least one
     :param no_go: outlines of areas that must not be entered, likewise
     :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
+    :param beyond_m: if positive, the border lies this far outside the outlines and keeps no margin [m]
     """
 
     def __init__(
-        self, polygons: Sequence[ArrayLike], no_go: Sequence[ArrayLike] = (), margin_m: float = 0.0
+        self,
+        polygons: Sequence[ArrayLike],
+        no_go: Sequence[ArrayLike] = (),
+        margin_m: float = 0.0,
+        beyond_m: float = 0.0,
     ) -> None:
         import shapely
 
@@ -36,8 +41,13 @@ class DrivableArea:
             raise ValueError("a drivable area needs the outline of a field")
         if not (np.isfinite(margin_m) and margin_m >= 0):
             raise ValueError(f"margin_m must be >= 0 and finite, got {margin_m}")
+        if not (np.isfinite(beyond_m) and beyond_m >= 0):
+            raise ValueError(f"beyond_m must be >= 0 and finite, got {beyond_m}")
         area = shapely.union_all([shapely.Polygon(np.asarray(ring, float)) for ring in polygons])
-        area = area.difference(shapely.union_all([shapely.Polygon(np.asarray(ring, float)) for ring in no_go]))
+        cut = shapely.union_all([shapely.Polygon(np.asarray(ring, float)) for ring in no_go])
+        if beyond_m > 0:
+            area = area.buffer(beyond_m + margin_m)
+        area = area.difference(cut)
         self.shape: BaseGeometry = area.buffer(-margin_m, join_style="mitre") if margin_m > TOLERANCE_M else area
         self._tolerant = self.shape.buffer(TOLERANCE_M, join_style="mitre")
         shapely.prepare(self._tolerant)

@@ -12,6 +12,7 @@ from msg_adapters.plan import pose_stamped
 from soilmoist_ros.exploration.navigation.navigator import Ended
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient, SendPose
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 
 TOPIC = "goal_pose"
@@ -46,7 +47,7 @@ class GoalPoseNavigator:
         """Always empty: there is no feedback."""
         return ""
 
-    def go(self, goal_id: int, stop: Stop) -> None:
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         with self._lock:
             requests = self._client.go(goal_id, stop)

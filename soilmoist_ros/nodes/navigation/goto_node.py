@@ -19,6 +19,7 @@ from unique_identifier_msgs.msg import UUID
 from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Request, SendGoal
 from soilmoist_ros.exploration.navigation.navigator import Ended
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.nodes.navigation.route_feedback import RouteFeedback
@@ -65,7 +66,7 @@ class GotoNodeNavigator:
         """The last node in the navigation's feedback."""
         return self._feedback.route
 
-    def go(self, goal_id: int, stop: Stop) -> None:
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         self._feedback.route = ""
         self._step(self._client.go, goal_id, stop)

@@ -45,7 +45,7 @@ class Around:
 
     # the navigator
 
-    def go(self, goal_id, stop):
+    def go(self, goal_id, stop, way):
         self.goals.append((goal_id, stop))
 
     def cancel(self, goal_id):

@@ -1,0 +1,119 @@
+"""The fence: the field without its no-go areas. Every stop, edge, goal and route is validated by it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field import Field
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_STEP_M = 0.5
+"""Step along a route at which its distance from the allowed area is measured [m]."""
+
+
+class Fence:
+    """Where the robot's centre may be: in the field, and not in a no-go area.
+
+    :param field: outline and no-go areas
+    :param margin_m: distance to keep from the border and the no-go areas, such as the robot's radius [m], >= 0
+    :param beyond_m: the border lies this far outside the field's outline, and keeps no margin [m], >= 0. The
+        margin of no-go areas stays. For nodes that the farm has surveyed close to the border
+    :raises InputError: if no place is left
+    """
+
+    def __init__(self, field: Field, margin_m: float = 0.0, beyond_m: float = 0.0) -> None:
+        self.margin_m = margin_m
+        self.area = DrivableArea((field.polygon,), field.no_go, margin_m, beyond_m)
+        self._border = DrivableArea((field.polygon,), (), margin_m, beyond_m)
+        self._no_go = [_grown(ring, margin_m) for ring in field.no_go]
+        if self.area.shape.is_empty:
+            raise InputError(
+                f"no place of the field {field.name!r} is {margin_m:g} m away from its border and no-go areas",
+                "check the field's corners and no-go areas, or set a smaller robot_radius_m",
+            )
+
+    def contains(self, xy: ArrayLike) -> Flags:
+        """Whether each place is inside, shape (k,); a place that is not finite is not.
+
+        :param xy: places, shape (k, 2) or (2,) [m]
+        """
+        return self.area.contains(xy)
+
+    def allows(self, polyline: ArrayLike) -> bool:
+        """Whether a whole route stays inside.
+
+        :param polyline: corners of the route, shape (p, 2); one place is a route too [m]
+        """
+        corners = np.asarray(polyline, float).reshape(-1, 2)
+        if not len(corners) or not np.isfinite(corners).all():
+            return False
+        return bool(self.area.contains(corners).all() and self.area.allows(corners[:-1], corners[1:]).all())
+
+    def outside_m(self, place: ArrayLike) -> float:
+        """Distance from a place to the nearest one that is allowed [m]; 0 inside, inf if it is not finite.
+
+        :param place: shape (2,) [m]
+        """
+        import shapely
+
+        xy = np.asarray(place, float)
+        if not np.isfinite(xy).all():
+            return float("inf")
+        return 0.0 if self.contains(xy)[0] else float(self.area.shape.distance(shapely.Point(xy)))
+
+    def refusal(self, polyline: ArrayLike) -> str:
+        """Why a route or place is not allowed: what it enters or leaves, where, and by how much; empty if it is.
+
+        :param polyline: corners of the route, shape (p, 2); one place is a route too [m]
+        """
+        import shapely
+
+        corners = np.asarray(polyline, float).reshape(-1, 2)
+        if self.allows(corners):
+            return ""
+        if not len(corners) or not np.isfinite(corners).all():
+            return "it has no place, or one that is not finite"
+        is_place = bool((corners == corners[0]).all())
+        line = shapely.Point(corners[0]) if is_place else shapely.LineString(corners)
+        for number, area in enumerate(self._no_go, 1):
+            entered = line.intersection(area)
+            if not entered.is_empty and self._depth_m(entered) > 0:
+                what = f"is in no-go area {number}" if is_place else f"enters no-go area {number}"
+                return self._text(what, line, entered, "deep")
+        left = line.difference(self._border.shape)
+        what = "is outside the field" if is_place else "leaves the field"
+        return self._text(what, line, left if not left.is_empty else line, "outside")
+
+    def _text(self, what: str, line: BaseGeometry, part: BaseGeometry, how: str) -> str:
+        import shapely
+
+        at = shapely.get_coordinates(part)
+        first = at[0]
+        if line.geom_type == "LineString":
+            first = at[np.argmin(shapely.line_locate_point(line, shapely.points(at)))]
+        margin = f" with {self.margin_m:g} m margin" if self.margin_m > 0 else ""
+        return f"it {what} at ({first[0]:.1f}, {first[1]:.1f}), {self._depth_m(part):.1f} m {how}{margin}"
+
+    def _depth_m(self, part: BaseGeometry) -> float:
+        """Largest distance of a part of a route from the allowed area [m]."""
+        import shapely
+
+        places = shapely.points(shapely.get_coordinates(shapely.segmentize(part, _STEP_M)))
+        return float(np.max(shapely.distance(self.area.shape, places), initial=0.0))
+
+
+def _grown(ring: Array | Sequence[ArrayLike], margin_m: float) -> BaseGeometry:
+    import shapely
+
+    return shapely.Polygon(np.asarray(ring, float)).buffer(margin_m, join_style="mitre")

@@ -1,0 +1,24 @@
+"""The route of a goal, as it goes to a navigator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Way:
+    """A route that the fence allows.
+
+    :param corners: corners from the robot's place to the stop, both included, shape (p, 2) [m]; way points for a
+        navigation that takes poses
+    :param nodes: nodes to send one after the other to a navigation that takes names, the stop last. There is more
+        than one where the navigation's own route to the stop would leave the fence; empty without a travel graph
+    """
+
+    corners: Array
+    nodes: tuple[str, ...] = ()

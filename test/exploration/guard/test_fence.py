@@ -1,0 +1,63 @@
+"""The fence: what it allows, and what it says about the rest."""
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+
+SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
+POND = np.array([[20, 10], [40, 10], [40, 30], [20, 30]], float)
+FIELD = Field("meadow", LocalFrame(53.0, 0.0), SQUARE, (POND,))
+
+
+def test_places_and_routes_inside():
+    fence = Fence(FIELD)
+    assert fence.contains([(5, 5), (30, 20), (-1, 5), (0, 0), (np.nan, 3)]).tolist() == [
+        True, False, False, True, False,
+    ]  # fmt: skip
+    assert fence.allows([(5, 5), (55, 5), (55, 35)])
+    assert fence.allows([(5, 5)])
+    assert not fence.allows([(5, 20), (55, 20)]), "through the pond"
+    assert fence.allows([(5, 10), (55, 10)]), "along its border"
+    assert not fence.allows([(5, 5), (np.nan, 5)])
+    assert not fence.allows(np.empty((0, 2)))
+    assert fence.refusal([(5, 5), (55, 5)]) == ""
+
+
+def test_a_refusal_says_what_where_and_by_how_much():
+    fence = Fence(FIELD)
+    assert fence.refusal([(5, 20), (55, 20)]) == "it enters no-go area 1 at (20.0, 20.0), 10.0 m deep"
+    assert fence.refusal([(55, 20), (5, 20)]).startswith("it enters no-go area 1 at (40.0, 20.0)")
+    assert fence.refusal([(30, 28)]) == "it is in no-go area 1 at (30.0, 28.0), 2.0 m deep"
+    assert fence.refusal([(5, 5), (-7, 5), (5, 6)]) == "it leaves the field at (0.0, 5.0), 7.0 m outside"
+    assert fence.refusal([(72, 5)]) == "it is outside the field at (72.0, 5.0), 12.0 m outside"
+    assert "not finite" in fence.refusal([(np.inf, 5)])
+
+
+def test_the_robots_radius_is_kept():
+    fence = Fence(FIELD, 1.5)
+    assert fence.allows([(1.5, 1.5), (58.5, 1.5)])
+    assert not fence.allows([(1.4, 1.5), (58.5, 1.5)])
+    assert "enters no-go area 1" in fence.refusal([(5, 9), (55, 9)])
+    assert "0.5 m deep with 1.5 m margin" in fence.refusal([(5, 9), (55, 9)])
+
+
+def test_a_border_beyond_the_field_keeps_the_margin_of_no_go_areas():
+    fence = Fence(FIELD, 1.0, 3.0)
+    assert fence.contains([(-2.9, 5), (-3.1, 5), (30, 9.1), (30, 8.9)]).tolist() == [True, False, False, True]
+
+
+def test_distance_outside():
+    fence = Fence(FIELD)
+    assert fence.outside_m((5, 5)) == 0
+    assert fence.outside_m((60, 43)) == pytest.approx(3.0)
+    assert fence.outside_m((30, 28)) == pytest.approx(2.0), "to the border of the pond"
+    assert fence.outside_m((np.nan, 0)) == np.inf
+
+
+def test_a_field_too_narrow_for_the_robot():
+    with pytest.raises(InputError, match="no place of the field 'meadow' is 30 m away"):
+        Fence(FIELD, 30.0)
