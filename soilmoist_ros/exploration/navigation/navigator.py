@@ -50,8 +50,8 @@ class Navigator(Protocol):
 
         :param goal_id: the mission's id of the goal
         :param stop: where to
-        :param way: the route, allowed by the fence: a navigation that takes poses is sent its corners as way points,
-            one that takes names is sent ``way.nodes`` one after the other
+        :param way: the route, allowed by the fence: poses go to its corners as way points,
+            names are sent as in ``way.nodes``, one after the other
         """
         ...
 
