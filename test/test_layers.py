@@ -37,6 +37,7 @@ ROS = {
     "soilmoist_msgs",
     "std_msgs",
     "std_srvs",
+    "tf2_msgs",
     "topological_navigation_msgs",
     "unique_identifier_msgs",
     "visualization_msgs",

@@ -79,7 +79,7 @@ def test_a_goal_goes_to_another_process_and_its_result_comes_back(ros, goto_node
 
 
 def test_every_package_is_built_into_the_environment(goto_node):
-    assert {package.name for package in PACKAGES} == {"soilmoist_msgs", "topological_navigation_msgs"}
+    assert {package.name for package in PACKAGES} == {"soilmoist_msgs", "tf2_msgs", "topological_navigation_msgs"}
     for package in PACKAGES:
         for file in (*package.glob("msg/*.msg"), *package.glob("srv/*.srv"), *package.glob("action/*.action")):
             kind = getattr(importlib.import_module(f"{package.name}.{file.parent.name}"), file.stem)
