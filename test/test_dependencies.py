@@ -27,7 +27,6 @@ OPTIONAL = {
     "xarray": "tables of results, on a laptop",
     "soilmoist_msgs": "interfaces/; without it the planner publishes no visits",
     "topological_navigation_msgs": "the robot's own workspace has it",
-    "tf2_msgs": "apt has it on a robot; without it the frames are not checked",
 }
 
 
