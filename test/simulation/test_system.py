@@ -15,10 +15,17 @@ from soilmoist_ros.simulation.mission.simulator import simulate_mission
 from soilmoist_ros.simulation.robot.faulty_link import Sent
 from soilmoist_ros.simulation.robot.scenario import Scenario, load_scenario
 from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded
-from soilmoist_ros.simulation.system import GNSS, LOGGER, PropertyCounted, VirtualSystem
+from soilmoist_ros.simulation.simulated_robot import GNSS, LOGGER, PropertyCounted
+from soilmoist_ros.simulation.system import VirtualSystem
 
 START_S = 1_780_000_000.0
 SETTINGS = MissionSettings(field="half-wet", seed=5, travel="graph", cell_m=2.0)
+
+
+def advance(system, to_s):
+    """Output of the only robot."""
+    (outputs,) = system.advance(to_s)
+    return outputs
 
 
 def stream(outputs, link):
@@ -58,9 +65,9 @@ def test_counts_equal_those_of_a_mission_without_ros(weather):
     system = VirtualSystem(settings, START_S)
     outputs = []
     for time_s, target in goals:
-        outputs += system.advance(time_s)
-        system.go_to(target)
-    outputs += system.advance(mission.records[-1].stamp_s)
+        outputs += advance(system, time_s)
+        system.robots[0].go_to(target)
+    outputs += advance(system, mission.records[-1].stamp_s)
     found, problems = records(outputs)
     assert problems == []
     assert [sum(record.tube_counts) for record in found] == [record.raw_counts for record in mission.records]
@@ -80,7 +87,8 @@ def test_counts_equal_those_of_a_mission_without_ros(weather):
 @pytest.mark.slow
 def test_an_additional_property_does_not_change_the_first():
     alone, both = (
-        VirtualSystem(replace(SETTINGS, properties=further), START_S).advance(900) for further in ((), ("smooth",))
+        advance(VirtualSystem(replace(SETTINGS, properties=further), START_S), 900)
+        for further in ((), ("smooth",))
     )
     assert [output for output in both if not isinstance(output, PropertyCounted)] == alone
     assert len(both) == len(alone) + 90
@@ -94,8 +102,8 @@ def test_an_additional_property_does_not_change_the_first():
 def test_the_output_does_not_depend_on_the_number_of_steps(steps, scenario):
     def outputs(times):
         system = VirtualSystem(SETTINGS, START_S, scenario=load_scenario(scenario))
-        system.go_to(system.map.graph.names[-1])
-        return [output for time_s in times for output in system.advance(time_s)]
+        system.robots[0].go_to(system.map.graph.names[-1])
+        return [output for time_s in times for output in advance(system, time_s)]
 
     times = np.cumsum(steps)
     assert outputs(times) == outputs(times[-1:])
@@ -104,7 +112,7 @@ def test_the_output_does_not_depend_on_the_number_of_steps(steps, scenario):
 @pytest.mark.slow
 def test_a_seed_determines_everything_and_another_changes_it():
     def outputs(seed):
-        return VirtualSystem(replace(SETTINGS, seed=seed), START_S).advance(600)
+        return advance(VirtualSystem(replace(SETTINGS, seed=seed), START_S), 600)
 
     assert outputs(1) == outputs(1)
     assert stream(outputs(1), LOGGER) != stream(outputs(2), LOGGER)
@@ -114,8 +122,8 @@ def test_a_seed_determines_everything_and_another_changes_it():
 def test_the_receiver_follows_the_robot():
     system = VirtualSystem(SETTINGS, START_S)
     target = system.map.graph.names[-1]
-    goal = system.go_to(target)
-    outputs = system.advance(400)
+    goal = system.robots[0].go_to(target)
+    outputs = advance(system, 400)
     assert next(output for output in outputs if isinstance(output, GoalEnded)).goal_id == goal
     found, problems = fixes(outputs)
     assert problems == []
@@ -133,27 +141,27 @@ def test_a_cancelled_goal_keeps_the_counts_of_the_driven_route():
     split = replace(SETTINGS, field="synthetic-high", cadence_s=100.0, speed_mps=1.0, weather=False)
     system = VirtualSystem(split, START_S)
     seen = []
-    record = system.logger.record
-    system.logger.record = lambda end_s, path: seen.append(path.copy()) or record(end_s, path)
-    goal = system.go_to(system.map.graph.names[-1])
-    system.advance(50)
-    system.cancel(goal)
-    here = system.robot.at(50)
-    system.advance(100)
+    record = system.robots[0].logger.record
+    system.robots[0].logger.record = lambda end_s, path: seen.append(path.copy()) or record(end_s, path)
+    goal = system.robots[0].go_to(system.map.graph.names[-1])
+    advance(system, 50)
+    system.robots[0].cancel(goal)
+    here = system.robots[0].body.at(50)
+    advance(system, 100)
     assert np.unique(seen[0], axis=0).shape == (6, 2)
     assert np.all(seen[0][:5] == here)
 
 
 def test_epochs_can_be_shorter_than_a_second():
-    found, problems = fixes(VirtualSystem(SETTINGS, START_S, gnss_period_s=0.2).advance(10))
+    found, problems = fixes(advance(VirtualSystem(SETTINGS, START_S, gnss_period_s=0.2), 10))
     assert problems == []
     assert [fix.stamp_s for fix in found] == pytest.approx([START_S + 0.2 * number for number in range(51)])
 
 
 @pytest.mark.slow
 def test_a_bad_link_loses_records_but_changes_none():
-    good = {record.record_number: record for record in records(VirtualSystem(SETTINGS, START_S).advance(3600))[0]}
-    bad, problems = records(VirtualSystem(SETTINGS, START_S, scenario=load_scenario("bad_link")).advance(3600))
+    good = {record.record_number: record for record in records(advance(VirtualSystem(SETTINGS, START_S), 3600))[0]}
+    bad, problems = records(advance(VirtualSystem(SETTINGS, START_S, scenario=load_scenario("bad_link")), 3600))
     assert problems
     assert 0.8 * len(good) < len(bad) < len(good)
     for record in bad:
@@ -162,7 +170,7 @@ def test_a_bad_link_loses_records_but_changes_none():
 
 def test_a_receiver_without_a_fix_reports_it():
     scenario = Scenario.model_validate({"gnss": {"no_fix": [{"at_s": 100, "for_s": 20}]}})
-    found, _ = fixes(VirtualSystem(SETTINGS, START_S, scenario=scenario).advance(200))
+    found, _ = fixes(advance(VirtualSystem(SETTINGS, START_S, scenario=scenario), 200))
     assert [fix.stamp_s - START_S for fix in found if fix.quality == 0] == list(range(100, 120))
 
 
@@ -175,3 +183,54 @@ def test_failing_edges_must_be_on_the_map():
     bad = Scenario.model_validate({"navigation": {"failing_edges": [[start, "nowhere"]]}})
     with pytest.raises(InputError, match=f"no edge {start} -> nowhere"):
         VirtualSystem(SETTINGS, START_S, scenario=bad)
+
+
+@pytest.mark.slow
+def test_several_robots_count_like_those_of_a_mission_without_ros():
+    settings = replace(
+        SETTINGS, robots=3, dwell="fmi:90", hours=0.3, strategy="random", properties=("rough",), weather=True
+    )
+    mission = simulate_mission(settings)
+    system = VirtualSystem(settings, START_S)
+    outputs = [[] for _ in system.robots]
+
+    def until(time_s):
+        for its, new in zip(outputs, system.advance(time_s), strict=True):
+            its += new
+
+    end_s = min(float(text.split()[0]) for text in mission.log if "end: " in text)
+    for text in mission.log:
+        if (match := re.match(r" *(\d+) s  robot (\d): go to (\S+):", text)) and float(match[1]) <= end_s:
+            until(float(match[1]))
+            system.robots[int(match[2]) - 1].go_to(match[3])
+    until(end_s)
+    found = [[sum(record.tube_counts) for record in records(its)[0]] for its in outputs]
+    assert found[0] != found[1]
+    counts = [record.raw_counts for record in mission.records if record.stamp_s <= end_s]
+    assert sorted(count for its in found for count in its) == sorted(counts)
+    rough = [output.record for its in outputs for output in its if isinstance(output, PropertyCounted)]
+    counts = [record.raw_counts for record in mission.properties[1].records if record.stamp_s <= end_s]
+    assert sorted(record.raw_counts for record in rough) == sorted(counts)
+
+
+def test_robots_do_not_disturb_each_other():
+    def places(robots, goals):
+        system = VirtualSystem(replace(SETTINGS, robots=robots), START_S)
+        for number, target in goals.items():
+            system.robots[number].go_to(system.map.graph.names[target])
+        found, _ = fixes(system.advance(60)[1])
+        return [(fix.position.latitude_deg, fix.position.longitude_deg) for fix in found]
+
+    assert places(3, {0: -1, 1: 5}) == places(2, {1: 5})
+    assert places(3, {0: -1, 1: 5}) != places(3, {1: -1})
+
+
+def test_time_can_stop_when_a_goal_ends():
+    system = VirtualSystem(replace(SETTINGS, robots=2), START_S)
+    system.robots[1].go_to(system.map.graph.names[-1])
+    outputs = system.advance(1000, stop_at_goal_end=True)
+    assert isinstance(next(output for output in outputs[1] if isinstance(output, GoalEnded)), GoalEnded)
+    arrival_s = system.now_s
+    assert 30 < arrival_s < 400
+    assert all(robot.now_s == arrival_s for robot in system.robots)
+    assert not any(isinstance(output, GoalEnded) for its in system.advance(1000) for output in its)

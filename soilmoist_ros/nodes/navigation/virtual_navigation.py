@@ -11,33 +11,43 @@ from rclpy.publisher import Publisher
 
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, OnRoute, Outcome
-from soilmoist_ros.simulation.system import VirtualSystem
+from soilmoist_ros.simulation.simulated_robot import SimulatedRobot
 
 ACTION = "topological_navigation"
 
 
 class NavigationServer:
-    """Serves GotoNode for a virtual system.
+    """Serves GotoNode for a simulated robot.
 
     rclpy executes a goal only when the goal ends, so that no thread waits while the robot drives.
 
     :param node: node of the server
-    :param system: the virtual system that handles goals
+    :param robot: the robot that handles goals
     :param group: mutually exclusive callback group, shared with the callbacks that advance the system
+    :param action: name of the action
+    :param plain_feedback: whether feedback is published on a topic instead of the action
     :raises ImportError: if topological_navigation_msgs is not installed
     """
 
-    def __init__(self, node: Node, system: VirtualSystem, group: CallbackGroup) -> None:
+    def __init__(
+        self,
+        node: Node,
+        robot: SimulatedRobot,
+        group: CallbackGroup,
+        action: str = ACTION,
+        plain_feedback: bool = False,
+    ) -> None:
         from topological_navigation_msgs.action import GotoNode
 
         self._type = GotoNode
         self._node = node
-        self._system = system
+        self._robot = robot
         self._group = group
+        self._action = action
         self._server: Any = None
         self._plain_feedback: Publisher | None = None
-        if system.scenario.navigation.feedback == "topic":
-            self._plain_feedback = node.create_publisher(GotoNode.Feedback, f"{ACTION}/feedback", DEFAULT)
+        if plain_feedback:
+            self._plain_feedback = node.create_publisher(GotoNode.Feedback, f"{action}/feedback", DEFAULT)
         self._numbers: dict[bytes, int] = {}
         self._handles: dict[int, Any] = {}
         self._endings: dict[bytes, GoalEnded] = {}
@@ -54,7 +64,7 @@ class NavigationServer:
             self._server = ActionServer(
                 self._node,
                 self._type,
-                ACTION,
+                self._action,
                 execute_callback=self._execute,
                 goal_callback=self._on_goal,
                 handle_accepted_callback=self._on_accepted,
@@ -89,7 +99,7 @@ class NavigationServer:
 
     def _on_goal(self, goal: Any) -> GoalResponse:
         # The number is needed before the handle exists. The two callbacks run directly one after the other.
-        self._accepted = self._system.go_to(goal.target)
+        self._accepted = self._robot.go_to(goal.target)
         self._node.get_logger().info(f"goal {goal.target}: {'rejected' if self._accepted is None else 'accepted'}")
         return GoalResponse.REJECT if self._accepted is None else GoalResponse.ACCEPT
 
@@ -100,5 +110,5 @@ class NavigationServer:
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         number = self._numbers.get(bytes(handle.goal_id.uuid))
-        accepted = number is not None and self._system.cancel(number)
+        accepted = number is not None and self._robot.cancel(number)
         return CancelResponse.ACCEPT if accepted else CancelResponse.REJECT

@@ -37,9 +37,15 @@ def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:
     return _stream(seed, STREAMS_PER_ROBOT * robot + _GNSS)
 
 
-def device_stream(seed: int, device: int) -> np.random.Generator:
-    """Random stream for a device of the simulated system, numbered from 0."""
-    return _stream(seed, STREAMS_PER_ROBOT + 1 + device)
+def device_stream(seed: int, device: int, robot: int = 0, robots: int = 1) -> np.random.Generator:
+    """Random stream for a device of one robot in the simulated system.
+
+    :param seed: seed of the mission
+    :param device: number of the device, from 0
+    :param robot: number of the robot, from 0
+    :param robots: number of robots
+    """
+    return _stream(seed, (STREAMS_PER_ROBOT + 1 + device) * robots + robot)
 
 
 def _stream(seed: int, *key: int) -> np.random.Generator:

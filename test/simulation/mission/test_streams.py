@@ -44,6 +44,7 @@ def test_no_two_sources_share_a_stream():
     for robot in range(robots):
         streams += [strategy_stream(seed, robot), gnss_stream(seed, robot)]
         streams += [sensor_stream(seed, number, robot, robots) for number in range(4)]
+        streams += [device_stream(seed, device, robot, robots) for device in range(9)]
     first = [float(stream.random()) for stream in streams]
     assert len(set(first)) == len(streams)
     devices = [float(device_stream(seed, device).random()) for device in range(9)]

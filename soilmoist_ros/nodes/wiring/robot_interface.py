@@ -1,0 +1,149 @@
+"""Topics, action and TCP ports of a simulated robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters.counts import counts_to_message
+from soilmoist_ros.nodes.navigation.virtual_navigation import ACTION, NavigationServer
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS
+from soilmoist_ros.simulation.robot.faulty_link import Reachable, Sent
+from soilmoist_ros.simulation.robot.line_server import LineServer
+from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
+from soilmoist_ros.simulation.simulated_robot import GNSS, LOGGER, Output, PropertyCounted, SimulatedRobot
+
+MAP_FRAME = "map"
+
+
+class RobotInterface:
+    """Publishes the output of a simulated robot, and passes requests to it.
+
+    :param node: the node that serves
+    :param robot: the robot
+    :param below: namespace of the robot below the node's namespace, with a slash at its end; empty for none
+    :param properties: names of the additional properties
+    :param given: parameters of the node
+    :param group: callback group of the requests, shared with the callback that advances the simulation
+    :param plain_feedback: whether the navigation publishes feedback on a topic instead of the action
+    :raises InputError: if a port cannot be opened
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        robot: SimulatedRobot,
+        below: str,
+        properties: Iterable[str],
+        given: Parameters,
+        group: MutuallyExclusiveCallbackGroup,
+        plain_feedback: bool,
+    ) -> None:
+        self.robot = robot
+        self._log = node.get_logger()
+        self._below = below
+        self._closest = node.create_publisher(String, f"{below}closest_node", LATCHED)
+        self._current = node.create_publisher(String, f"{below}current_node", LATCHED)
+        self._published: dict[Publisher, str] = {self._closest: "", self._current: ""}
+        self._properties = {
+            name: node.create_publisher(PointCloud2, f"{below}{name}/counts", RECORDS) for name in properties
+        }
+        for name, publisher in self._properties.items():
+            self._log.info(f"property {name} on {publisher.topic_name}")
+        node.create_subscription(
+            PoseStamped, f"{below}goal_pose", self._on_goal_pose, DEFAULT, callback_group=group
+        )
+        self._navigation = self._navigation_server(node, group, plain_feedback)
+        host, greeting = given.text("host"), "".join(f"{line}\r\n" for line in robot.logger.header).encode()
+        port = partial(_port, given, robot.number)
+        self._servers = {
+            LOGGER: LineServer(f"{below}logger", host, port("logger_port"), greeting),
+            GNSS: LineServer(f"{below}GNSS receiver", host, port("gnss_port")),
+        }
+        for server in self._servers.values():
+            self._log.info("{} on {}:{}".format(server.name, *server.address))
+
+    @property
+    def addresses(self) -> dict[str, tuple[str, int]]:
+        """Host and port of each device."""
+        return {f"{self._below}{name}": server.address for name, server in self._servers.items()}
+
+    @property
+    def connected(self) -> bool:
+        """Whether the devices and the records of the properties have receivers."""
+        return all(server.clients for server in self._servers.values()) and all(
+            publisher.get_subscription_count() > 0 for publisher in self._properties.values()
+        )
+
+    def poll(self) -> None:
+        """Serve the clients of the devices."""
+        for server in self._servers.values():
+            server.poll()
+
+    def close(self) -> None:
+        """Close the ports."""
+        for server in self._servers.values():
+            server.close()
+
+    def carry_out(self, output: Output) -> None:
+        """Publish an output of the robot."""
+        match output:
+            case Sent(link, data):
+                self._servers[link].send(data)
+            case Reachable(link, reachable):
+                self._servers[link].set_reachable(reachable)
+            case PropertyCounted(name, record):
+                self._properties[name].publish(counts_to_message([record], MAP_FRAME))
+            case Localised(closest, current):
+                self._publish_node(self._closest, closest)
+                self._publish_node(self._current, current)
+            case OnRoute() if self._navigation is not None:
+                self._navigation.feed_back(output)
+            case GoalEnded() if self._navigation is not None:
+                self._log.info(
+                    f"{self._below}goal {output.goal_id} ended: {output.outcome.name}, success {output.success}"
+                )
+                self._navigation.end(output)
+            case ServerPresent(present) if self._navigation is not None:
+                self._log.info(f"the {self._below}navigation server is {'back' if present else 'gone'}")
+                self._navigation.set_present(present)
+
+    def _navigation_server(
+        self, node: Node, group: MutuallyExclusiveCallbackGroup, plain_feedback: bool
+    ) -> NavigationServer | None:
+        try:
+            server = NavigationServer(node, self.robot, group, f"{self._below}{ACTION}", plain_feedback)
+        except ImportError:
+            self._log.warning("no navigation action: topological_navigation_msgs is not installed")
+            return None
+        server.set_present(self.robot.navigation.present)
+        return server
+
+    def _publish_node(self, publisher: Publisher, name: str) -> None:
+        """Publish the name of a node if it has changed."""
+        if self._published[publisher] != name:
+            self._published[publisher] = name
+            publisher.publish(String(data=name))
+
+    def _on_goal_pose(self, pose: PoseStamped) -> None:
+        x_m, y_m = float(pose.pose.position.x), float(pose.pose.position.y)
+        if pose.header.frame_id != MAP_FRAME:
+            self._log.warning(f"a goal pose in frame {pose.header.frame_id!r}, not {MAP_FRAME!r}: ignored")
+        elif self.robot.drive_to((x_m, y_m)) is None:
+            self._log.warning(f"no path leads to the goal pose at x = {x_m:g} m, y = {y_m:g} m: ignored")
+        else:
+            self._log.info(f"{self._below}on the way to x = {x_m:g} m, y = {y_m:g} m")
+
+
+def _port(given: Parameters, number: int, name: str) -> int:
+    """Port of a device: that of robot 0 is the parameter, each further one is two higher; 0 for a free one."""
+    port = given.whole(name)
+    return port + 2 * number if port else 0
