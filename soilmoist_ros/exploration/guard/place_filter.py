@@ -202,8 +202,8 @@ class PlaceFilter:
     def _time_s(self, first: PlaceFix, last: PlaceFix) -> float:
         """Time between two places [s].
 
-        Messages that were held up come at once, so their stamps count too; a wrong stamp must not excuse a jump, so
-        they count up to the longest gap.
+        Messages that were held up come at once, so their stamps count too. A wrong stamp must not excuse a jump,
+        so they count up to the longest gap.
         """
         came_s = abs(last.now_s - first.now_s)
         stamps_s = abs(last.stamp_s - first.stamp_s)
