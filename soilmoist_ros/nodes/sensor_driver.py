@@ -24,6 +24,7 @@ from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.position.lever_arms import LeverArms
 from soilmoist_ros.sensing.survey.driver import Batch, Driver, DriverSettings
 
 _RELEASE_S = 0.1
@@ -113,6 +114,7 @@ class SensorDriver(LifecycleNode):
                 "write 'intensity: {reference: 150.0, constant: 150.0}' under 'corrections' in the site file",
             )
         settings: dict[str, Any] = {name: options[name] for name in SETTINGS}
+        settings["arms"] = LeverArms.of(options)
         self._driver = Driver(DriverSettings(**settings), sensor, field.frame, self._now_s())
 
     def _activate(self) -> None:

@@ -32,6 +32,7 @@ from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
 from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.sensing.position.lever_arms import LeverArms
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
@@ -214,7 +215,8 @@ def _read(
     raw = None
     if chosen.source == "raw":
         topics = RunTopics.of_raw_lines(reader, chosen.counts_topic)
-        raw = read_raw(topics, survey.site, survey.field.frame, chosen.logger)
+        arms = LeverArms.of(read_parameters(configuration, "sensor_driver"))
+        raw = read_raw(topics, survey.site, survey.field.frame, chosen.logger, arms)
         records: Sequence[CountRecord] = raw.records
     else:
         topics = RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))

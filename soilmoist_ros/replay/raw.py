@@ -15,6 +15,7 @@ from soilmoist_ros.sensing.formats.log_values import split_lines
 from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Problem
@@ -36,13 +37,16 @@ class RawSurvey:
     format_title: str
 
 
-def read_raw(topics: RunTopics, site: Site, frame: LocalFrame, logger: str | None = None) -> RawSurvey:
+def read_raw(
+    topics: RunTopics, site: Site, frame: LocalFrame, logger: str | None = None, arms: LeverArms = NO_ARMS
+) -> RawSurvey:
     """Process the raw lines of a robot.
 
     :param topics: its topics
     :param site: corrections and tubes
     :param frame: plane of the field
     :param logger: logger format, a shipped name or a file; detected from the header if ``None``
+    :param arms: where antenna and sensor sat on the robot
     :raises InputError: if the lines contain no usable record
     """
     name = topics.find("raw/logger", TEXT)
@@ -59,7 +63,7 @@ def read_raw(topics: RunTopics, site: Site, frame: LocalFrame, logger: str | Non
         track = Track(fixes)
         if len(track) == 0:
             raise InputError(f"{gnss} holds no position", "map its counts instead", topics.reader.path)
-    survey = process_logs([log], site, frame, track)
+    survey = process_logs([log], site, frame, track, arms)
     return RawSurvey(survey.records, [*survey.problems, *problems], log.format_title)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA, SENSOR
 from soilmoist_ros.nodes.parameters.parameter import Parameter
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 
@@ -49,6 +50,8 @@ PARAMETERS: Final = (
     Parameter(name="frame_id", default="map", description="frame of the records: east, north, up about the datum"),
     Parameter(name="sensor_frame", default="crs", description="frame of the weather sensors"),
     Parameter(name="gnss_frame", default="gnss", description="frame of the GNSS antenna"),
+    *ANTENNA,
+    *SENSOR,
     Parameter(
         name="autostart",
         default=True,

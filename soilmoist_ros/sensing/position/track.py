@@ -7,6 +7,7 @@ from bisect import bisect_left
 from collections.abc import Iterable
 
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.position.lever_arms import Course
 from soilmoist_ros.sensing.records import NAN, Position
 
 EDGE_TOLERANCE_S = 0.5
@@ -31,6 +32,8 @@ class Track:
         self._max_positions = max_positions
         self._stamps: list[float] = []
         self._positions: list[Position] = []
+        self.course = Course(max_positions)
+        """Heading of the robot that carries the receiver."""
         self.reached_s = -math.inf
         """Time of the last epoch, with or without a fix [s since 1970 UTC]; minus infinity if there is none."""
         self._set((fix.stamp_s, fix.position) for fix in fixes if fix.status is not FixStatus.NO_FIX)
@@ -67,6 +70,7 @@ class Track:
         if stamp_s < self.reached_s - CLOCK_CORRECTED_S:
             self._stamps.clear()
             self._positions.clear()
+            self.course.clear()
             self.reached_s = -math.inf
         if not stamp_s > self.reached_s:
             return
@@ -75,6 +79,7 @@ class Track:
             return
         self._stamps.append(stamp_s)
         self._positions.append(position)
+        self.course.add(stamp_s, position)
         limit = self._max_positions
         if limit is not None and len(self._stamps) > 2 * limit:
             del self._stamps[:-limit], self._positions[:-limit]

@@ -94,9 +94,16 @@ def correct_record(
     return CountRecord(record.stamp_s, nowhere, nowhere, nowhere, raw_counts, exposure_s, effective_s, **factors)
 
 
-def place_record(record: CountRecord, position: Position | None, frame: LocalFrame | None) -> CountRecord:
+def place_record(
+    record: CountRecord,
+    position: Position | None,
+    frame: LocalFrame | None,
+    offset_m: tuple[float, float] = (0.0, 0.0),
+) -> CountRecord:
     """Add the coordinates of a record.
 
+    :param position: position of the antenna
+    :param offset_m: east and north from the antenna to the sensor [m]
     :raises UnusableRecordError: if there is no position, or it is beyond the datum's hemisphere
     """
     if position is None or frame is None:
@@ -107,7 +114,8 @@ def place_record(record: CountRecord, position: Position | None, frame: LocalFra
         raise UnusableRecordError(
             Kind.NO_POSITION, "the position is on the far side of the earth", "check the datum"
         )
-    return replace(record, x_m=float(x), y_m=float(y), z_m=position.altitude_m)
+    east_m, north_m = offset_m
+    return replace(record, x_m=float(x) + east_m, y_m=float(y) + north_m, z_m=position.altitude_m)
 
 
 def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> float:

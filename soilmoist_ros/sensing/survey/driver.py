@@ -18,6 +18,7 @@ from soilmoist_ros.sensing.links.open_source import open_source
 from soilmoist_ros.sensing.links.reconnecting import Retry
 from soilmoist_ros.sensing.links.recording import PlaybackClock
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, records_health
@@ -37,6 +38,7 @@ class DriverSettings:
     :param gnss_uri: address of the GNSS receiver; empty if the fixes have another source
     :param silence_limit_s: time without a byte after which a link reconnects [s]
     :param fix_wait_s: maximum time that a record waits for a fix [s]
+    :param arms: where antenna and sensor sit on the robot
     """
 
     logger_uri: str
@@ -44,6 +46,7 @@ class DriverSettings:
     gnss_uri: str = ""
     silence_limit_s: float = 35.0
     fix_wait_s: float = 2.0
+    arms: LeverArms = NO_ARMS
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Driver:
         self._site = site
         self._reference_stamp_s = now_s if now_s > 0 else NAN
         self.stream = SensorStream(
-            site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s
+            site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s, settings.arms
         )
         self._open_all()  # checks the addresses without connecting
         self._readers: dict[str, LineReader] = {}

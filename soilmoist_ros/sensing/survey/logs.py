@@ -14,6 +14,7 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
@@ -69,6 +70,7 @@ def process_logs(
     site: Site,
     frame: LocalFrame | None = None,
     track: Track | None = None,
+    arms: LeverArms = NO_ARMS,
 ) -> SurveyRecords:
     """Correct and geo-tag the records of one probe.
 
@@ -76,12 +78,13 @@ def process_logs(
     :param site: corrections and tubes
     :param frame: plane of the coordinates; centred on the mean position if ``None``
     :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
+    :param arms: where antenna and sensor sit on the robot
     :raises InputError: if the logs are of different probes, or no record can be placed and corrected
     """
     entries = _in_order_of_time(logs)
     problems = [problem for log in logs for problem in log.problems]
     entries = _without_duplicates(entries, problems)
-    survey = _survey_of([entry.record for entry in entries], site, frame, track, problems)
+    survey = _survey_of([entry.record for entry in entries], site, frame, track, problems, arms)
     # Positions in a log have the time of the logger's clock; positions of a separate receiver have GNSS time.
     ahead_s = [0.0 if track is None else _clock_ahead_s(entry.log) for entry in entries]
     if frame is None:
@@ -147,12 +150,13 @@ def _survey_of(
     frame: LocalFrame | None,
     track: Track | None,
     problems: list[Problem],
+    arms: LeverArms = NO_ARMS,
 ) -> Survey:
     """A survey with all records known in advance."""
     if len({len(record.tube_counts) for record in records}) > 1:
         raise InputError("the logs have different numbers of tubes", "map the logs of each probe separately")
     try:
-        return Survey(site, frame, records, track, keep_unplaced=False, on_problem=problems.append)
+        return Survey(site, frame, records, track, arms=arms, keep_unplaced=False, on_problem=problems.append)
     except ValueError as error:
         raise InputError(f"the logs cannot be used: {error}", "check the detector") from None
 

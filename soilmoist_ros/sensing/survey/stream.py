@@ -11,6 +11,7 @@ from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
@@ -53,6 +54,7 @@ class SensorStream:
     :param fix_wait_s: maximum time that a record waits for a fix [s]
     :param reference_stamp_s: a time within 12 h of the first fix [s since 1970 UTC], for receivers that send no
         date; NaN if unknown
+    :param arms: where antenna and sensor sit on the robot
     :raises InputError: if format, tube shares or neutron-monitor file are invalid
     """
 
@@ -63,6 +65,7 @@ class SensorStream:
         logger: LoggerFormat | str,
         fix_wait_s: float = 2.0,
         reference_stamp_s: float = NAN,
+        arms: LeverArms = NO_ARMS,
     ) -> None:
         self.logger_problems, self.gnss_problems = ProblemCount(), ProblemCount()
         self.parser = RecordParser(logger, site.longitude, self._on_problem)
@@ -71,6 +74,7 @@ class SensorStream:
             frame,
             tubes=len(self.parser.layout.tubes) if self.parser.layout else None,
             fix_wait_s=fix_wait_s,
+            arms=arms,
             on_problem=self._on_problem,
         )
         self.last_record: LoggerRecord | None = None

@@ -17,8 +17,9 @@ from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, Track
-from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import (
     UnusableRecordError,
@@ -80,6 +81,7 @@ class Survey:
     :param track: positions of a separate receiver, if known in advance
     :param tubes: number of tubes, if known in advance
     :param fix_wait_s: maximum time that a record waits for a fix [s]
+    :param arms: where antenna and sensor sit on the robot
     :param keep_unplaced: whether a record without a position is returned with NaN coordinates, or dropped
     :param on_problem: called with each problem
     :raises InputError: if the tube shares or the neutron-monitor file of the site cannot be used
@@ -94,11 +96,13 @@ class Survey:
         *,
         tubes: int | None = None,
         fix_wait_s: float = 2.0,
+        arms: LeverArms = NO_ARMS,
         keep_unplaced: bool = True,
         on_problem: Callable[[Problem], None] = lambda problem: None,
     ) -> None:
         self.frame = frame
         self._site, self._fix_wait_s = site, fix_wait_s
+        self._arms = arms
         self._keep_unplaced, self._on_problem = keep_unplaced, on_problem
         self._intensity = intensity_source(site.corrections)
         self._running_shares = RunningShares()
@@ -227,10 +231,23 @@ class Survey:
     def _placed(self, waiting: _Waiting) -> CountRecord | None:
         try:
             position = self.position(waiting.raw, waiting.interval_s, waiting.clock_ahead_s)
-            return place_record(waiting.record, position, self.frame)
+            return place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
         except UnusableRecordError as error:
             self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
             return waiting.record if self._keep_unplaced else None
+
+    def _to_sensor(self, waiting: _Waiting) -> tuple[float, float]:
+        """East and north from the antenna to the sensor [m]; 0 if the heading is unknown, with a note."""
+        moving = bool(len(self._track) or len(self._own))  # a probe at a fixed location is its place
+        if self._arms == NO_ARMS or not moving:
+            return 0.0, 0.0
+        ahead_s = waiting.clock_ahead_s if len(self._track) else 0.0
+        course = (self._track if len(self._track) else self._own).course
+        offset_m = self._arms.sensor_from_antenna(course.at(waiting.middle_s - ahead_s))
+        if offset_m is None:
+            message, line = "the heading of the robot is unknown", waiting.raw.line
+            self._on_problem(Problem(Kind.NO_HEADING, Mistake(message, "drive some metres", waiting.path, line)))
+        return offset_m or (0.0, 0.0)
 
     def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
         self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))
