@@ -44,6 +44,21 @@ def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME
     )
 
 
+class OtherFrameError(ValueError):
+    """Points of a message have another frame than the one expected."""
+
+
+def require_frame(message: PointCloud2, frame: str) -> None:
+    """Check the frame of a message; a slash before its name does not count.
+
+    :raises OtherFrameError: if it is another frame, or none
+    """
+    found = message.header.frame_id
+    if found.lstrip("/") != frame.lstrip("/"):
+        points = message.height * message.width
+        raise OtherFrameError(f"{points} points in frame {found!r} instead of {frame!r}")
+
+
 def points_from_message(message: PointCloud2, wanted: np.dtype[Any]) -> NDArray[Any]:
     """Points of a message, of shape (height, width); fields are found by name, others are ignored.
 

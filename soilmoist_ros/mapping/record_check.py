@@ -26,6 +26,7 @@ class Skip(enum.Enum):
     OUTSIDE = "outside the field"
     IMPLAUSIBLE = "implausible record"
     UNREADABLE = "unreadable message"
+    OTHER_FRAME = "other frame"
 
     @property
     def remedy(self) -> str:
@@ -35,6 +36,7 @@ class Skip(enum.Enum):
             Skip.OUTSIDE: "check that the driver and the mapper have the same field file",
             Skip.IMPLAUSIBLE: "check the neutron logger and the site file of the driver",
             Skip.UNREADABLE: "check what publishes the counts, and its version",
+            Skip.OTHER_FRAME: "give driver, mapper and planner one frame, and one field file",
         }[self]
 
 

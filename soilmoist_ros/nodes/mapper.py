@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 from msg_adapters.counts import counts_from_message
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.model import Model, model_to_message
+from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
 from soilmoist_ros.mapping.field_map import MapState
@@ -72,8 +73,12 @@ class Mapper(Node):
     def _on_counts(self, message: PointCloud2) -> None:
         with self._guard:
             try:
-                for record in counts_from_message(message):
+                records = counts_from_message(message)
+                require_frame(message, self._frame)
+                for record in records:
                     self._online.add(record)
+            except OtherFrameError as error:
+                self._online.skip(Skip.OTHER_FRAME, str(error))
             except ValueError as error:
                 self._online.skip(Skip.UNREADABLE, str(error))
             state = self._online.state

@@ -12,6 +12,7 @@ if platform.machine() != "x86_64":
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -75,3 +76,13 @@ def test_messages_of_another_kind_are_refused():
         counts_from_message(message)
     with pytest.raises(ValueError, match="at least one record"):
         counts_to_message([])
+
+
+def test_points_of_another_frame_are_refused():
+    message = counts_to_message([CountRecord(0.0, 1.0, 2.0, 3.0, 4, 10.0, 9.0)], "/map")
+    require_frame(message, "map")
+    with pytest.raises(OtherFrameError, match="1 points in frame '/map' instead of 'odom'"):
+        require_frame(message, "odom")
+    message.header.frame_id = ""
+    with pytest.raises(OtherFrameError, match="in frame '' instead"):
+        require_frame(message, "map")

@@ -151,6 +151,7 @@ def test_bad_records_do_no_harm_and_are_counted_by_reason(ros, start):
     broken.data = broken.data[:-4]
     for message in (PointCloud2(), broken, PointCloud2(height=3, width=4_000_000_000, point_step=1)):
         publisher.publish(message)
+    publisher.publish(counts_to_message([record(9, 5.0, 5.0)], "odom"))
     bad = [
         record(10, NAN, NAN),
         record(11, 500.0, 10.0),
@@ -164,12 +165,13 @@ def test_bad_records_do_no_harm_and_are_counted_by_reason(ros, start):
         found = [part for message in health for part in diagnostics_from_message(message) if "mapper" in part.name]
         return found[-1].values if found else {}
 
-    ros.wait_for(lambda: values().get("records skipped") == "7", message=f"skipped records in {values()}")
+    ros.wait_for(lambda: values().get("records skipped") == "8", message=f"skipped records in {values()}")
     assert {key: value for key, value in values().items() if key.startswith("skipped")} == {
         "skipped: unreadable message": "3",
         "skipped: no position": "1",
         "skipped: outside the field": "1",
         "skipped: implausible record": "2",
+        "skipped: other frame": "1",
     }
     assert values()["samples"] == "1"
     assert samples_from_message(outputs.samples[-1]).counts.sum() == sum(one.raw_counts for one in good)
