@@ -18,8 +18,9 @@ from soilmoist_ros.foundation.health import Health, Level
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:
     """Message of a status.
 
-    The level is an error if the mission waits for the operator although nobody paused it. The level is a warning
-    if the mission is paused, has failed since the last visit, or gets no records.
+    The level is an error if the mission waits for the operator although nobody paused it, if an emergency stop is
+    pressed, or if the robot does not stop. The level is a warning if the mission is paused, has failed since the
+    last visit, gets no records, or if the guard reports something.
 
     :param status: the status
     :param more: further values to display
@@ -48,6 +49,10 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "needs_operator": str(bool(status.needs_operator)),
         "silent": str(bool(status.silent)),
         "ended": str(status.ended or ""),
+        "alarms": json.dumps({alarm.cause: alarm.reason for alarm in status.alarms}),
+        "emergency": str(bool(status.emergency)),
+        "stop_requests": str(int(status.stop_requests)),
+        "queue": json.dumps(list(status.queue)),
         **(more or {}),
     }
     return health_to_status(Health("mission", _level(status), f"{status.phase}: {status.reason}", values))
@@ -82,15 +87,19 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             needs_operator=values.get("needs_operator") == "True",  # missing in messages of earlier versions
             silent=values.get("silent") == "True",
             ended=MissionEnd(values["ended"]) if values.get("ended") else None,
+            emergency=values.get("emergency") == "True",
+            stop_requests=int(values.get("stop_requests", 0)),
+            queue=tuple(json.loads(values.get("queue", "[]"))),
         )
     except KeyError as error:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None
 
 
 def _level(status: MissionStatus) -> Level:
-    if status.phase is Phase.PAUSED and status.needs_operator:
+    if status.emergency or status.stop_requests > 1 or (status.phase is Phase.PAUSED and status.needs_operator):
         return Level.ERROR
-    return Level.WARN if status.phase is Phase.PAUSED or status.failures or status.silent else Level.OK
+    doubtful = status.phase is Phase.PAUSED or status.failures or status.silent or status.alarms
+    return Level.WARN if doubtful else Level.OK
 
 
 def _text(value: float) -> str:

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission
-from soilmoist_ros.exploration.mission.types import Verb
+from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
@@ -81,7 +81,7 @@ class Planner(Node):
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
         self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others, properties)
-        for verb in Verb:
+        for verb in TRIGGERS:
             self.create_service(Trigger, f"planner/{verb}", partial(self._command, verb))
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.
         self.create_timer(MISSION_TICK_S, self._control.tick)

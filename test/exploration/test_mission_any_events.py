@@ -12,8 +12,14 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from soilmoist_ros.exploration.mission.mission import Mission, step
 from soilmoist_ros.exploration.mission.state import Todo, event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import (
+    Alarm,
+    AlarmOver,
+    Answer,
     CancelGoal,
+    Changes,
+    ClockStepped,
     Command,
+    EmergencyStop,
     Finish,
     GoalFailed,
     GoalReached,
@@ -27,6 +33,7 @@ from soilmoist_ros.exploration.mission.types import (
     Publish,
     RecordArrived,
     RequestPlan,
+    Response,
     StartCounting,
     StopCounting,
     Tick,
@@ -52,6 +59,8 @@ class AnyEvents(RuleBasedStateMachine):
         on_silence=st.sampled_from(list(OnSilence)),
         budget_s=st.sampled_from([400.0, 2000.0, 20000.0]),
         failures_to_pause=st.sampled_from([1, 2, 5]),
+        standstill_s=st.sampled_from([0.0, 4.0]),
+        backoff_s=st.sampled_from([0.0, 2.0]),
     )
     def begin(self, home, dwell, **changes):
         rule_of_dwell = parse_dwell(dwell, longest_s=300.0)
@@ -59,7 +68,9 @@ class AnyEvents(RuleBasedStateMachine):
         self.mission = Mission(self.rules)
         self.now_s = 0.0
         self.history = []
-        self.open_goal = None  # (id, when it was cancelled)
+        self.open_goal = None  # (id, when it was cancelled last)
+        self.places = []
+        self.locked = False  # from an emergency stop to the next command of an operator that moves the robot
         self.counting = False
         self.take(Moved(self.now_s, 0.0, 0.0))
         self.take(Command(self.now_s, Verb.START))
@@ -70,6 +81,7 @@ class AnyEvents(RuleBasedStateMachine):
         restored = Mission.restore(self.rules, self.mission.snapshot())
         assert restored.state == before
         actions = self.mission.step(event)
+        self.watch(event, actions)
         written = json.dumps(event_to_dict(event), allow_nan=False)
         assert restored.step(event_from_dict(json.loads(written))) == actions
         assert restored.state == self.mission.state
@@ -80,14 +92,32 @@ class AnyEvents(RuleBasedStateMachine):
             self.check_action(action, before)
         self.check_progress(before)
 
+    def watch(self, event, actions):
+        """Follow where the robot was seen, and whether an operator has released it."""
+        after = self.mission.state
+        if isinstance(event, Moved | GoalReached) and math.isfinite(event.x_m):
+            self.places.append((after.now_s, (event.x_m, event.y_m)))
+        accepted = any(isinstance(action, Answer) and action.accepted for action in actions)
+        if isinstance(event, EmergencyStop) and event.active:
+            self.locked = True
+        if isinstance(event, Command) and event.verb in (Verb.START, Verb.RESUME, Verb.RETURN) and accepted:
+            assert not after.emergency
+            self.locked = False
+
     def check_action(self, action, before):
         match action:
             case GoTo(goal_id=goal_id):
                 assert self.no_goal_moves_the_robot(), "two goals at once"
+                assert not self.locked, "it moves after an emergency stop"
+                assert not any(alarm.response.stops for alarm in self.mission.state.alarms)
                 self.open_goal = (goal_id, None)
             case CancelGoal(goal_id=goal_id):
-                assert self.open_goal == (goal_id, None), "cancelled twice, or what is not open"
-                self.open_goal = (goal_id, self.now_s)
+                asked_s = self.open_goal[1] if self.open_goal and self.open_goal[0] == goal_id else -math.inf
+                late = self.rules.standstill_s > 0 and self.now_s >= (asked_s or 0.0) + self.rules.cancel_limit_s
+                urgent = isinstance(self.history[-1][0], EmergencyStop)
+                assert self.open_goal == (goal_id, None) or late or urgent, "cancelled twice, or what is not open"
+                if self.open_goal == (goal_id, None) or (self.open_goal and late and not urgent):
+                    self.open_goal = (goal_id, self.now_s)
             case StartCounting():
                 assert not self.counting
                 self.counting = True
@@ -95,7 +125,7 @@ class AnyEvents(RuleBasedStateMachine):
                 assert self.counting
                 self.counting = False
             case VisitDone(visit=visit):
-                assert visit.raw_counts > 0
+                assert visit.records > 0
                 assert before.counting is not None or self.rules.dwell.enough(visit.raw_counts, visit.exposure_s)
             case Finish(reason=reason):
                 assert self.no_goal_moves_the_robot(), "a goal outlives the mission"
@@ -107,7 +137,24 @@ class AnyEvents(RuleBasedStateMachine):
         if self.open_goal is None:
             return True
         cancelled_s = self.open_goal[1]
-        return cancelled_s is not None and self.now_s >= cancelled_s + self.rules.cancel_limit_s
+        if cancelled_s is None:
+            return False
+        if self.rules.standstill_s == 0:
+            return self.now_s >= cancelled_s + self.rules.cancel_limit_s
+        return self.seen_standing(cancelled_s)
+
+    def seen_standing(self, cancelled_s):
+        """Whether the last places are close to each other, and one of them is newer than a cancellation."""
+        if not self.places or self.places[-1][0] < cancelled_s:
+            return False
+        last_s, last = self.places[-1]
+        first_s = max(
+            (time_s for time_s, _ in self.places if time_s <= last_s - self.rules.standstill_s), default=None
+        )
+        near_m = 2 * self.rules.arrival_radius_m / 3
+        return first_s is not None and all(
+            math.dist(place, last) <= near_m for time_s, place in self.places if time_s >= first_s
+        )
 
     def check_progress(self, before):
         after = self.mission.state
@@ -140,6 +187,10 @@ class AnyEvents(RuleBasedStateMachine):
                     self.take(GoalReached(self.now_s, goal.goal_id, goal.stop.x_m, goal.stop.y_m))
                 case Phase.CANCELLING:
                     self.take(GoalFailed(self.now_s, state.goals, "cancelled"))
+                    self.stand()
+                case Phase.WAITING:
+                    self.now_s = state.wait_until_s
+                    self.take(Tick(self.now_s))
                 case Phase.COUNTING:
                     self.now_s += 10.0
                     record = CountRecord(self.now_s, x_m, y_m, 0.0, 15, 10.0, 8.0)
@@ -148,6 +199,57 @@ class AnyEvents(RuleBasedStateMachine):
                     self.take(Command(self.now_s, Verb.RESUME))
                 case Phase.IDLE | Phase.FINISHED:
                     self.take(Command(self.now_s, Verb.START))
+
+    def stand(self):
+        """The robot is seen at its place for a while."""
+        for wait_s in (0.0, 2.0, 2.0, 2.0):
+            self.now_s += wait_s
+            self.take(Moved(self.now_s, *self.mission.state.position))
+
+    @rule()
+    def robot_stands(self):
+        self.stand()
+
+    @rule(cause=st.sampled_from("ab"), response=st.sampled_from(list(Response)))
+    def guard_warns(self, cause, response):
+        self.take(Alarm(self.now_s, cause, response, f"{cause} is wrong"))
+
+    @rule(cause=st.sampled_from("ab"))
+    def guard_is_content(self, cause):
+        self.take(AlarmOver(self.now_s, cause))
+
+    @rule(active=st.booleans())
+    def emergency_stop_is_pressed_or_released(self, active):
+        self.take(EmergencyStop(self.now_s, active, "button"))
+
+    @rule(step_s=st.sampled_from([-3600.0, 21600.0]))
+    def clock_is_set(self, step_s):
+        before = self.mission.status
+        self.take(ClockStepped(self.now_s, step_s))
+        after = self.mission.status
+        assert (after.phase, after.time_used_s) == (before.phase, before.time_used_s)
+
+    @rule(
+        command=st.sampled_from(
+            [
+                {"verb": Verb.MEASURE, "stop": STOPS[0], "dwell_s": 20.0},
+                {"verb": Verb.MEASURE, "stop": STOPS[2]},
+                {"verb": Verb.RULE_OUT, "polygon": ((-5.0, 15.0), (5.0, 15.0), (5.0, 25.0))},
+                {"verb": Verb.ORDER, "stops": ("far", "a")},
+                {"verb": Verb.ORDER},
+                {"verb": Verb.CHANGE, "changes": Changes(budget_s=30000.0, dwell="fmi:30")},
+                {"verb": Verb.CHANGE, "changes": Changes(home=STOPS[1])},
+                {"verb": Verb.CHANGE, "changes": Changes(dwell="nonsense")},
+                {"verb": Verb.RETURN},
+            ]
+        )
+    )
+    def operator_steers(self, command):
+        before = self.mission.state
+        self.take(Command(self.now_s, who="eve", **command))
+        answer = next(action for action in self.history[-1][2] if isinstance(action, Answer))
+        if not answer.accepted:
+            assert replace(self.mission.state, now_s=before.now_s) == before, "what is refused changes nothing"
 
     @rule(wait_s=WAITS)
     def time_passes(self, wait_s):
@@ -238,10 +340,16 @@ class AnyEvents(RuleBasedStateMachine):
             return
         state, actions = step(self.rules, self.mission.state, Command(self.now_s, Verb.ABORT))
         assert not any(isinstance(action, GoTo | RequestPlan | StartCounting) for action in actions)
-        ways = [Tick(self.now_s + self.rules.cancel_limit_s), GoalFailed(self.now_s, state.goals, "cancelled")]
-        for event in ways:
-            assert state.phase in (Phase.IDLE, Phase.CANCELLING)
-            assert state.phase is Phase.IDLE or step(self.rules, state, event)[0].phase is Phase.IDLE
+        assert state.phase in (Phase.IDLE, Phase.CANCELLING)
+        if state.phase is Phase.IDLE:
+            return
+        late_s = self.now_s + self.rules.cancel_limit_s
+        seen = [Moved(self.now_s + wait_s, *state.position) for wait_s in (1.0, 6.0)]
+        for events in ([Tick(late_s)], [GoalFailed(self.now_s, state.goals, "cancelled")]):
+            after = state
+            for event in [*events, *([] if self.rules.standstill_s == 0 else [*seen, Tick(late_s + 100.0)])]:
+                after = step(self.rules, after, event)[0]
+            assert after.phase is Phase.IDLE
 
     @invariant()
     def the_state_makes_sense(self):
@@ -250,11 +358,12 @@ class AnyEvents(RuleBasedStateMachine):
         state, status = self.mission.state, self.mission.status
         assert status.reason
         assert 0 <= status.progress <= 1
-        assert 0 <= status.time_left_s <= self.rules.budget_s
+        assert 0 <= status.time_left_s <= self.mission.current_rules.budget_s
         assert self.counting == (state.phase is Phase.COUNTING)
         assert (state.plan is not None) == (state.phase is Phase.PLANNING)
         assert (state.goal is not None) == (state.phase in (Phase.TRAVELLING, Phase.RETURNING, Phase.CANCELLING))
-        assert (state.todo is not None) == (state.phase is Phase.CANCELLING)
+        assert (state.todo is not None) == (state.phase in (Phase.CANCELLING, Phase.WAITING))
+        assert state.wait_until_s is None or state.phase in (Phase.WAITING, Phase.CANCELLING)
         if state.phase in (Phase.PAUSED, Phase.IDLE, Phase.FINISHED):
             assert self.no_goal_moves_the_robot()
         assert (state.resume is not None) == (state.phase is Phase.PAUSED or state.todo is Todo.PAUSE)

@@ -11,14 +11,17 @@ What it holds to:
 * A record counts for a stop only if it was counted wholly after the arrival, and at the stop. Others were taken
   while driving; the mapper uses them all the same.
 * The time for the way home is kept back, judged from where the robot is.
+* What follows a cancellation waits until the robot is known to stand still.
 * While paused the robot never moves, not even home when the time is used up.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from typing import assert_never
 
 from soilmoist_ros.exploration.mission.moves import Moves, after_colon, xy
@@ -26,9 +29,11 @@ from soilmoist_ros.exploration.mission.state import (
     Counting,
     Goal,
     MissionState,
+    QueuedStop,
     Target,
     Todo,
     blacklisted,
+    changed_rules,
     dwell_rule,
     mission_status,
     replace,
@@ -38,8 +43,13 @@ from soilmoist_ros.exploration.mission.state import (
 )
 from soilmoist_ros.exploration.mission.types import (
     Action,
+    Alarm,
+    AlarmOver,
     Answer,
+    Changes,
+    ClockStepped,
     Command,
+    EmergencyStop,
     Event,
     GoalFailed,
     GoalReached,
@@ -52,19 +62,14 @@ from soilmoist_ros.exploration.mission.types import (
     Planned,
     Publish,
     RecordArrived,
+    Response,
     Tick,
     Verb,
 )
 from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
-
-_RESUMES = {
-    Phase.PLANNING: Todo.PLAN,
-    Phase.TRAVELLING: Todo.TRAVEL,
-    Phase.COUNTING: Todo.COUNT,
-    Phase.RETURNING: Todo.RETURN,
-}
-"""What to go on with after a pause."""
 
 
 class Mission:
@@ -88,7 +93,12 @@ class Mission:
     @property
     def status(self) -> MissionStatus:
         """The mission as of the last event."""
-        return mission_status(self.rules, self.state)
+        return mission_status(self.current_rules, self.state)
+
+    @property
+    def current_rules(self) -> MissionRules:
+        """The rules with what an operator has changed."""
+        return changed_rules(self.rules, self.state.changes)
 
     @property
     def next_deadline_s(self) -> float | None:
@@ -132,6 +142,10 @@ def _turn(rules: MissionRules, state: MissionState, event: Event) -> _Turn:
     return turn
 
 
+STILL_SHARE = 1 / 3
+"""A robot that stays within this share of the arrival radius stands still."""
+
+
 class _Turn(Moves):
     """One step: what an event, or the operator, sets off."""
 
@@ -143,9 +157,8 @@ class _Turn(Moves):
                 self.on_record(record)
             case Moved(x_m=x_m, y_m=y_m):
                 self.on_moved((x_m, y_m))
-            case Command(verb=verb, cause=cause):
-                accepted, message = self.skip(cause) if verb is Verb.SKIP else self.command(verb)
-                self.do(Answer(verb, accepted, message))
+            case Command():
+                self.do(Answer(event.verb, *self.command(event)))
             case Planned(plan_id=plan_id):
                 if self.is_awaited(plan_id):
                     self.on_plan(event)
@@ -159,6 +172,14 @@ class _Turn(Moves):
             case GoalFailed(goal_id=goal_id, reason=reason):
                 if self.ended_goal(goal_id) is not None:
                     self.on_goal_ended(reason)
+            case Alarm():
+                self.alarm(event)
+            case AlarmOver(cause=cause):
+                self.alarm_over(cause)
+            case EmergencyStop(active=active, source=source):
+                self.emergency(active, source)
+            case ClockStepped(step_s=step_s):
+                self.state = replace(self.state, stamp_offset_s=self.state.stamp_offset_s + step_s)
             case Tick():
                 pass
             case _:
@@ -168,11 +189,12 @@ class _Turn(Moves):
         return self.state.plan is not None and self.state.plan.plan_id == plan_id
 
     def ended_goal(self, goal_id: int) -> Goal | None:
-        """The current goal, which is no longer open now; ``None`` if the id is another one's."""
+        """The current goal, whose end the navigation reports; ``None`` if the id is another one's."""
         goal = self.state.goal
-        if goal is None or goal.goal_id != goal_id:
+        if goal is None or goal.goal_id != goal_id or goal.over:
             return None
-        self.state = replace(self.state, goal=None)
+        cancelled = self.state.phase is Phase.CANCELLING
+        self.state = replace(self.state, goal=replace(goal, over=True) if cancelled else None)
         return goal
 
     def on_plan(self, event: Planned) -> None:
@@ -180,7 +202,7 @@ class _Turn(Moves):
         if choice is None:
             reason = "nothing is left that is worth measuring or can be reached" + after_colon(event.reason)
             self.end(MissionEnd.NOTHING_LEFT, reason)
-        elif choice.stop.name in blacklisted(self.state):
+        elif choice.stop.name in blacklisted(self.state) or in_any(self.state.ruled_out, xy(choice.stop)):
             self.fail(Todo.PLAN, f"the planner chose {choice.stop.name}, which is ruled out for now")
         else:
             travel_s = event.travel_s
@@ -193,7 +215,7 @@ class _Turn(Moves):
 
     def on_reached(self, goal: Goal, place: tuple[float, float]) -> None:
         if self.state.phase is Phase.CANCELLING:
-            self.on_goal_ended("reached")
+            self.stopped()
         elif not self.rules.is_at(place, goal.stop):
             away_m = math.dist(place, xy(goal.stop))
             self.on_goal_ended(f"reported as reached, but the robot is {away_m:.1f} m away from it")
@@ -205,26 +227,33 @@ class _Turn(Moves):
     def on_goal_ended(self, reason: str) -> None:
         """The goal did not lead to its stop, or it was cancelled on purpose."""
         if self.state.phase is Phase.CANCELLING:
-            assert self.state.todo is not None
-            self.carry_out(self.state.todo, self.state.cause)
+            self.stopped()
         else:
             self.goal_failed(reason)
 
     def on_moved(self, place: tuple[float, float]) -> None:
         if not (math.isfinite(place[0]) and math.isfinite(place[1])):
             return
-        self.state = replace(self.state, position=place)
+        still_at, still_since_s = self.state.still_at, self.state.still_since_s
+        if still_at is None or math.dist(still_at, place) > self.rules.arrival_radius_m * STILL_SHARE:
+            still_at, still_since_s = place, self.now_s
+        self.state = replace(
+            self.state, position=place, position_s=self.now_s, still_at=still_at, still_since_s=still_since_s
+        )
         start = self.state.odometer_at
         moved_m = math.dist(start, place) if start is not None else math.inf
         if moved_m >= self.rules.odometer_step_m:
             driven_m = moved_m if start is not None and self.state.under_way else 0.0
             self.state = replace(self.state, odometer_at=place, distance_m=self.state.distance_m + driven_m)
+        if self.state.phase is Phase.CANCELLING:
+            self.stopped()
 
     def on_record(self, record: CountRecord) -> None:
         state, newest_s = self.state, self.state.last_stamp_s
-        if not _usable(record) or (newest_s is not None and record.stamp_s <= newest_s):
+        stamp_s = record.stamp_s - state.stamp_offset_s
+        if not _usable(record) or (newest_s is not None and stamp_s <= newest_s):
             return  # broken, repeated or out of order
-        ended_s = min(record.stamp_s, self.now_s)
+        ended_s = min(stamp_s, self.now_s)
         began_s = ended_s - record.exposure_s
         if newest_s is not None and ended_s - newest_s < 2 * record.exposure_s:
             began_s = min(began_s, newest_s)  # the live time is shorter than the interval when a tube is missing
@@ -259,25 +288,41 @@ class _Turn(Moves):
 
     # Commands ------------------------------------------------------------------------------------------------
 
-    def command(self, verb: Verb) -> tuple[bool, str]:
+    def command(self, command: Command) -> tuple[bool, str]:
         """Do what the operator asks for; whether it can be done, and what happens or why not."""
-        verbs: dict[Verb, Callable[[], tuple[bool, str]]] = {
+        verbs: dict[Verb, Callable[[Command], tuple[bool, str]]] = {
             Verb.START: self.start,
             Verb.PAUSE: self.pause,
             Verb.RESUME: self.go_on,
             Verb.ABORT: self.abort,
+            Verb.SKIP: self.skip,
+            Verb.MEASURE: self.measure,
+            Verb.RULE_OUT: self.rule_out_area,
+            Verb.ORDER: self.order,
+            Verb.CHANGE: self.change,
+            Verb.RETURN: self.return_home,
         }
-        return verbs[verb]()
+        return verbs[command.verb](command)
 
-    def start(self) -> tuple[bool, str]:
+    def start(self, _command: Command) -> tuple[bool, str]:
         if self.state.phase not in (Phase.IDLE, Phase.FINISHED):
             return False, f"a mission is under way ({self.state.phase}): resume or abort it"
         if self.state.position is None:
             return False, "the robot's position is not known yet: wait for a fix"
+        if self.hindrance or any(alarm.response is Response.RETURN for alarm in self.state.alarms):
+            reasons = (alarm.reason for alarm in self.state.alarms if alarm.response is Response.RETURN)
+            return False, "; ".join(filter(None, (self.hindrance, *reasons)))
         self.state = MissionState(
             now_s=self.state.now_s,
             started_s=self.state.now_s,
             position=self.state.position,
+            position_s=self.state.position_s,
+            still_at=self.state.still_at,
+            still_since_s=self.state.still_since_s,
+            stamp_offset_s=self.state.stamp_offset_s,
+            alarms=self.state.alarms,
+            ruled_out=self.state.ruled_out,
+            changes=self.state.changes,
             odometer_at=self.state.position,
             plans=self.state.plans,
             goals=self.state.goals,
@@ -286,43 +331,140 @@ class _Turn(Moves):
         self.plan("started")
         return True, self.state.reason
 
-    def pause(self) -> tuple[bool, str]:
+    def pause(self, command: Command) -> tuple[bool, str]:
         state = self.state
         if state.phase is Phase.PAUSED or state.todo is Todo.PAUSE:
+            self.state = replace(state, held=False)  # from now on it is the operator's
             return True, state.reason
-        resume = state.todo if state.phase is Phase.CANCELLING else _RESUMES.get(state.phase)
-        if resume is None or resume is Todo.IDLE:
+        resume = self.to_resume
+        if resume is None:
             return False, f"there is nothing to pause: {state.reason}"
-        self.hold(resume, "paused by the operator", needs_operator=False)
+        self.hold(resume, f"paused by {command.by}", needs_operator=False)
         return True, self.state.reason
 
-    def go_on(self) -> tuple[bool, str]:
+    def go_on(self, command: Command) -> tuple[bool, str]:
         resume = self.state.resume
         if resume is None:
             return False, f"nothing is paused: {self.state.reason}"
-        self.state = replace(self.state, failures=0)
-        self.then(resume, "resumed")
+        if self.hindrance:
+            return False, f"not yet: {self.hindrance}"
+        self.state = replace(self.state, failures=0, wait_until_s=None)
+        self.go_on_with(resume, f"resumed by {command.by}" if command.who else "resumed")
         return True, self.state.reason
 
-    def abort(self) -> tuple[bool, str]:
+    def abort(self, command: Command) -> tuple[bool, str]:
         if self.state.phase is Phase.FINISHED:
             self.enter(Phase.IDLE, "waiting for start")
         if self.state.phase is not Phase.IDLE:
-            self.abandon(MissionEnd.ABORTED, "aborted by the operator")
+            self.abandon(MissionEnd.ABORTED, f"aborted by {command.by}")
         return True, self.state.reason
 
-    def skip(self, cause: str) -> tuple[bool, str]:
+    def skip(self, command: Command) -> tuple[bool, str]:
         target = self.state.target
         if target is None:
             return False, f"there is no stop to skip: {self.state.reason}"
-        reason = f"{target.stop.name} skipped {cause}"
-        self.rule_out(target.stop)
+        cause = command.cause or f"by {command.by}"
+        self.leave_for_good(target.stop, f"{target.stop.name} skipped {cause}")
+        return True, self.state.reason
+
+    def leave_for_good(self, stop: Stop, reason: str) -> None:
+        """Rule the target out, and choose another stop unless paused."""
+        self.rule_out(stop)
         self.leave_stop(VisitEnd.SKIPPED, reason)
+        self.state = replace(self.state, wait_until_s=None)
         if self.state.resume is not None:
-            self.hold(Todo.PLAN, f"{reason}; still paused", self.state.needs_operator)
+            self.hold(Todo.PLAN, f"{reason}; still paused", self.state.needs_operator, self.state.held)
         else:
             self.then(Todo.PLAN, reason)
+
+    def measure(self, command: Command) -> tuple[bool, str]:
+        stop = command.stop
+        if stop is None or not (math.isfinite(stop.x_m) and math.isfinite(stop.y_m)):
+            return False, "there is no place to measure at: give x and y in metres"
+        if not self.state.under_way or self.to_resume in (None, Todo.RETURN):
+            return False, f"no mission is measuring: {self.state.reason}"
+        if stop.name in {queued.stop.name for queued in self.state.queue}:
+            return False, f"{stop.name} is in the queue already"
+        if in_any(self.state.ruled_out, xy(stop)):
+            return False, f"{stop.name} lies in an area that is ruled out"
+        dwell = ""
+        if command.dwell_s is not None:
+            if not (math.isfinite(command.dwell_s) and command.dwell_s > 0):
+                return False, f"a dwell of {command.dwell_s:g} s is not possible: give seconds above 0"
+            dwell = f"fmi:{command.dwell_s:g}"
+        queued = QueuedStop(stop, command.by, dwell)
+        self.state = replace(self.state, queue=(*self.state.queue, queued))
+        if self.state.phase is Phase.PLANNING:
+            self.plan(f"{stop.name} requested by {command.by}")
+        names = ", ".join(queued.stop.name for queued in self.state.queue)
+        return True, f"queued: {names}" if names else self.state.reason
+
+    def rule_out_area(self, command: Command) -> tuple[bool, str]:
+        corners = command.polygon
+        if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
+            return False, f"an area needs at least three corners in metres, got {len(corners)}"
+        self.state = replace(self.state, ruled_out=(*self.state.ruled_out, corners))
+        kept = tuple(queued for queued in self.state.queue if not in_any([corners], xy(queued.stop)))
+        self.state = replace(self.state, queue=kept)
+        target = self.state.target
+        if target is not None and in_any([corners], xy(target.stop)):
+            self.leave_for_good(target.stop, f"{target.stop.name} is ruled out by {command.by}")
+        elif self.state.phase is Phase.PLANNING:
+            self.plan(f"an area is ruled out by {command.by}")
+        return True, f"no stop is chosen in the area; {self.state.reason}"
+
+    def order(self, command: Command) -> tuple[bool, str]:
+        queued = {one.stop.name: one for one in self.state.queue}
+        unknown = [name for name in command.stops if name not in queued]
+        if unknown or len(set(command.stops)) < len(command.stops):
+            names = ", ".join(queued) or "nothing"
+            return False, f"the queue holds {names}: name each of them once at most"
+        self.state = replace(self.state, queue=tuple(queued[name] for name in command.stops))
+        return True, f"queued: {', '.join(command.stops) or 'nothing'}"
+
+    def change(self, command: Command) -> tuple[bool, str]:
+        new = command.changes
+        if new is None or new == Changes():
+            return False, "there is nothing to change"
+        values = {field.name: value for field in fields(new) if (value := getattr(new, field.name)) is not None}
+        changes = dataclasses.replace(self.state.changes or Changes(), **values)
+        try:
+            rules = changed_rules(self.given_rules, changes)
+        except (InputError, ValueError) as error:
+            return False, str(error)
+        used_s = self.state.time_used_s
+        if new.budget_s is not None and self.state.under_way and new.budget_s <= used_s:
+            return False, f"{used_s / 3600:.2f} h are used already: give more, or send the robot home"
+        self.state = replace(self.state, changes=changes)
+        self.rules = rules
+        if self.state.phase is Phase.PLANNING:
+            self.plan(f"settings changed by {command.by}")
+        given = (f"{name} {value.name if isinstance(value, Stop) else value}" for name, value in values.items())
+        return True, f"changed: {', '.join(given)}"
+
+    def return_home(self, command: Command) -> tuple[bool, str]:
+        resume = self.to_resume
+        if self.rules.home is None:
+            return False, "there is no home: set one, or abort"
+        if not self.state.under_way or resume is None:
+            return False, f"no mission is under way: {self.state.reason}"
+        if self.hindrance:
+            return False, f"not yet: {self.hindrance}"
+        self.state = replace(self.state, wait_until_s=None, queue=())
+        if resume is Todo.RETURN:
+            self.then(Todo.RETURN, f"sent home by {command.by}")
+        else:
+            self.end(MissionEnd.RETURNED, f"sent home by {command.by}")
         return True, self.state.reason
+
+
+def in_any(polygons: Sequence[Sequence[tuple[float, float]]], place: tuple[float, float]) -> bool:
+    """Whether a place lies in one of some polygons, given by their corners [m]."""
+    if not polygons:
+        return False
+    import shapely
+
+    return any(bool(shapely.intersects_xy(shapely.Polygon(corners), *place)) for corners in polygons)
 
 
 def _usable(record: CountRecord) -> bool:

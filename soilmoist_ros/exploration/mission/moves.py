@@ -17,12 +17,14 @@ from soilmoist_ros.exploration.mission.state import (
     Target,
     Todo,
     blacklisted,
+    changed_rules,
     dwell_rule,
     raw_rate,
     replace,
 )
 from soilmoist_ros.exploration.mission.types import (
     Action,
+    Alarm,
     CancelGoal,
     Finish,
     GoTo,
@@ -32,14 +34,23 @@ from soilmoist_ros.exploration.mission.types import (
     Phase,
     PlanKind,
     RequestPlan,
+    Response,
     Save,
     StartCounting,
     StopCounting,
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 
+_RESUMES = {
+    Phase.PLANNING: Todo.PLAN,
+    Phase.TRAVELLING: Todo.TRAVEL,
+    Phase.COUNTING: Todo.COUNT,
+    Phase.RETURNING: Todo.RETURN,
+}
+"""What to go on with after a pause."""
 _MAX_AT_ONCE = 10
 """Maximum number of deadlines per step; more are due only if limits are below the resolution of the clock."""
 
@@ -57,7 +68,8 @@ class Moves:
     """
 
     def __init__(self, rules: MissionRules, state: MissionState) -> None:
-        self.rules = rules
+        self.rules = rules if state.changes is None else changed_rules(rules, state.changes)
+        self.given_rules = rules
         self.state = state
         self.now_s = math.nan if state.now_s is None else state.now_s
         self.actions: list[Action] = []
@@ -77,15 +89,17 @@ class Moves:
     def enter(self, phase: Phase, reason: str) -> None:
         """Change the phase, and clear the data of other phases."""
         state = self.state
-        held = phase is Phase.PAUSED or (phase is Phase.CANCELLING and state.todo is Todo.PAUSE)
+        paused = phase is Phase.PAUSED or (phase is Phase.CANCELLING and state.todo is Todo.PAUSE)
+        waits = phase in (Phase.CANCELLING, Phase.WAITING)
         self.state = replace(
             state,
             phase=phase,
             reason=reason,
             plan=state.plan if phase is Phase.PLANNING else None,
-            todo=state.todo if phase is Phase.CANCELLING else None,
-            cause=state.cause if phase is Phase.CANCELLING else "",
-            resume=state.resume if held else None,
+            todo=state.todo if waits else None,
+            cause=state.cause if waits else "",
+            resume=state.resume if paused else None,
+            held=state.held and paused,
         )
 
     def then(self, todo: Todo, reason: str) -> None:
@@ -96,12 +110,39 @@ class Moves:
             return
         if goal.cancelled_s is None:
             self.do(CancelGoal(goal.goal_id, reason))
-            goal = replace(goal, cancelled_s=self.now_s)
+            goal = replace(goal, cancelled_s=self.now_s, requests=1)
         self.state = replace(self.state, goal=goal, todo=todo, cause=reason)
         self.enter(Phase.CANCELLING, f"{reason}; waiting for the robot to stop")
 
+    @property
+    def stands(self) -> bool:
+        """Whether places reported after the cancellation show that the robot stands still."""
+        state, goal = self.state, self.state.goal
+        assert goal is not None
+        assert goal.cancelled_s is not None
+        if self.rules.standstill_s == 0:
+            return True
+        if state.position_s is None or state.still_since_s is None or state.position_s < goal.cancelled_s:
+            return False
+        return state.position_s - state.still_since_s >= self.rules.standstill_s
+
+    def stopped(self) -> None:
+        """Carry out what the cancellation was for, once the goal is over and the robot stands."""
+        goal, todo, cause = self.state.goal, self.state.todo, self.state.cause
+        if self.state.phase is Phase.CANCELLING and goal is not None and goal.over and self.stands:
+            assert todo is not None
+            self.state = replace(self.state, goal=None)
+            self.carry_out(todo, cause)
+
     def carry_out(self, todo: Todo, reason: str) -> None:
-        """Carry out a todo; no goal is open now."""
+        """Carry out a todo, or wait with a new attempt; no goal is open now."""
+        wait_until_s = self.state.wait_until_s
+        self.state = replace(self.state, wait_until_s=None)
+        attempts = (Todo.PLAN, Todo.TRAVEL, Todo.RETURN)
+        if wait_until_s is not None and self.now_s < wait_until_s and todo in attempts:
+            self.state = replace(self.state, wait_until_s=wait_until_s, todo=todo, cause=reason)
+            self.enter(Phase.WAITING, f"{reason}; trying again in {wait_until_s - self.now_s:.0f} s")
+            return
         match todo:
             case Todo.PLAN:
                 self.plan(reason)
@@ -116,6 +157,7 @@ class Moves:
                 self.go_home(reason)
             case Todo.PAUSE:
                 self.enter(Phase.PAUSED, reason)
+                self.release()
             case Todo.FINISH:
                 self.finish(self.state.ending)
             case Todo.IDLE:
@@ -124,7 +166,9 @@ class Moves:
                 assert_never(todo)
 
     def plan(self, reason: str) -> None:
-        """Request the next stop, if the time left suffices."""
+        """Go to the next stop that was asked for, or request one, if the time left suffices."""
+        if self.take_queued(reason):
+            return
         left_s = self.leave_by_s() - self.now_s
         if left_s <= self.rules.min_dwell_s:
             self.end(MissionEnd.TIME_UP, f"{reason}; the time left is too short for another stop")
@@ -132,20 +176,48 @@ class Moves:
         warm_up = self.state.samples < self.rules.warm_up_stops
         kind = PlanKind.WARM_UP if warm_up else PlanKind.EXPLORE
         plan_id = self.state.plans + 1
-        budget_left_s = self.rules.budget_s - self.state.time_used_s
-        self.do(RequestPlan(plan_id, kind, blacklisted(self.state), left_s, budget_left_s))
+        budget_left_s = self.left_s
+        out, areas = blacklisted(self.state), self.state.ruled_out
+        self.do(RequestPlan(plan_id, kind, out, left_s, budget_left_s, areas))
         plan = PendingPlan(plan_id, self.now_s + self.rules.plan_limit_s)
         self.state = replace(self.state, plan=plan, plans=plan_id, target=None)
         number = f"warm-up stop {self.state.samples + 1} of {self.rules.warm_up_stops}"
         self.enter(Phase.PLANNING, f"{reason}; choosing {number if warm_up else 'the next stop'}")
+
+    def take_queued(self, reason: str) -> bool:
+        """Go to the first queued stop that fits into the time, and drop those before; whether there is one."""
+        while self.state.queue:
+            queued, *rest = self.state.queue
+            self.state = replace(self.state, queue=tuple(rest))
+            travel_s = self.rules.travel_s(self.place, xy(queued.stop))
+            if self.fits(queued.stop, travel_s):
+                dwell = parse_dwell(queued.dwell) if queued.dwell else None
+                asked = f"requested by {queued.who}"
+                self.state = replace(
+                    self.state, plan=None, target=Target(queued.stop, asked, travel_s, dwell=dwell)
+                )
+                self.travel(travel_s, f"{reason}; going to {queued.stop.name}: {asked}")
+                return True
+            reason = f"{reason}; no time for {queued.stop.name}, which {queued.who} requested"
+        return False
+
+    def fits(self, stop: Stop, travel_s: float) -> bool:
+        """Whether the time left suffices for a stop and the way home from it."""
+        needed_s = travel_s + self.rules.min_dwell_s + self.rules.way_home_s(xy(stop))
+        return needed_s <= self.left_s and self.now_s < self.leave_by_s()
+
+    @property
+    def left_s(self) -> float:
+        """Rest of the budget [s]."""
+        return self.rules.budget_s - self.state.time_used_s
 
     def travel(self, travel_s: float, reason: str) -> None:
         """Send the robot to its target, if the time left suffices."""
         target = self.state.target
         assert target is not None
         needed_s = travel_s + self.rules.min_dwell_s + self.rules.way_home_s(xy(target.stop))
-        left_s = self.rules.budget_s - self.state.time_used_s
-        if needed_s <= left_s and self.now_s < self.leave_by_s():
+        left_s = self.left_s
+        if self.fits(target.stop, travel_s):
             self.send(Phase.TRAVELLING, target.stop, max(travel_s, target.travel_s), reason)
         else:
             reason = f"no time for {target.stop.name}: it needs {needed_s:.0f} s and {left_s:.0f} s are left"
@@ -184,6 +256,7 @@ class Moves:
         """The robot did not get home: retry, or finish where it is."""
         self.state = replace(self.state, returns=self.state.returns + 1)
         if self.state.returns <= self.rules.retries:
+            self.back_off(self.state.returns)
             self.then(Todo.RETURN, f"home was not reached: {reason}")
         else:
             ending = f"{self.state.ending}; the robot did not get home: {reason}"
@@ -194,16 +267,104 @@ class Moves:
         """Continue after a failure, or ask the operator after too many failures."""
         self.state = replace(self.state, failures=self.state.failures + 1)
         if self.state.failures < self.rules.failures_to_pause:
+            self.back_off(self.state.failures)
             self.then(todo, reason)
         else:
             many = f"{self.state.failures} failures since the last sample" if self.state.failures > 1 else "failed"
             self.hold(todo, f"{many}: {reason}; check the robot, then resume or abort")
 
-    def hold(self, resume: Todo, reason: str, needs_operator: bool = True) -> None:
+    def back_off(self, failures: int) -> None:
+        """Wait before the next attempt, twice as long after each failure in a row."""
+        wait_s = min(self.rules.backoff_s * 2.0 ** (failures - 1), self.rules.backoff_limit_s)
+        self.state = replace(self.state, wait_until_s=self.now_s + wait_s if wait_s > 0 else None)
+
+    def hold(self, resume: Todo, reason: str, needs_operator: bool = True, held: bool = False) -> None:
         """Pause: stop the robot, and store what to resume."""
         self.suspend(reason)
-        self.state = replace(self.state, resume=resume, needs_operator=needs_operator)
+        self.state = replace(
+            self.state, resume=resume, needs_operator=needs_operator, held=held, wait_until_s=None
+        )
         self.then(Todo.PAUSE, reason)
+
+    @property
+    def to_resume(self) -> Todo | None:
+        """What a pause would interrupt; ``None`` if nothing is under way or the mission is being ended."""
+        state = self.state
+        if state.resume is not None:
+            return state.resume
+        if state.phase in (Phase.CANCELLING, Phase.WAITING):
+            ending = (Todo.IDLE, Todo.FINISH)
+            return None if state.todo in ending else state.todo
+        return _RESUMES.get(state.phase)
+
+    @property
+    def hindrance(self) -> str:
+        """Why the robot must not move, in words; empty if it may."""
+        if self.state.emergency:
+            return f"the emergency stop is pressed ({', '.join(self.state.emergency)}): release it first"
+        return "; ".join(alarm.reason for alarm in self.state.alarms if alarm.response.stops)
+
+    def release(self) -> None:
+        """Go on by itself after a hold, once nothing speaks against it."""
+        resume = self.state.resume
+        if self.state.phase is Phase.PAUSED and self.state.held and resume is not None and not self.hindrance:
+            self.go_on_with(resume, "all is well again")
+
+    def go_on_with(self, todo: Todo, reason: str) -> None:
+        """End a pause; go home instead if the guard asks for it."""
+        home = next((alarm for alarm in self.state.alarms if alarm.response is Response.RETURN), None)
+        if home is not None and todo is not Todo.RETURN:
+            self.end(MissionEnd.FAILSAFE, f"{reason}, but {home.reason}")
+        else:
+            self.then(todo, reason)
+
+    # Dangers -------------------------------------------------------------------------------------------------
+
+    def alarm(self, alarm: Alarm) -> None:
+        """The guard has found a danger."""
+        others = tuple(other for other in self.state.alarms if other.cause != alarm.cause)
+        known = next((other for other in self.state.alarms if other.cause == alarm.cause), None)
+        if alarm.response is Response.IGNORE:
+            self.state = replace(self.state, alarms=others)
+            return
+        self.state = replace(self.state, alarms=(*others, alarm))
+        if self.state.under_way and (known is None or known.response is not alarm.response):
+            self.respond(alarm)
+
+    def respond(self, alarm: Alarm) -> None:
+        """Do what a danger demands."""
+        state, reason, resume = self.state, alarm.reason, self.to_resume
+        paused = state.phase is Phase.PAUSED or state.todo is Todo.PAUSE
+        match alarm.response:
+            case Response.PAUSE if resume is not None:
+                self.hold(resume, f"{reason}; check the robot, then resume or abort")
+            case Response.HOLD if resume is not None and not paused:
+                self.hold(resume, f"{reason}; going on when that is over", needs_operator=False, held=True)
+            case Response.RETURN if resume is not None and resume is not Todo.RETURN and not paused:
+                self.end(MissionEnd.FAILSAFE, reason)
+            case Response.ABORT if resume is not None:
+                self.abandon(MissionEnd.FAILSAFE, reason)
+
+    def alarm_over(self, cause: str) -> None:
+        """A danger is over."""
+        self.state = replace(
+            self.state, alarms=tuple(alarm for alarm in self.state.alarms if alarm.cause != cause)
+        )
+        self.release()
+
+    def emergency(self, active: bool, source: str) -> None:
+        """Stop at once and stay, whatever the mission is doing; a release only ends the reason."""
+        others = tuple(other for other in self.state.emergency if other != source)
+        self.state = replace(self.state, emergency=(*others, source) if active else others)
+        if not active:
+            return
+        reason = f"emergency stop{after_colon(source)}"
+        goal = self.state.goal
+        if self.state.goals and (goal is None or goal.cancelled_s is not None):
+            self.do(CancelGoal(self.state.goals, reason))  # the others are cancelled by the pause
+        resume = self.to_resume
+        if self.state.under_way and resume is not None:
+            self.hold(resume, f"{reason}; release it, then resume or abort")
 
     def rule_out(self, stop: Stop) -> None:
         """Do not choose a stop for a while."""
@@ -213,8 +374,9 @@ class Moves:
 
     def end(self, code: MissionEnd, reason: str) -> None:
         """Stop measuring: go home if there is a home, then finish."""
-        self.leave_stop(VisitEnd.TIME_UP, reason)
-        self.state = replace(self.state, ending=reason, ended=code, returns=0)
+        early = {MissionEnd.RETURNED: VisitEnd.RETURNED, MissionEnd.FAILSAFE: VisitEnd.FAILSAFE}
+        self.leave_stop(early.get(code, VisitEnd.TIME_UP), reason)
+        self.state = replace(self.state, ending=reason, ended=code, returns=0, wait_until_s=None)
         self.then(Todo.RETURN, reason)
 
     def abandon(self, code: MissionEnd, reason: str) -> None:
@@ -284,17 +446,17 @@ class Moves:
             self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False))
 
     def leave_stop(self, code: VisitEnd, reason: str) -> int:
-        """Close the stop and return its raw counts; a stop with counts becomes a visit."""
+        """Close the stop and return the number of its records; a stop with records becomes a visit."""
         self.suspend(reason)
         target, counting = self.state.target, self.state.counting
         self.state = replace(self.state, target=None, counting=None)
         if target is None or counting is None:
             return 0
         self.state = replace(self.state, counting_s=self.state.counting_s + counting.before_s)
-        if counting.raw_counts > 0:
+        if counting.records > 0:  # zero is a count, too
             self.state = replace(self.state, samples=self.state.samples + 1, failures=0)
             self.do(VisitDone(self.visit(target, counting, code, reason)))
-        return counting.raw_counts
+        return counting.records
 
     def visit(self, target: Target, counting: Counting, code: VisitEnd, reason: str) -> Visit:
         """The visit of a stop."""
@@ -313,14 +475,14 @@ class Moves:
             ended=code,
             outcome=reason,
             dwell=self.dwell_name,
-            arrival_stamp_s=counting.arrived_s,
-            end_stamp_s=self.now_s,
+            arrival_stamp_s=counting.arrived_s + self.state.stamp_offset_s,
+            end_stamp_s=self.now_s + self.state.stamp_offset_s,
             stop_x_m=target.stop.x_m,
             stop_y_m=target.stop.y_m,
         )
 
     def complete(self, code: VisitEnd, reason: str) -> None:
-        """End counting; a stop without counts is a failure."""
+        """End counting; a stop without records is a failure."""
         assert self.state.target is not None
         stop = self.state.target.stop
         if self.leave_stop(code, reason) > 0:
@@ -360,6 +522,10 @@ class Moves:
                 assert goal is not None
                 assert goal.cancelled_s is not None
                 return [(goal.cancelled_s + rules.cancel_limit_s, self.cancel_late)]
+            case Phase.WAITING:
+                assert state.wait_until_s is not None
+                times = [(state.wait_until_s, self.waited)]
+                return times if state.todo is Todo.RETURN else [(self.leave_by_s(), self.time_up), *times]
             case Phase.RETURNING:
                 assert goal is not None
                 return [(goal.deadline_s, self.goal_late)]
@@ -403,13 +569,31 @@ class Moves:
         """The robot did not arrive in time."""
         self.goal_failed("it took too long")
 
-    def cancel_late(self) -> None:
-        """The navigation did not report the end of a cancelled goal: continue without the report."""
+    def waited(self) -> None:
+        """The wait after a failure is over."""
         todo = self.state.todo
         assert todo is not None
-        cause = f"{self.state.cause} (the end of the goal was not reported in {self.rules.cancel_limit_s:.0f} s)"
-        self.state = replace(self.state, goal=None)
-        self.carry_out(todo, cause)
+        self.carry_out(todo, self.state.cause)
+
+    def cancel_late(self) -> None:
+        """The navigation did not report the end of a cancelled goal, or the robot is not known to stand."""
+        goal, todo, limit_s = self.state.goal, self.state.todo, self.rules.cancel_limit_s
+        assert goal is not None
+        assert todo is not None
+        if self.stands:
+            self.state = replace(self.state, goal=None)
+            cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s)"
+            self.carry_out(todo, cause)
+            return
+        self.do(CancelGoal(goal.goal_id, self.state.cause))
+        goal = replace(goal, cancelled_s=self.now_s, requests=goal.requests + 1)
+        self.state = replace(self.state, goal=goal)
+        unknown = self.state.position_s is None or self.now_s - self.state.position_s > limit_s
+        doubt = "its place is not known" if unknown else "it still moves"
+        self.enter(
+            Phase.CANCELLING,
+            f"{self.state.cause}; the robot is not known to stand ({doubt}): asked {goal.requests} times to stop",
+        )
 
     def dwell_late(self) -> None:
         """The dwell rule did not end counting in time."""

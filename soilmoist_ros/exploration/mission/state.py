@@ -6,18 +6,27 @@ store them, replay the events, or go on from a stored state.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
-from soilmoist_ros.exploration.mission.types import Event, MissionEnd, MissionRules, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import (
+    Alarm,
+    Changes,
+    Event,
+    MissionEnd,
+    MissionRules,
+    MissionStatus,
+    Phase,
+)
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
+from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
 
@@ -62,12 +71,20 @@ class Target:
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal that the navigation works on; ``cancelled_s`` is when it was cancelled."""
+    """A goal that the navigation works on, or whose robot is not yet known to stand.
+
+    :param deadline_s: when it is late [s]
+    :param cancelled_s: when it was cancelled last [s]; ``None`` if it was not
+    :param requests: how often it was cancelled
+    :param over: whether the navigation has reported its end
+    """
 
     goal_id: int
     stop: Stop
     deadline_s: float
     cancelled_s: float | None = None
+    requests: int = 0
+    over: bool = False
 
 
 @dataclass(frozen=True)
@@ -109,12 +126,22 @@ class RuledOut:
 
 
 @dataclass(frozen=True)
+class QueuedStop:
+    """A stop that somebody has asked for; ``dwell`` is its own dwell rule as text, empty for the mission's."""
+
+    stop: Stop
+    who: str
+    dwell: str = ""
+
+
+@dataclass(frozen=True)
 class MissionState:
     """All that a mission remembers; :class:`MissionRules` and this determine what an event does.
 
     :param started_s: when the mission started [s]; ``None`` before
     :param ended_s: when it finished or was aborted [s]; ``None`` while it is under way
-    :param todo: what follows when the cancelled goal has ended (in ``CANCELLING``)
+    :param todo: what follows when the robot has stopped (in ``CANCELLING``), or after the wait (in ``WAITING``)
+    :param wait_until_s: no new attempt before [s]
     :param resume: what the operator's ``resume`` does (in ``PAUSED``, or on the way there)
     :param cause: what ``CANCELLING`` is for, said again when the robot has stopped
     :param ending: why the mission is ending
@@ -122,11 +149,21 @@ class MissionState:
     :param goals: id of the last goal
     :param returns: how often going home failed
     :param failures: failures since the last sample
+    :param held: whether the last pause ends by itself, when the guard has nothing more against it
     :param needs_operator: whether the last pause was the mission's own: it waits for the operator
     :param ended: why the mission has ended or is ending
     :param position: where the robot is [m]
+    :param position_s: when it was reported [s]
+    :param still_at: the place that the robot has not left [m] ...
+    :param still_since_s: ... since then [s]
     :param odometer_at: up to where the distance has been added up [m]
     :param last_stamp_s: stamp of the newest record [s]
+    :param stamp_offset_s: the clock that stamps the records minus mission time [s]
+    :param alarms: dangers that are on
+    :param emergency: emergency stops that are pressed
+    :param queue: stops that an operator has asked for
+    :param ruled_out: polygons in which no stop is chosen, corners [m]
+    :param changes: settings that an operator has changed
     :param raw_counts: counts of all records of this mission, ``exposure_s`` their exposure [s]
     """
 
@@ -158,6 +195,17 @@ class MissionState:
     exposure_s: float = 0.0
     needs_operator: bool = False
     ended: MissionEnd | None = None
+    held: bool = False
+    wait_until_s: float | None = None
+    position_s: float | None = None
+    still_at: tuple[float, float] | None = None
+    still_since_s: float | None = None
+    stamp_offset_s: float = 0.0
+    alarms: tuple[Alarm, ...] = ()
+    emergency: tuple[str, ...] = ()
+    queue: tuple[QueuedStop, ...] = ()
+    ruled_out: tuple[tuple[tuple[float, float], ...], ...] = ()
+    changes: Changes | None = None
 
     @property
     def time_used_s(self) -> float:
@@ -229,7 +277,32 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         needs_operator=state.phase is Phase.PAUSED and state.needs_operator,
         silent=counting is not None and counting.silent,
         ended=state.ended,
+        alarms=state.alarms,
+        emergency=bool(state.emergency),
+        stop_requests=state.goal.requests if state.goal else 0,
+        queue=tuple(queued.stop.name for queued in state.queue),
+        strategy=(state.changes and state.changes.strategy) or "",
+        clock_offset_s=state.stamp_offset_s,
     )
+
+
+@lru_cache(maxsize=4)
+def changed_rules(rules: MissionRules, changes: Changes | None) -> MissionRules:
+    """The rules with the settings that an operator has changed.
+
+    :raises InputError: if the dwell rule is not one
+    :raises ValueError: if a value is out of its range
+    """
+    if changes is None:
+        return rules
+    new: dict[str, Any] = {
+        name: value
+        for name in ("budget_s", "home", "warm_up_stops")
+        if (value := getattr(changes, name)) is not None
+    }
+    if changes.dwell is not None:
+        new["dwell"] = parse_dwell(changes.dwell, rules.dwell.longest_s)
+    return dataclasses.replace(rules, **new)
 
 
 def dwell_rule(rules: MissionRules, state: MissionState) -> DwellRule:
@@ -240,7 +313,9 @@ def dwell_rule(rules: MissionRules, state: MissionState) -> DwellRule:
 
 def shown(state: MissionState) -> tuple[object, ...]:
     """What is worth publishing a status for when it changes."""
-    return state.phase, state.reason, state.target, state.samples, state.counting and state.counting.records
+    counted = state.counting and state.counting.records
+    guarded = state.alarms, state.emergency, state.queue, state.ruled_out, state.changes, state.stamp_offset_s
+    return state.phase, state.reason, state.target, state.samples, counted, *guarded
 
 
 def blacklisted(state: MissionState) -> tuple[str, ...]:

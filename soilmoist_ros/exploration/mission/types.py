@@ -21,6 +21,7 @@ class Phase(StrEnum):
 
     IDLE = "idle"
     PLANNING = "planning"
+    WAITING = "waiting"
     TRAVELLING = "travelling"
     COUNTING = "counting"
     PAUSED = "paused"
@@ -37,6 +38,36 @@ class Verb(StrEnum):
     RESUME = "resume"
     ABORT = "abort"
     SKIP = "skip"
+    MEASURE = "measure"
+    RULE_OUT = "rule_out"
+    ORDER = "order"
+    CHANGE = "change"
+    RETURN = "return_home"
+
+
+TRIGGERS = (Verb.START, Verb.PAUSE, Verb.RESUME, Verb.ABORT, Verb.SKIP)
+"""Commands that need nothing but their name."""
+
+
+class Response(StrEnum):
+    """What the mission does while the guard reports a cause of danger."""
+
+    IGNORE = "ignore"
+    WARN = "warn"
+    """Show it."""
+    PAUSE = "pause"
+    """Stop, and wait for an operator."""
+    HOLD = "hold"
+    """Stop, and go on when the cause is over."""
+    RETURN = "return_home"
+    """Stop measuring, go home and end."""
+    ABORT = "abort"
+    """Stop and end the mission where the robot is."""
+
+    @property
+    def stops(self) -> bool:
+        """Whether the robot must not move while the cause lasts."""
+        return self in (Response.PAUSE, Response.HOLD, Response.ABORT)
 
 
 class PlanKind(StrEnum):
@@ -57,6 +88,10 @@ class MissionEnd(StrEnum):
     """The operator aborted it."""
     SILENT_SENSOR = "silent_sensor"
     """No record arrived, and the rules demand an abort."""
+    RETURNED = "returned"
+    """The operator sent the robot home."""
+    FAILSAFE = "failsafe"
+    """The guard reported a danger that ends the mission."""
 
 
 class OnSilence(StrEnum):
@@ -86,7 +121,11 @@ class MissionRules:
     :param goal_time_factor: maximum trip time as a multiple of the expected time ... [-]
     :param goal_time_margin_s: ... plus this [s]
     :param return_margin_s: reserve kept for the way home [s]
-    :param cancel_limit_s: time after which a cancelled goal counts as ended [s]
+    :param cancel_limit_s: time after which a goal is cancelled again, while the robot is not known to stand [s]
+    :param standstill_s: a stop is confirmed when the robot has not moved for this time [s]; 0: it is confirmed by
+        the end of the goal, and a goal whose end is not reported counts as ended
+    :param backoff_s: wait after the first failure; it doubles with each failure in a row [s]
+    :param backoff_limit_s: longest wait after a failure [s]
     :param plan_limit_s: a plan request that is not answered in this time has failed [s]
     :param retries: how often a goal that failed is sent again before its stop is ruled out
     :param blacklist_s: how long a stop is ruled out after it failed or was skipped [s]
@@ -110,6 +149,9 @@ class MissionRules:
     goal_time_margin_s: float = 60.0
     return_margin_s: float = 60.0
     cancel_limit_s: float = 30.0
+    standstill_s: float = 4.0
+    backoff_s: float = 2.0
+    backoff_limit_s: float = 60.0
     plan_limit_s: float = 120.0
     retries: int = 1
     blacklist_s: float = 900.0
@@ -147,6 +189,26 @@ class MissionRules:
         return math.dist(place, (stop.x_m, stop.y_m)) <= self.arrival_radius_m
 
 
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Settings that an operator changes in mid-mission; ``None`` leaves a setting as it is.
+
+    :param budget_s: time of the mission from its start [s]
+    :param dwell: dwell rule, as text
+    :param strategy: how stops are chosen
+    :param target: which map is to be good, ``rate`` or ``vwc``
+    :param home: where to go at the end
+    :param warm_up_stops: number of stops before the map guides the choice; follows from the strategy
+    """
+
+    budget_s: float | None = None
+    dwell: str | None = None
+    strategy: str | None = None
+    target: str | None = None
+    home: Stop | None = None
+    warm_up_stops: int | None = None
+
+
 # Events ------------------------------------------------------------------------------------------------------
 
 
@@ -156,12 +218,29 @@ class Command:
 
     :param now_s: time [s]
     :param verb: what
-    :param cause: why a stop is skipped, for its sample and the status
+    :param cause: why a stop is skipped, for its sample and the status; empty: by the operator
+    :param who: who asks; empty: the operator
+    :param stop: where to measure (``MEASURE``); it joins the queue
+    :param dwell_s: for how long [s]; ``None``: as the dwell rule says
+    :param polygon: corners of an area in which no stop may be chosen (``RULE_OUT``) [m]
+    :param stops: names of the queued stops in their new order; the others are dropped (``ORDER``)
+    :param changes: new settings (``CHANGE``)
     """
 
     now_s: float
     verb: Verb
-    cause: str = "by the operator"
+    cause: str = ""
+    who: str = ""
+    stop: Stop | None = None
+    dwell_s: float | None = None
+    polygon: tuple[tuple[float, float], ...] = ()
+    stops: tuple[str, ...] = ()
+    changes: Changes | None = None
+
+    @property
+    def by(self) -> str:
+        """Who asks, for texts."""
+        return self.who or "the operator"
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,13 +307,72 @@ class Moved:
 
 
 @dataclass(frozen=True, slots=True)
+class Alarm:
+    """The guard has found a danger, or has more to say of one.
+
+    :param now_s: time [s]
+    :param cause: code of the cause; each cause is on or off
+    :param response: what the mission does about it
+    :param reason: the cause in words
+    """
+
+    now_s: float
+    cause: str
+    response: Response
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmOver:
+    """A danger is over."""
+
+    now_s: float
+    cause: str
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStop:
+    """Somebody has pressed or released an emergency stop; releasing it moves nothing.
+
+    :param now_s: time [s]
+    :param active: whether it is pressed
+    :param source: which one
+    """
+
+    now_s: float
+    active: bool
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStepped:
+    """The clock that stamps the records was set, forward (positive) or back [s]. Mission time goes on evenly."""
+
+    now_s: float
+    step_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Tick:
     """Time has passed. Needed at :attr:`Mission.next_deadline_s`, harmless at any other time."""
 
     now_s: float
 
 
-Event = Command | Planned | PlanFailed | GoalReached | GoalFailed | RecordArrived | Moved | Tick
+Event = (
+    Command
+    | Planned
+    | PlanFailed
+    | GoalReached
+    | GoalFailed
+    | RecordArrived
+    | Moved
+    | Alarm
+    | AlarmOver
+    | EmergencyStop
+    | ClockStepped
+    | Tick
+)
 
 
 # Actions -----------------------------------------------------------------------------------------------------
@@ -257,6 +395,7 @@ class RequestPlan:
     :param kind: a warm-up stop, or one that the map guides
     :param blacklisted: names of stops that must not be chosen now
     :param time_left_s: time left minus the way home *from here* [s]; for strategies
+    :param ruled_out: polygons in which no stop must be chosen, corners [m]
     :param budget_left_s: time until the robot must be home [s]. A stop fits if the travel to it, the shortest
         useful dwell and the way home *from there* fit in; offer only such stops, since the mission ends
         when the choice does not fit.
@@ -267,6 +406,7 @@ class RequestPlan:
     blacklisted: tuple[str, ...]
     time_left_s: float
     budget_left_s: float
+    ruled_out: tuple[tuple[tuple[float, float], ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,7 +421,10 @@ class GoTo:
 
 @dataclass(frozen=True, slots=True)
 class CancelGoal:
-    """Stop the robot; answer with :class:`GoalFailed` (or :class:`GoalReached`) when the goal has ended."""
+    """Stop the robot; answer with :class:`GoalFailed` (or :class:`GoalReached`) when the goal has ended.
+
+    The mission repeats it until the robot is known to stand. In an emergency the goal may have ended already.
+    """
 
     goal_id: int
     reason: str
@@ -333,6 +476,12 @@ class MissionStatus:
     :param needs_operator: whether it is paused and did not pause at the operator's command
     :param silent: whether the sensor is silent while the robot counts
     :param ended: why the mission has ended or is ending; ``None`` before
+    :param alarms: dangers that the guard reports now
+    :param emergency: whether an emergency stop is pressed
+    :param stop_requests: how often the robot was asked to stop and is not yet known to stand still
+    :param queue: names of the stops that an operator has asked for
+    :param strategy: how stops are chosen, if an operator has changed it
+    :param clock_offset_s: how far the clock that stamps the records has been set since the start [s]
     """
 
     now_s: float
@@ -354,6 +503,12 @@ class MissionStatus:
     needs_operator: bool = False
     silent: bool = False
     ended: MissionEnd | None = None
+    alarms: tuple[Alarm, ...] = ()
+    emergency: bool = False
+    stop_requests: int = 0
+    queue: tuple[str, ...] = ()
+    strategy: str = ""
+    clock_offset_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -381,8 +536,8 @@ class Finish:
 
     @property
     def aborted(self) -> bool:
-        """Whether the operator or a silent sensor ended it."""
-        return self.code in (MissionEnd.ABORTED, MissionEnd.SILENT_SENSOR)
+        """Whether the operator, a silent sensor or the guard ended it."""
+        return self.code in (MissionEnd.ABORTED, MissionEnd.SILENT_SENSOR, MissionEnd.FAILSAFE)
 
 
 Action = (

@@ -24,6 +24,10 @@ class VisitEnd(StrEnum):
     """The operator aborted the mission."""
     SILENT_SENSOR = "silent_sensor"
     """No record arrived, and the mission was aborted for it."""
+    RETURNED = "returned"
+    """The operator sent the robot home."""
+    FAILSAFE = "failsafe"
+    """The guard reported a danger that ended the mission."""
     UNKNOWN = "unknown"
     """The recording does not say."""
 

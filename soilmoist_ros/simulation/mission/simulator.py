@@ -172,6 +172,8 @@ class _Simulation:
                 detour=1.0,
                 stop_overhead_s=settings.stop_overhead_s,
                 arrival_radius_m=max(3.0, 5 * settings.position_sd_m),
+                standstill_s=0.0,  # a simulated robot stands at once
+                backoff_s=0.0,
                 silence_limit_s=max(60.0, 3 * settings.cadence_s),
             )
         )

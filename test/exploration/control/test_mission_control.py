@@ -32,7 +32,16 @@ class Around:
         square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
         dwell, motion = parse_dwell(dwell), RobotMotion()
         settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, dwell=dwell, motion=motion)
-        given = MissionRules(**{"budget_s": 900.0, "dwell": dwell, "warm_up_stops": 1, **rules})
+        given = MissionRules(
+            **{
+                "budget_s": 900.0,
+                "dwell": dwell,
+                "warm_up_stops": 1,
+                "standstill_s": 0.0,
+                "backoff_s": 0.0,
+                **rules,
+            }
+        )
         field = Field("square", LocalFrame(53.0, 0.0), square, (), 2.0)
         self.factor = factor
         self.control = MissionControl(

@@ -47,7 +47,9 @@ EAST, NORTH = Stop("east", 30.0, 0.0), Stop("north", 0.0, 30.0)
 
 def make_rules(**changes):
     values = {"budget_s": 7200.0, "dwell": parse_dwell("fmi:60"), "speed_mps": 1.0, "stop_overhead_s": 10.0}
-    return MissionRules(**{**values, "detour": 1.0, "warm_up_stops": 1, **changes})
+    return MissionRules(
+        **{**values, "detour": 1.0, "warm_up_stops": 1, "standstill_s": 0.0, "backoff_s": 0.0, **changes}
+    )
 
 
 class Driver:
@@ -440,12 +442,22 @@ def test_there_is_no_way_home_for_a_robot_at_home():
 def test_a_dead_sensor_ends_with_the_longest_dwell_and_rules_the_stop_out():
     driver = Driver(dwell=parse_dwell("ami:3%", longest_s=50.0)).counting()
     for _ in range(4):
-        driver.record(raw_counts=0)
+        driver.send(Tick, after=10.0)
     assert driver.phase is Phase.COUNTING
-    driver.record(raw_counts=0)
+    driver.send(Tick, after=10.0)
     assert driver.count_of(VisitDone) == 0
     assert driver.last(RequestPlan).blacklisted == ("east",)
     assert "nothing was counted at east" in driver.reason
+
+
+def test_zero_is_a_count():
+    driver = Driver(dwell=parse_dwell("fmi:20")).counting()
+    for _ in range(2):
+        driver.record(raw_counts=0)
+    visit = driver.last(VisitDone).visit
+    assert (visit.raw_counts, visit.records, visit.exposure_s) == (0, 2, 20.0)
+    assert driver.last(RequestPlan).blacklisted == ()
+    assert driver.mission.state.failures == 0
 
 
 def test_silence_is_reported_and_waited_out_until_the_longest_dwell():
