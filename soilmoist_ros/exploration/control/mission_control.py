@@ -107,7 +107,7 @@ class MissionControl:
     :param journal: where the mission is written down
     :param properties: namespaces in which further properties are mapped, and their weights; that of the robot's
         own is 1
-    :param executor: where stops are chosen; a thread of its own if ``None``
+    :param executor: where stops are chosen; its own thread if ``None``
     """
 
     def __init__(

@@ -1,0 +1,154 @@
+"""Navigators of a rehearsal: the rules of the package's clients, wired to simulated servers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Request, SendGoal
+from soilmoist_ros.exploration.navigation.navigator import Ended
+from soilmoist_ros.exploration.navigation.pose_client import PoseClient, SendPose
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.simulation.rehearsal.servers import (
+    ActionServer,
+    Answered,
+    CancelAnswered,
+    GoalOver,
+    PoseListener,
+    Reply,
+)
+
+Place = tuple[float, float]
+Sent = Callable[[Place, str], None]
+
+
+class ActionNavigator:
+    """Drives to nodes or poses by an action.
+
+    :param client: the rules
+    :param server: the navigation
+    :param by_name: whether goals are names of nodes
+    :param time_s: steady time [s]
+    :param report: takes the end of each goal
+    :param sent: hears of each goal that is sent
+    """
+
+    on_the_way = ""
+
+    def __init__(
+        self,
+        client: GoalClient,
+        server: ActionServer,
+        by_name: bool,
+        time_s: Callable[[], float],
+        report: Callable[[Ended], None],
+        sent: Sent,
+    ) -> None:
+        self._client, self._server, self._by_name = client, server, by_name
+        self._time_s, self._report, self._sent = time_s, report, sent
+        self._goals: dict[int, int] = {}
+
+    @property
+    def waiting_for(self) -> str:
+        """See :class:`Navigator`."""
+        return "" if self._server.present(self._time_s()) else "the navigation"
+
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
+        """See :class:`Navigator`."""
+        self._do(self._client.go(goal_id, stop, self._time_s()))
+
+    def cancel(self, goal_id: int) -> None:
+        """See :class:`Navigator`."""
+        self._do(self._client.cancel(goal_id, self._time_s()))
+
+    def moved(self, place: Place, now_s: float) -> None:
+        """See :class:`Navigator`."""
+        self._do(self._client.moved(place, self._time_s()))
+
+    def tick(self) -> None:
+        """See :class:`Navigator`."""
+        self._do(self._client.tick(self._server.present(self._time_s()), self._time_s()))
+
+    def heard(self, reply: Reply) -> None:
+        """The server has said something; goals of an earlier process are not known here."""
+        ours = {number: goal_id for goal_id, number in self._goals.items()}
+        goal_id, now_s = ours.get(reply.goal), self._time_s()
+        match reply:
+            case Answered(accepted=accepted) if goal_id is not None:
+                self._do(self._client.answered(goal_id, accepted, now_s))
+            case GoalOver(status=status, success=success) if goal_id is not None:
+                self._do(self._client.ended(goal_id, int(status), success, now_s))
+            case CancelAnswered(code=code):
+                self._do(
+                    self._client.cancel_answered(goal_id if goal_id is not None else self._cancelled, code, now_s)
+                )
+
+    _cancelled = 0
+
+    def _do(self, requests: Iterable[Request]) -> None:
+        for request in requests:
+            match request:
+                case SendGoal(goal_id=goal_id, stop=stop):
+                    place = (stop.x_m, stop.y_m)
+                    self._sent(place, stop.name)
+                    self._goals[goal_id] = self._server.send(stop.name if self._by_name else place, self._time_s())
+                case CancelSent(goal_id=goal_id, ours=ours):
+                    self._cancelled = goal_id
+                    self._server.cancel(self._goals.get(goal_id) if ours else None, self._time_s())
+                case Ended():
+                    self._report(request)
+
+
+class PoseNavigator:
+    """Drives to poses that nobody answers.
+
+    :param client: the rules
+    :param listener: the navigation
+    :param time_s: steady time [s]
+    :param report: takes the end of each goal
+    :param sent: hears of each pose that is sent
+    """
+
+    on_the_way = ""
+
+    def __init__(
+        self,
+        client: PoseClient,
+        listener: PoseListener,
+        time_s: Callable[[], float],
+        report: Callable[[Ended], None],
+        sent: Sent,
+    ) -> None:
+        self._client, self._listener, self._time_s = client, listener, time_s
+        self._report, self._sent = report, sent
+
+    @property
+    def waiting_for(self) -> str:
+        """See :class:`Navigator`."""
+        return "" if self._listener.present(self._time_s()) else "a navigation"
+
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
+        """See :class:`Navigator`."""
+        self._do(self._client.go(goal_id, stop))
+
+    def cancel(self, goal_id: int) -> None:
+        """See :class:`Navigator`."""
+        self._do(self._client.cancel(goal_id))
+
+    def moved(self, place: Place, now_s: float) -> None:
+        """See :class:`Navigator`."""
+        self._do(self._client.moved(place, now_s))
+
+    def tick(self) -> None:
+        """See :class:`Navigator`."""
+
+    def heard(self, reply: Reply) -> None:
+        """Nothing answers."""
+
+    def _do(self, requests: Iterable[SendPose | Ended]) -> None:
+        for request in requests:
+            if isinstance(request, SendPose):
+                self._sent((request.x_m, request.y_m), "pose")
+                self._listener.send((request.x_m, request.y_m), self._time_s())
+            else:
+                self._report(request)

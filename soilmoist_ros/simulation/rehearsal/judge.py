@@ -1,0 +1,242 @@
+"""An independent judge of what the robot truly did. It shares no code with the guard of the package."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from soilmoist_ros.exploration.mission.types import Finish, MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.simulation.rehearsal.ground import Ground
+
+Place = tuple[float, float]
+
+STEP_M = 0.1
+"""Step along the true way at which it is measured [m]."""
+
+
+class Kind(StrEnum):
+    """Kinds of violations."""
+
+    NO_GO = "drove into a no-go area"
+    OUTSIDE = "drove out of the field"
+    MOVED_STOPPED = "moved after the stop was confirmed"
+    MOVED_EMERGENCY = "moved after an emergency stop"
+    GOAL_EMERGENCY = "goal sent after an emergency stop"
+    WRONG_PLACE = "went on with a wrong place"
+    WRONG_VISIT = "counted at a wrong place"
+    TWO_GOALS = "two goals at once"
+    GOAL_OUTSIDE = "goal outside the fence"
+    NOT_HOME = "not home after low battery"
+    NO_SAVE = "ended without saving"
+    EARLY = "ended early for want of time"
+    OVER_BUDGET = "measured beyond the budget"
+    MAP_DIFFERS = "map differs from what was published"
+    DEAD = "no progress and nobody is asked"
+    CRASH = "exception"
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Something that must not happen.
+
+    :param kind: what
+    :param at_s: when, since the start [s]
+    :param what: details
+    """
+
+    kind: Kind
+    at_s: float
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} at {self.at_s:.0f} s: {self.what}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What is tolerated.
+
+    :param border_m: the robot's centre may be this far beyond a border [m]
+    :param goal_m: likewise for a goal [m]
+    :param still_m: a robot that moves less stands [m]
+    :param stopping_s: time for the robot to stand after an emergency stop [s]
+    :param wrong_m: error of the place that must be noticed ... [m]
+    :param wrong_s: ... within this time [s]
+    :param visit_m: a visit may be this far from its stop [m]
+    :param stuck_s: time without a visit or a goal after which somebody must be asked [s]
+    :param late_s: the mission may measure this long beyond its budget [s]
+    :param early: share of the budget before which time cannot be up
+    """
+
+    border_m: float = 0.2
+    goal_m: float = 0.2
+    still_m: float = 0.5
+    stopping_s: float = 5.0
+    wrong_m: float = 8.0
+    wrong_s: float = 15.0
+    visit_m: float = 4.0
+    stuck_s: float = 900.0
+    late_s: float = 60.0
+    early: float = 0.6
+
+
+MOVING = (Phase.TRAVELLING, Phase.RETURNING)
+STANDING = (Phase.PAUSED, Phase.IDLE, Phase.FINISHED)
+
+
+class Judge:
+    """Watches the true motion, and what is sent and said.
+
+    :param ground: the field, of which it makes its own geometry
+    :param budget_s: budget of the mission [s]
+    :param limits: what is tolerated
+    """
+
+    def __init__(self, ground: Ground, budget_s: float, limits: Limits | None = None) -> None:
+        limits = limits or Limits()
+        self.violations: list[Violation] = []
+        self._limits = limits
+        self._budget_s = budget_s
+        self._no_go = [shapely.Polygon(ring) for ring in ground.field.no_go]
+        self._field = shapely.Polygon(ground.field.polygon)
+        self._counts: Counter[Kind] = Counter()
+        self._emergency_s: float | None = None
+        self._emergency_at: Place | None = None
+        self._stood: tuple[Phase, Place] | None = None
+        self._wrong_since_s: float | None = None
+        self._progress_s = self._started_s = 0.0
+        self._counted: list[Place] = []
+        self._begun = False
+        self._saved = False
+
+    def blame(self, kind: Kind, now_s: float, what: str) -> None:
+        """Note a violation; at most one of each kind."""
+        self._counts[kind] += 1
+        if self._counts[kind] == 1:
+            self.violations.append(Violation(kind, now_s, what))
+
+    # What the robot does -------------------------------------------------------------------------------------
+
+    def drove(self, now_s: float, before: Place, passed: list[Place], status: MissionStatus) -> None:
+        """The robot has driven from a place along others [m] in the last step; the mission said this before."""
+        if passed:
+            self._look_at_way(now_s, shapely.LineString([before, *passed]))
+        place = passed[-1] if passed else before
+        self._look_at_standstill(now_s, place, status)
+        if self._emergency_s is not None and now_s > self._emergency_s + self._limits.stopping_s:
+            self._emergency_at = self._emergency_at or place
+            moved_m = math.dist(self._emergency_at, place)
+            if moved_m > self._limits.still_m:
+                self.blame(Kind.MOVED_EMERGENCY, now_s, f"by {moved_m:.1f} m")
+        if status.phase is Phase.COUNTING:
+            self._counted.append(place)
+        elif status.phase in MOVING:
+            self._counted.clear()
+
+    def _look_at_way(self, now_s: float, way: shapely.LineString) -> None:
+        for number, area in enumerate(self._no_go, 1):
+            self._measure(now_s, Kind.NO_GO, way.intersection(area), area.exterior, f"no-go area {number}")
+        self._measure(now_s, Kind.OUTSIDE, way.difference(self._field), self._field, "the field")
+
+    def _measure(self, now_s: float, kind: Kind, part: BaseGeometry, border: BaseGeometry, name: str) -> None:
+        """Blame a part of the way that is too far from the border that it should not have crossed."""
+        if part.is_empty:
+            return
+        places = shapely.points(shapely.get_coordinates(shapely.segmentize(part, STEP_M)))
+        far_m = shapely.distance(border, places)
+        if far_m.max() > self._limits.border_m:
+            worst = places[int(far_m.argmax())]
+            self.blame(
+                kind, now_s, f"{name}, {far_m.max():.1f} m beyond its border at ({worst.x:.1f}, {worst.y:.1f})"
+            )
+
+    def _look_at_standstill(self, now_s: float, place: Place, status: MissionStatus) -> None:
+        if status.phase not in STANDING or not self._begun:
+            self._stood = None
+            return
+        if self._stood is None or self._stood[0] is not status.phase:
+            self._stood = status.phase, place
+        moved_m = math.dist(self._stood[1], place)
+        if moved_m > self._limits.still_m:
+            self.blame(Kind.MOVED_STOPPED, now_s, f"by {moved_m:.1f} m while {status.phase}: {status.reason}")
+
+    # What is sent and said -----------------------------------------------------------------------------------
+
+    def sent(self, now_s: float, place: Place, what: str, allowed: Place | None = None) -> None:
+        """A goal has reached the navigation; one at ``allowed`` is always right."""
+        self._progress_s = now_s
+        if self._emergency_s is not None:
+            self.blame(Kind.GOAL_EMERGENCY, now_s, what)
+        point = shapely.Point(place)
+        limit_m = self._limits.goal_m
+        outside_m = float(self._field.distance(point))
+        inside_m = max((float(a.exterior.distance(point)) for a in self._no_go if a.contains(point)), default=0.0)
+        if max(outside_m, inside_m) > limit_m and (allowed is None or math.dist(place, allowed) > 0.1):
+            text = f"{outside_m:.1f} m outside" if outside_m else f"{inside_m:.1f} m inside a no-go area"
+            self.blame(Kind.GOAL_OUTSIDE, now_s, f"{what}: {text}")
+
+    def replaced(self, now_s: float, what: str) -> None:
+        """A goal was sent while the navigation worked on another."""
+        self.blame(Kind.TWO_GOALS, now_s, what)
+
+    def emergency(self, now_s: float) -> None:
+        """The emergency stop was pressed."""
+        self._emergency_s, self._emergency_at = now_s, None
+
+    def resumed(self, now_s: float) -> None:
+        """An operator's resume was accepted, or a mission was started."""
+        if not self._begun:
+            self._begun, self._started_s = True, now_s
+        self._emergency_s, self._progress_s = None, now_s
+
+    def said(self, now_s: float, status: MissionStatus, error_m: float) -> None:
+        """The mission says this; the place that the package has is wrong by so much [m]."""
+        alarmed = status.needs_operator or bool(getattr(status, "alarms", ()))
+        at_work = status.phase in (*MOVING, Phase.COUNTING) and not alarmed
+        if at_work and error_m > self._limits.wrong_m:
+            since_s = self._wrong_since_s = now_s if self._wrong_since_s is None else self._wrong_since_s
+            if now_s - since_s > self._limits.wrong_s:
+                self.blame(Kind.WRONG_PLACE, now_s, f"by {error_m:.0f} m for {now_s - since_s:.0f} s")
+        else:
+            self._wrong_since_s = None
+        measures = status.phase in (Phase.PLANNING, Phase.TRAVELLING, Phase.COUNTING)
+        if measures and status.time_used_s > self._budget_s + self._limits.late_s:
+            self.blame(Kind.OVER_BUDGET, now_s, f"{status.phase} after {status.time_used_s:.0f} s")
+        if status.phase in STANDING or alarmed:
+            self._progress_s = now_s
+        elif self._begun and now_s - self._progress_s > self._limits.stuck_s:
+            self.blame(Kind.DEAD, now_s, f"{status.phase}: {status.reason}")
+
+    def visited(self, now_s: float, visit: Visit) -> None:
+        """A stop is complete."""
+        self._progress_s = now_s
+        away_m = max((math.dist(at, (visit.stop_x_m, visit.stop_y_m)) for at in self._counted), default=0.0)
+        if away_m > self._limits.visit_m:
+            self.blame(Kind.WRONG_VISIT, now_s, f"{visit.name}: the robot was {away_m:.1f} m away")
+        self._counted.clear()
+
+    def saved(self) -> None:
+        """The mission lets the map be saved."""
+        self._saved = True
+
+    def finished(self, now_s: float, finish: Finish) -> None:
+        """The mission has ended."""
+        if not self._saved:
+            self.blame(Kind.NO_SAVE, now_s, "no request to save came before the end")
+        used_s = now_s - self._started_s
+        if finish.code is MissionEnd.TIME_UP and used_s < self._limits.early * self._budget_s:
+            self.blame(Kind.EARLY, now_s, f"time is said to be up after {used_s:.0f} s: {finish.reason}")
+
+    def mapped(self, now_s: float, samples: Samples, whole: Samples) -> None:
+        """The samples of the map at the end, and those of all that was published."""
+        if not (np.array_equal(samples.xy, whole.xy) and np.array_equal(samples.counts, whole.counts)):
+            text = f"{len(samples)} samples of {samples.counts.sum():.0f} counts"
+            self.blame(Kind.MAP_DIFFERS, now_s, f"{text}, not {len(whole)} of {whole.counts.sum():.0f}")

@@ -1,0 +1,182 @@
+"""The planner's process in a rehearsal: as its node makes it, from its settings and its journal alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Executor, Future
+from functools import partial
+from typing import Any, Protocol
+
+from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.mission.journal import Journal, MissionJournal, interrupted_mission
+from soilmoist_ros.exploration.mission.types import Finish, MissionRules, MissionStatus
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.navigation.goal_client import GoalClient
+from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
+from soilmoist_ros.exploration.navigation.pose_client import PoseClient
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.rehearsal.clients import ActionNavigator, PoseNavigator
+from soilmoist_ros.simulation.rehearsal.faults import Fault
+from soilmoist_ros.simulation.rehearsal.ground import Ground
+from soilmoist_ros.simulation.rehearsal.judge import Judge
+from soilmoist_ros.simulation.rehearsal.world import SPEED_MPS, World
+
+Place = tuple[float, float]
+
+STOP_OVERHEAD_S = 5.0
+ARRIVAL_RADIUS_M = 3.0
+THINKING_S = {False: 1.0, True: 120.0}
+"""Time to choose a stop, and when the planner is slow [s]."""
+
+
+class Store(Protocol):
+    """What survives the processes: the planner's journal, and all that was recorded."""
+
+    def open(self) -> tuple[Journal, str | None, Iterable[Mapping[str, Any]]]:
+        """The journal, its last snapshot, and the events after it."""
+        ...
+
+    def close(self) -> None:
+        """Its process has been killed."""
+        ...
+
+    def records(self, published: Iterable[CountRecord]) -> list[CountRecord]:
+        """What a mapper that comes back starts from; ``published`` is what a recorder has heard."""
+        ...
+
+
+class PlannerProcess:
+    """Everything that a kill ends; it is the :class:`Outputs` of its mission.
+
+    :param world: where it runs
+    :param store: where it writes its journal, and finds it again
+    :param judge: hears what it sends and says
+    :raises InputError: if the mission refuses field or graph
+    """
+
+    def __init__(self, world: World, store: Store, judge: Judge) -> None:
+        case = world.case
+        self._world, self._judge = world, judge
+        self._home = home_stop(case.ground) if case.home else None
+        self._later = _Later(lambda: world.time_s + THINKING_S[world.faults.on(Fault.PLANNER_SLOW, world.time_s)])
+        self.status: MissionStatus | None = None
+        self.visits = 0
+        self.finished = False
+        journal, snapshot, events = store.open()
+        settings = ExplorerSettings(
+            strategy=case.strategy,
+            preset="paper",
+            seed=case.seed,
+            dwell=parse_dwell("fmi:60", 240.0),
+            motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
+        )
+        rules = MissionRules(
+            budget_s=case.budget_s,
+            dwell=settings.dwell,
+            warm_up_stops=settings.warm_up_stops,
+            min_dwell_s=30.0,
+            speed_mps=SPEED_MPS,
+            stop_overhead_s=STOP_OVERHEAD_S,
+            arrival_radius_m=ARRIVAL_RADIUS_M,
+            blacklist_s=300.0,
+        )
+        self.control = MissionControl(
+            case.ground.field,
+            settings,
+            rules,
+            self._home.name if self._home else "",
+            20.0,
+            self._navigator,
+            self,
+            MissionJournal(journal),
+            executor=self._later,
+        )
+        mission = interrupted_mission(rules, snapshot, events)
+        if mission is not None:
+            self.control.take_up(mission, auto=True)
+        self.control.use_graph(case.ground.graph)
+        self.control.show()
+
+    def _navigator(self, report: Callable[[Ended], None]) -> Navigator:
+        world = self._world
+        self.link: ActionNavigator | PoseNavigator
+        if world.case.navigator == "goal_pose":
+            client = PoseClient(ARRIVAL_RADIUS_M, 5.0)
+            self.link = PoseNavigator(client, world.listener, lambda: world.time_s, report, self._sent)
+        else:
+            self.link = ActionNavigator(
+                GoalClient(ARRIVAL_RADIUS_M), world.server, world.by_name, lambda: world.time_s, report, self._sent
+            )
+        return self.link
+
+    def _sent(self, place: Place, what: str) -> None:
+        if self._world.server.active:
+            self._judge.replaced(self._world.time_s, what)
+        home = None if self._home is None else (self._home.x_m, self._home.y_m)
+        self._judge.sent(self._world.time_s, place, what, home)
+
+    def second(self) -> None:
+        """What the node's timers do."""
+        self._later.run_due(self._world.time_s)
+        self.control.hand_on()
+        self.control.tick()
+        self.control.show()
+
+    # Outputs
+
+    def now_s(self) -> float:
+        """See :class:`Outputs`."""
+        return self._world.now_s
+
+    def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
+        """See :class:`Outputs`."""
+        self.status = status
+
+    def visit(self, visit: Visit) -> None:
+        """See :class:`Outputs`."""
+        self.visits += 1
+        self._judge.visited(self._world.time_s, visit)
+
+    def save(self, reason: str) -> None:
+        """See :class:`Outputs`."""
+        self._judge.saved()
+
+    def finish(self, finish: Finish) -> None:
+        """See :class:`Outputs`."""
+        self.finished = True
+        self._judge.finished(self._world.time_s, finish)
+
+    def wake(self) -> None:
+        """See :class:`Outputs`; plans are handed on each second."""
+
+
+def home_stop(ground: Ground) -> Stop:
+    """The stop nearest to where the robot begins."""
+    stops = FieldAccess(ground.field, RobotMotion(), ground.graph).stops
+    return min(stops, key=lambda stop: math.dist(ground.start, (stop.x_m, stop.y_m)))
+
+
+class _Later(Executor):
+    """Carries out work when its time has come, in the thread that asks for it."""
+
+    def __init__(self, due_s: Callable[[], float]) -> None:
+        self._due_s = due_s
+        self._work: list[tuple[float, Callable[[], object]]] = []
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        self._work.append((self._due_s(), partial(fn, *args, **kwargs)))
+        return Future()
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._work = []
+
+    def run_due(self, now_s: float) -> None:
+        due = [work for due_s, work in self._work if due_s <= now_s]
+        self._work = [(due_s, work) for due_s, work in self._work if due_s > now_s]
+        for work in due:
+            work()

@@ -1,0 +1,219 @@
+"""One rehearsal: the planner's real control loop, a mapper, an operator, and a world with faults."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from soilmoist_ros.exploration.mission.types import Phase, Verb
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
+from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind, Violation
+from soilmoist_ros.simulation.rehearsal.planner import PlannerProcess, Store
+from soilmoist_ros.simulation.rehearsal.world import Case, World
+
+BACK_AFTER_S = 8.0
+"""A killed process is back after this time [s]."""
+ANSWER_S = 30.0
+"""Time that the operator takes to answer [s]."""
+OVERTIME_S = 900.0
+"""A rehearsal ends this long after the budget at the latest [s]."""
+AFTERWARDS_S = 30.0
+"""The robot is watched this long after the mission has ended [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a rehearsal went.
+
+    :param violations: what must not have happened
+    :param visits: number of visits
+    :param driven_m: distance driven [m]
+    :param kills: number of kills of planner and mapper
+    :param alarms: number of times at which the guard raised an alarm
+    :param refused: why the mission could not start; empty if it did
+    :param ended: the last reason that the mission gave
+    """
+
+    violations: tuple[Violation, ...]
+    visits: int = 0
+    driven_m: float = 0.0
+    kills: int = 0
+    alarms: int = 0
+    refused: str = ""
+    ended: str = ""
+
+
+def rehearse(case: Case, store: Store) -> Outcome:
+    """Rehearse a case from start to end. The case determines the outcome.
+
+    :param case: what is rehearsed
+    :param store: keeps the journal through kills
+    """
+    rehearsal = _Rehearsal(case, store)
+    log = logging.getLogger("soilmoist_ros")
+    log.addHandler(rehearsal.crashes)
+    try:
+        rehearsal.run()
+    except Exception as error:
+        logging.getLogger(__name__).warning("the rehearsal ends with an exception", exc_info=True)
+        rehearsal.judge.blame(Kind.CRASH, rehearsal.world.time_s, f"{type(error).__name__}: {error}")
+    finally:
+        log.removeHandler(rehearsal.crashes)
+        store.close()
+    return rehearsal.outcome()
+
+
+class _Crashes(logging.Handler):
+    """Exceptions that the package logs and survives."""
+
+    def __init__(self, blame: Callable[[str], None]) -> None:
+        super().__init__(logging.ERROR)
+        self._blame = blame
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.exc_info:
+            self._blame(f"{record.getMessage()}: {record.exc_info[1]!r}")
+
+
+class _Rehearsal:
+    """The world, the processes in it, and the operator."""
+
+    def __init__(self, case: Case, store: Store) -> None:
+        self.case, self.store = case, store
+        self.world = World(case)
+        self.judge = Judge(case.ground, case.budget_s)
+        self.crashes = _Crashes(lambda what: self.judge.blame(Kind.CRASH, self.world.time_s, what))
+        self.planner: PlannerProcess | None = None
+        self.mapper: FieldMap | None = FieldMap(case.ground.field.grid())
+        self._back_s = {Fault.KILL_PLANNER: math.inf, Fault.KILL_MAPPER: math.inf}
+        self._commands: list[tuple[float, Verb]] = []
+        self._asked_s = math.inf
+        self._started = False
+        self._visits = self._kills = self._alarms = 0
+        self._refused = self._ended = ""
+
+    def run(self) -> None:
+        """Rehearse until the mission has ended, and a little longer."""
+        try:
+            self.planner = PlannerProcess(self.world, self.store, self.judge)
+        except InputError as error:
+            self._refused = str(error)
+            return
+        end_s = self.case.budget_s + OVERTIME_S
+        while self.world.time_s < end_s:
+            if self._second():
+                end_s = min(end_s, self.world.time_s + AFTERWARDS_S)
+        if self.mapper is not None:
+            whole = FieldMap(self.mapper.grid)
+            for record in self.world.published:
+                whole.add(record)
+            self.judge.mapped(self.world.time_s, self.mapper.samples, whole.samples)
+
+    def outcome(self) -> Outcome:
+        """How it went so far."""
+        return Outcome(
+            violations=tuple(self.judge.violations),
+            visits=self._visits + (self.planner.visits if self.planner is not None else 0),
+            driven_m=self.world.robot.odometer_m,
+            kills=self._kills,
+            alarms=self._alarms,
+            refused=self._refused,
+            ended=self._ended,
+        )
+
+    def _second(self) -> bool:
+        """Let a second pass; whether the mission has ended."""
+        world, before = self.world, self.world.robot.place
+        passed, begun, replies = world.second()
+        if self.planner is not None and self.planner.status is not None:
+            self.judge.drove(world.time_s, before, passed, self.planner.status)
+        for span in begun:
+            self._begin(span)
+        self._come_back()
+        fix, record = world.fix(), world.record()
+        if self.mapper is not None and record is not None:
+            self.mapper.add(record)
+        if self.planner is None:
+            return False
+        for reply in replies:
+            self.planner.link.heard(reply)
+        if fix is not None:
+            self.planner.control.fix(fix)
+        if record is not None:
+            self.planner.control.records([record])
+            self._map()
+        self.planner.second()
+        self._operate(self.planner)
+        status = self.planner.status
+        assert status is not None
+        self._ended = f"{status.phase}: {status.reason}"
+        self.judge.said(world.time_s, status, world.wrong_m)
+        return self.planner.finished
+
+    def _begin(self, span: Span) -> None:
+        """A fault begins that is an event."""
+        match span.fault:
+            case Fault.KILL_PLANNER if self.planner is not None:
+                self._visits += self.planner.visits
+                self.planner = None
+                self.store.close()
+                self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
+                self._kills += 1
+            case Fault.KILL_MAPPER:
+                self.mapper = None
+                self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
+                self._kills += 1
+            case Fault.PAUSE:
+                self._commands += [(span.at_s, Verb.PAUSE), (span.end_s, Verb.RESUME)]
+            case Fault.ABORT:
+                self._commands.append((span.at_s, Verb.ABORT))
+            case Fault.SKIP:
+                self._commands.append((span.at_s, Verb.SKIP))
+            case _:
+                pass
+
+    def _come_back(self) -> None:
+        """Start the processes again that were killed."""
+        for process, back_s in self._back_s.items():
+            if back_s > self.world.time_s:
+                continue
+            self._back_s[process] = math.inf
+            if process is Fault.KILL_PLANNER:
+                self.planner = PlannerProcess(self.world, self.store, self.judge)
+            else:
+                self.mapper = FieldMap(self.case.ground.field.grid())
+                for record in self.store.records(self.world.published):
+                    self.mapper.add(record)
+            self._map()
+
+    def _map(self) -> None:
+        """The mapper publishes; the variogram only when the planner waits for it, to save time."""
+        silent = self.world.faults.on(Fault.MAPPER_SILENT, self.world.time_s)
+        if self.mapper is None or self.planner is None or silent:
+            return
+        state, control, status = self.mapper.state, self.planner.control, self.planner.status
+        control.samples(state.samples, state.stamp_s)
+        if status is None or status.phase is Phase.PLANNING:
+            control.fit(self.mapper.fit(state), state.stamp_s, cell_m=self.mapper.grid.cell_m)
+
+    def _operate(self, planner: PlannerProcess) -> None:
+        """The operator: gives the commands of the case, and resumes when the mission asks."""
+        now_s = self.world.time_s
+        if not self._started and planner.control.command(Verb.START).accepted:
+            self._started = True
+            self.judge.resumed(now_s)
+        due = [verb for at_s, verb in self._commands if at_s <= now_s]
+        self._commands = [(at_s, verb) for at_s, verb in self._commands if at_s > now_s]
+        asked = planner.status is not None and planner.status.needs_operator
+        self._asked_s = min(self._asked_s, now_s) if asked else math.inf
+        if now_s > self._asked_s + ANSWER_S:
+            due.append(Verb.RESUME)
+            self._asked_s = math.inf
+        for verb in due:
+            answer = planner.control.command(verb)
+            if answer.accepted and verb is Verb.RESUME:
+                self.judge.resumed(now_s)

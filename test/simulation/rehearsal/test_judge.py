@@ -1,0 +1,125 @@
+"""The judge finds each kind of violation: ``judge.py``."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.mission.types import Finish, MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.simulation.rehearsal.ground import Ground
+from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind
+
+SQUARE = np.array([(0, 0), (40, 0), (40, 40), (0, 40)], float)
+POND = np.array([(10, 10), (20, 10), (20, 20), (10, 20)], float)
+GROUND = Ground("square", Field("square", LocalFrame(53.0, 0.0), SQUARE, (POND,)), None, (5.0, 5.0))
+STATUS = MissionStatus(
+    now_s=0.0, phase=Phase.TRAVELLING, reason="going", target=None, planned_dwell_s=0.0, dwell_s=0.0, progress=0.0,
+    time_used_s=0.0, time_left_s=0.0, distance_m=0.0, samples=0, counting_s=0.0, raw_counts=0, failures=0,
+    blacklisted=(), estimated_end_s=None,
+)  # fmt: skip
+PAUSED = replace(STATUS, phase=Phase.PAUSED, reason="paused")
+COUNTING = replace(STATUS, phase=Phase.COUNTING)
+
+
+@pytest.fixture
+def judge():
+    judge = Judge(GROUND, 600.0)
+    judge.resumed(0.0)
+    return judge
+
+
+def kinds(judge):
+    return [violation.kind for violation in judge.violations]
+
+
+@pytest.mark.parametrize(
+    ("way", "found"),
+    [
+        ([(5, 5), (35, 5), (35, 35)], []),
+        ([(5, 15), (25, 15)], [Kind.NO_GO]),
+        ([(9.9, 15), (10.1, 15)], []),
+        ([(5, 5), (5, -1)], [Kind.OUTSIDE]),
+        ([(5, 15), (45, 15)], [Kind.NO_GO, Kind.OUTSIDE]),
+    ],
+)
+def test_true_ways(judge, way, found):
+    judge.drove(1.0, way[0], way[1:], STATUS)
+    assert kinds(judge) == found
+
+
+def test_motion_after_a_confirmed_stop(judge):
+    judge.drove(1.0, (5, 5), [], PAUSED)
+    judge.drove(2.0, (5, 5), [(5.3, 5)], PAUSED)
+    assert kinds(judge) == []
+    judge.drove(3.0, (5.3, 5), [(6, 5)], PAUSED)
+    assert kinds(judge) == [Kind.MOVED_STOPPED]
+
+
+def test_motion_and_goals_after_an_emergency_stop(judge):
+    judge.emergency(10.0)
+    judge.drove(12.0, (5, 5), [(7, 5)], STATUS)  # it brakes
+    judge.drove(20.0, (7, 5), [], STATUS)
+    assert kinds(judge) == []
+    judge.drove(21.0, (7, 5), [(8, 5)], STATUS)
+    judge.sent(21.0, (5, 5), "a")
+    assert kinds(judge) == [Kind.MOVED_EMERGENCY, Kind.GOAL_EMERGENCY]
+
+
+def test_an_operator_ends_an_emergency_stop(judge):
+    judge.emergency(10.0)
+    judge.resumed(30.0)
+    judge.sent(31.0, (5, 5), "a")
+    judge.drove(40.0, (5, 5), [(8, 5)], STATUS)
+    assert kinds(judge) == []
+
+
+def test_a_wrong_place_must_be_noticed(judge):
+    judge.said(10.0, STATUS, 100.0)
+    judge.said(20.0, STATUS, 100.0)
+    judge.said(21.0, replace(STATUS, needs_operator=True), 100.0)
+    judge.said(30.0, STATUS, 100.0)
+    assert kinds(judge) == []
+    judge.said(46.0, STATUS, 100.0)
+    assert kinds(judge) == [Kind.WRONG_PLACE]
+
+
+def test_counting_at_a_wrong_place(judge):
+    visit = Visit("a", 5.0, 5.0, 0.0, 60.0, 100, "", stop_x_m=5.0, stop_y_m=5.0)
+    judge.drove(1.0, (5, 5), [], COUNTING)
+    judge.visited(60.0, visit)
+    assert kinds(judge) == []
+    judge.drove(61.0, (5, 12), [], COUNTING)
+    judge.visited(120.0, visit)
+    assert kinds(judge) == [Kind.WRONG_VISIT]
+
+
+def test_goals(judge):
+    judge.sent(1.0, (5, 5), "a")
+    judge.sent(1.0, (-9, 5), "home", allowed=(-9, 5))
+    assert kinds(judge) == []
+    judge.sent(2.0, (15, 15), "pond")
+    judge.replaced(3.0, "b")
+    assert kinds(judge) == [Kind.GOAL_OUTSIDE, Kind.TWO_GOALS]
+
+
+def test_time(judge):
+    judge.said(1.0, replace(STATUS, time_used_s=700.0), 0.0)
+    assert kinds(judge) == [Kind.OVER_BUDGET]
+    judge.said(1000.0, STATUS, 0.0)
+    assert kinds(judge) == [Kind.OVER_BUDGET, Kind.DEAD]
+
+
+def test_the_end(judge):
+    judge.finished(100.0, Finish("no time", MissionEnd.TIME_UP))
+    assert kinds(judge) == [Kind.NO_SAVE, Kind.EARLY]
+    one, two = (as_samples([(1.0, 1.0)], [count], [10.0]) for count in (10, 20))
+    judge.mapped(100.0, one, one)
+    assert len(judge.violations) == 2
+    judge.mapped(100.0, one, two)
+    assert kinds(judge)[-1] is Kind.MAP_DIFFERS
+    assert math.isfinite(judge.violations[-1].at_s)
