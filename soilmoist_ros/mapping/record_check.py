@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.sensing.records import CountRecord
@@ -25,6 +26,7 @@ class Skip(enum.Enum):
     NO_POSITION = "no position"
     OUTSIDE = "outside the field"
     IMPLAUSIBLE = "implausible record"
+    STAMP = "impossible stamp"
     UNREADABLE = "unreadable message"
     OTHER_FRAME = "other frame"
 
@@ -35,6 +37,7 @@ class Skip(enum.Enum):
             Skip.NO_POSITION: "check the GNSS receiver and its view of the sky",
             Skip.OUTSIDE: "check that the driver and the mapper have the same field file",
             Skip.IMPLAUSIBLE: "check the neutron logger and the site file of the driver",
+            Skip.STAMP: "check the clocks of computer and logger; play recordings with their clock",
             Skip.UNREADABLE: "check what publishes the counts, and its version",
             Skip.OTHER_FRAME: "give driver, mapper and planner one frame, and one field file",
         }[self]
@@ -63,3 +66,30 @@ def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, 
     if not shapely.contains_xy(area, record.x_m, record.y_m):
         return Skip.OUTSIDE, f"at x = {record.x_m:.1f} m, y = {record.y_m:.1f} m"
     return None, ""
+
+
+@dataclass(frozen=True)
+class StampLimits:
+    """Stamps that a record can have.
+
+    :param max_ahead_s: how far a stamp may lie in the future [s]; 0 for no limit
+    :param max_age_s: how far it may lie in the past [s]; 0 for no limit
+    """
+
+    max_ahead_s: float = 3600.0
+    max_age_s: float = 86400.0
+
+    def fault(self, stamp_s: float, clock_s: float) -> str:
+        """Why a stamp is impossible, in words; empty if it is not.
+
+        :param stamp_s: the stamp [s]
+        :param clock_s: time of the clock that stamps records [s]; nothing is impossible while that is 0
+        """
+        if not (math.isfinite(stamp_s) and stamp_s > 0):
+            return "a record without a stamp"
+        ahead_s = stamp_s - clock_s
+        if clock_s > 0 and 0 < self.max_ahead_s < ahead_s:
+            return f"a record stamped {ahead_s:.0f} s ahead of the clock"
+        if clock_s > 0 and 0 < self.max_age_s < -ahead_s:
+            return f"a record stamped {-ahead_s:.0f} s behind the clock"
+        return ""

@@ -28,6 +28,7 @@ from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
 from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
+from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.earlier_records import read_earlier
@@ -45,8 +46,11 @@ class Mapper(Node):
         self._frame = parameters.text("frame")
         self._save_dir = Path(parameters.text("save_dir")).expanduser().absolute()
         options: dict[str, Any] = parameters.as_dict()
+        self._stamps = stamp_limits(parameters)
         for name in ("frame", "save_dir", "start_from", "start_property", "others"):
             del options[name]
+        for row in STAMP_LIMITS:
+            del options[row.name]
         self._survey = open_survey(**options)
         self._online = self._survey.map
         self._guard = threading.Lock()  # records are added in one thread and saved in another
@@ -71,12 +75,16 @@ class Mapper(Node):
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_counts(self, message: PointCloud2) -> None:
+        clock_s = self.get_clock().now().nanoseconds * 1e-9
         with self._guard:
             try:
                 records = counts_from_message(message)
                 require_frame(message, self._frame)
                 for record in records:
-                    self._online.add(record)
+                    if fault := self._stamps.fault(record.stamp_s, clock_s):
+                        self._online.skip(Skip.STAMP, fault)
+                    else:
+                        self._online.add(record)
             except OtherFrameError as error:
                 self._online.skip(Skip.OTHER_FRAME, str(error))
             except ValueError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from soilmoist_ros.nodes.parameters.parameter import Parameter, of_setting
+from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS
 
 PARAMETERS: Final = (
     Parameter(name="field", default="", description="field file, or the name of a shipped one"),
@@ -34,6 +35,7 @@ PARAMETERS: Final = (
         low=0,
         high=1000,
     ),
+    *STAMP_LIMITS,
     Parameter(name="frame", default="map", description="frame of all published messages"),
     Parameter(
         name="start_from",
