@@ -1,0 +1,137 @@
+"""The table of failsafes: what may be wrong, what follows, and what the operator can do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
+from soilmoist_ros.exploration.mission.types import Response
+
+
+class Cause(StrEnum):
+    """What may be wrong."""
+
+    OUTSIDE = "outside"
+    JUMP = "jump"
+    SPEED = "speed"
+    FIX_OLD = "fix_old"
+    RECORDS_OLD = "records_old"
+    MAP_OLD = "map_old"
+    NAVIGATION_SILENT = "navigation_silent"
+    BATTERY_LOW = "battery_low"
+    BATTERY_EMPTY = "battery_empty"
+    RESERVE = "reserve"
+    FRAME_MISMATCH = "frame_mismatch"
+    CLOCK_STEP = "clock_step"
+    COUNTS_FRAME = "counts_frame"
+    COUNTS_STAMP = "counts_stamp"
+
+
+@dataclass(frozen=True)
+class Failsafe:
+    """A row of the table of failsafes.
+
+    :param about: when the alarm begins
+    :param response: what follows unless it is set otherwise
+    :param limits: names of the parameters that limit it
+    :param remedy: what the operator can do
+    """
+
+    about: str
+    response: Response
+    limits: tuple[str, ...]
+    remedy: str
+
+
+FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
+    {
+        Cause.OUTSIDE: Failsafe(
+            "the robot is farther outside the field than the limit",
+            Response.PAUSE,
+            ("max_outside_m",),
+            "bring the robot back, or check the field file",
+        ),
+        Cause.JUMP: Failsafe(
+            "several fixes in a row are at places that the robot cannot have reached; they are not used",
+            Response.HOLD,
+            ("max_jump_m", "max_speed_mps", "agree_fixes"),
+            "check the GNSS receiver and its corrections",
+        ),
+        Cause.SPEED: Failsafe(
+            "the robot moves faster than it can",
+            Response.PAUSE,
+            ("max_speed_mps",),
+            "check the robot and the GNSS receiver",
+        ),
+        Cause.FIX_OLD: Failsafe(
+            "no plausible position for the limit, after there was one",
+            Response.HOLD,
+            ("fix_old_s", "max_sd_m"),
+            "check the GNSS receiver and its view of the sky",
+        ),
+        Cause.RECORDS_OLD: Failsafe(
+            "no record for the limit during a mission",
+            Response.WARN,
+            ("records_old_s",),
+            "check the neutron logger and its connection",
+        ),
+        Cause.MAP_OLD: Failsafe(
+            "the map has not taken in new records for the limit",
+            Response.WARN,
+            ("map_old_s",),
+            "check the mapper; the records are in the recording and can be mapped later",
+        ),
+        Cause.NAVIGATION_SILENT: Failsafe(
+            "the navigation is not there, or says nothing for the limit, while it drives the robot",
+            Response.HOLD,
+            ("navigation_silent_s",),
+            "check the navigation of the robot",
+        ),
+        Cause.BATTERY_LOW: Failsafe(
+            "the charge or the voltage is below the first limit",
+            Response.RETURN,
+            ("battery_low", "battery_low_v"),
+            "charge the battery",
+        ),
+        Cause.BATTERY_EMPTY: Failsafe(
+            "the charge or the voltage is below the second limit",
+            Response.ABORT,
+            ("battery_empty", "battery_empty_v"),
+            "fetch the robot and charge the battery",
+        ),
+        Cause.RESERVE: Failsafe(
+            "the time left, or the charge left at its mean use, is needed for the way home",
+            Response.RETURN,
+            ("battery_empty",),
+            "set the home closer or the mission shorter",
+        ),
+        Cause.FRAME_MISMATCH: Failsafe(
+            "the pose of the navigation and the fix disagree",
+            Response.HOLD,
+            (),
+            "check the datum of the field file and of the navigation",
+        ),
+        Cause.CLOCK_STEP: Failsafe(
+            "the clock was set; durations are not affected",
+            Response.WARN,
+            (),
+            "check the time synchronisation of the computer",
+        ),
+        Cause.COUNTS_FRAME: Failsafe(
+            "records are in another frame; they are not used",
+            Response.WARN,
+            (),
+            "check that the driver and the planner have the same field file and frame",
+        ),
+        Cause.COUNTS_STAMP: Failsafe(
+            "records have an impossible stamp; they are not used",
+            Response.WARN,
+            ("max_stamp_ahead_s", "max_stamp_age_s"),
+            "check the clocks of the computer and of the neutron logger",
+        ),
+    }
+)
+"""The table of failsafes, by cause."""

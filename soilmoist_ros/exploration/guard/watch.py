@@ -1,0 +1,380 @@
+"""Watches what a mission depends on, and answers each cause of trouble with a response.
+
+There is no clock in it: every observation has its time, and :meth:`Watch.check` is called several times a second.
+An alarm begins when its cause is there, and ends when the cause has been over for some time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
+from typing import Final
+
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
+from soilmoist_ros.exploration.guard.place_filter import PlaceFilter, PlaceFix, PlaceLimits, Verdict
+from soilmoist_ros.exploration.mission.types import Alarm, AlarmOver, Response
+from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.mapping.record_check import StampLimits
+
+MIN_JUMPS: Final = 3
+"""Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
+MIN_JUMP_S: Final = 2.0
+"""Minimum time over which implausible fixes come [s]."""
+MIN_BATTERY: Final = 3
+"""Number of messages in a row that must report a low battery: a peak load does not empty it."""
+RECHARGED: Final = 0.05
+"""A battery is no longer low this far above the limit: charge [-], or share of the voltage [-]."""
+MIN_USE: Final = 0.02
+"""Charge that must have been used before its mean use is known [-]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchLimits:
+    """Limits of the causes.
+
+    :param place: what a place must satisfy; its ``max_speed_mps`` is also the limit of the cause ``speed``
+    :param stamps: stamps that a record can have
+    :param max_outside_m: distance to the field that is still allowed [m]
+    :param fix_old_s: longest time without a plausible place [s]
+    :param records_old_s: longest time without a record in a mission [s]
+    :param map_old_s: longest time that the map stays without the newest records [s]
+    :param navigation_silent_s: longest time without the navigation, or without its feedback where it sends any [s]
+    :param battery_low: charge from which the robot goes home [0..1]; 0 to ignore the charge
+    :param battery_empty: charge from which the robot stops [0..1]; 0 to ignore the charge
+    :param battery_low_v: voltage from which the robot goes home [V]; 0 to ignore the voltage
+    :param battery_empty_v: voltage from which the robot stops [V]; 0 to ignore the voltage
+    :param clear_s: time for which a cause must be over before its alarm ends [s]
+    :param min_checks: number of checks without a message after which silence counts, so that a busy computer first
+        reads the messages that have come
+    :raises ValueError: if a value is out of its range
+    """
+
+    place: PlaceLimits = field(default_factory=PlaceLimits)
+    stamps: StampLimits = field(default_factory=StampLimits)
+    max_outside_m: float = 10.0
+    fix_old_s: float = 10.0
+    records_old_s: float = 60.0
+    map_old_s: float = 300.0
+    navigation_silent_s: float = 10.0
+    battery_low: float = 0.25
+    battery_empty: float = 0.1
+    battery_low_v: float = 0.0
+    battery_empty_v: float = 0.0
+    clear_s: float = 10.0
+    min_checks: int = 10
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, int | float) and not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{each.name} must be >= 0 and finite, got {value}")
+        for low, high in (("battery_empty", "battery_low"), ("battery_empty_v", "battery_low_v")):
+            if getattr(self, low) > getattr(self, high) > 0:
+                raise ValueError(f"{low} must not be above {high}: {getattr(self, low)} > {getattr(self, high)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doing:
+    """What the mission does at the time of a check.
+
+    :param under_way: whether a mission has started and not ended
+    :param driving: whether a goal has been sent and has not ended
+    :param going_home: whether the robot is on its way home for good
+    :param waiting_for: what is missing of the navigation; empty if nothing is
+    :param time_left_s: time until the mission ends [s]
+    :param way_home_s: time of the way home [s]; 0 without a home
+    """
+
+    under_way: bool = False
+    driving: bool = False
+    going_home: bool = False
+    waiting_for: str = ""
+    time_left_s: float = math.inf
+    way_home_s: float = 0.0
+
+
+@dataclass
+class _Heard:
+    """When something was heard last, and the number of checks since then."""
+
+    now_s: float
+    checks: int = 0
+
+
+@dataclass
+class _State:
+    """A cause: what is wrong (empty if nothing is), when that was seen last, and whether its alarm is on."""
+
+    text: str = ""
+    momentary: bool = False
+    seen_s: float = -math.inf
+    on: bool = False
+    reason: str = ""
+    times: int = 0
+
+
+class Watch:
+    """Feed it with what comes in, use only the places that :meth:`fix` returns, and :meth:`check` it regularly.
+
+    What has never been there is not missed: a robot without a battery monitor is normal. In a mission, records and
+    the map are missed from its start.
+
+    :param limits: limits of the causes
+    :param responses: what follows a cause where that is not the default in :data:`FAILSAFES`
+
+    Attributes
+    ----------
+    responses : dict[Cause, Response]
+        what follows each cause; may be changed at any time
+    places : PlaceFilter
+        decides on measured places
+    """
+
+    def __init__(
+        self, limits: WatchLimits | None = None, responses: Mapping[Cause, Response] = MappingProxyType({})
+    ) -> None:
+        self.limits = limits or WatchLimits()
+        self.responses = {cause: responses.get(cause, row.response) for cause, row in FAILSAFES.items()}
+        self.places = PlaceFilter(self.limits.place)
+        self._states = {cause: _State() for cause in Cause}
+        self._heard: dict[str, _Heard] = {}
+        self._under_way = False
+        self._fast = 0
+        self._outside_m = 0.0
+        self._record_stamp_s = self._map_stamp_s = -math.inf
+        self._charge = self._voltage_v = math.nan
+        self._drained = dict.fromkeys((Cause.BATTERY_LOW, Cause.BATTERY_EMPTY), 0)
+        self._charged: tuple[float, float] | None = None  # time and charge at the start of the mission
+
+    # What comes in -------------------------------------------------------------------------------------------
+
+    def fix(self, fix: PlaceFix) -> tuple[float, float] | None:
+        """A measured place has come, from the receiver or with a record.
+
+        :returns: the robot's place [m]; ``None`` if this one is not plausible
+        """
+        places, verdict = self.places, self.places.take(fix)
+        if verdict is Verdict.JUMP:
+            lost = places.rejected >= MIN_JUMPS and fix.now_s - places.rejected_since_s >= MIN_JUMP_S
+            if lost:
+                away = f"the last one {places.jump_m(fix):.0f} m from the last plausible place"
+                self.report(Cause.JUMP, f"{places.rejected} fixes in a row are implausible, {away}")
+        if verdict is not Verdict.PLAUSIBLE:
+            return None
+        self._hear("fix", fix.now_s)
+        self.report(Cause.JUMP, "")
+        fast = places.speed_mps > self.limits.place.max_speed_mps
+        self._fast = self._fast + 1 if fast else 0
+        self.report(
+            Cause.SPEED, f"the robot moves at {places.speed_mps:.1f} m/s" if self._fast >= MIN_JUMPS else ""
+        )
+        return fix.xy
+
+    def outside(self, outside_m: float) -> None:
+        """How far outside the field the robot is [m]; 0 inside."""
+        self._outside_m = outside_m
+        far = outside_m > self.limits.max_outside_m
+        self.report(Cause.OUTSIDE, f"the robot is {outside_m:.0f} m outside the field" if far else "")
+
+    def record(self, now_s: float, stamp_s: float, in_field: bool) -> None:
+        """A record that can be used has come.
+
+        :param now_s: time [s]
+        :param stamp_s: its stamp [s]
+        :param in_field: whether the map must have it
+        """
+        self._hear("record", now_s)
+        if in_field:
+            if self._record_stamp_s <= self._map_stamp_s:
+                self._hear("map", now_s)  # the map was complete until now
+            self._record_stamp_s = max(self._record_stamp_s, stamp_s)
+
+    def map(self, now_s: float, stamp_s: float) -> None:
+        """A map has come.
+
+        :param now_s: time [s]
+        :param stamp_s: stamp of its last record [s]
+        """
+        if stamp_s > self._map_stamp_s:
+            self._map_stamp_s = stamp_s
+            self._hear("map", now_s)
+
+    def feedback(self, now_s: float) -> None:
+        """The navigation has reported where it is on the way."""
+        self._hear("feedback", now_s)
+
+    def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
+        """The state of the battery has come.
+
+        :param now_s: time [s]
+        :param charge: charge [0..1], NaN if unknown
+        :param voltage_v: voltage [V], NaN if unknown
+        """
+        limits = self.limits
+        self._charge, self._voltage_v = charge, voltage_v
+        self._hear("battery", now_s)
+        if self._charged is None and math.isfinite(charge):
+            self._charged = now_s, charge
+        self._drain(Cause.BATTERY_LOW, limits.battery_low, limits.battery_low_v)
+        self._drain(Cause.BATTERY_EMPTY, limits.battery_empty, limits.battery_empty_v)
+
+    def report(self, cause: Cause, text: str) -> None:
+        """What is wrong about a cause from now on, with its values; empty if nothing is."""
+        state = self._states[cause]
+        state.times += bool(text) and not state.text
+        state.text, state.momentary = text, False
+
+    def note(self, cause: Cause, text: str) -> None:
+        """Something was wrong for a moment, such as a record that cannot be used."""
+        state = self._states[cause]
+        state.times += 1
+        state.text, state.momentary = text, True
+
+    def adopt(self, causes: Iterable[str], now_s: float) -> None:
+        """Continue the alarms of an interrupted mission; they end as all others do."""
+        for cause in Cause:
+            if cause in causes:
+                state = self._states[cause]
+                state.on, state.seen_s, state.reason = True, now_s, "not seen again since the restart"
+
+    # What follows --------------------------------------------------------------------------------------------
+
+    def check(self, now_s: float, doing: Doing) -> tuple[Alarm | AlarmOver, ...]:
+        """Judge all causes; to be called several times a second.
+
+        :param now_s: time [s]
+        :param doing: what the mission does
+        :returns: the alarms that have begun or ended, in the order of :class:`Cause`
+        """
+        for heard in self._heard.values():
+            heard.checks += 1
+        self._judge(now_s, doing)
+        return tuple(
+            event
+            for cause, state in self._states.items()
+            if (event := self._turn(cause, state, now_s)) is not None
+        )
+
+    @property
+    def on(self) -> tuple[Cause, ...]:
+        """Causes whose alarms are on."""
+        return tuple(cause for cause, state in self._states.items() if state.on)
+
+    def health(self, now_s: float) -> Health:
+        """All causes with their severity, and the values behind them."""
+        values, levels = {}, [Level.OK]
+        for cause, state in self._states.items():
+            response = self.responses[cause]
+            level = self._level(cause)
+            levels.append(level)
+            wrong = state.text or (state.reason if state.on else "")
+            times = f", {state.times} so far" if state.times else ""
+            said = f"{level.name}: {wrong} ({response}{times})" if wrong else f"OK ({response}{times})"
+            values[cause.value] = said
+        on = {cause: self._states[cause].text or self._states[cause].reason for cause in self.on}
+        messages = [f"{cause}: {reason}; {FAILSAFES[cause].remedy}" for cause, reason in on.items()]
+        return Health("guard", max(levels), "; ".join(messages) or "nothing is wrong", values | self._facts(now_s))
+
+    def _level(self, cause: Cause) -> Level:
+        if not self._states[cause].on:
+            return Level.OK
+        grave = self._under_way and self.responses[cause] is not Response.WARN
+        return Level.ERROR if grave else Level.WARN
+
+    def _facts(self, now_s: float) -> dict[str, str]:
+        facts = {
+            "outside [m]": f"{self._outside_m:.1f}",
+            "speed [m/s]": f"{self.places.speed_mps:.2f}",
+            **{f"fixes {verdict}": str(count) for verdict, count in self.places.counts.items() if count},
+        }
+        for name, heard in self._heard.items():
+            facts[f"age of {name} [s]"] = f"{now_s - heard.now_s:.1f}"
+        if "battery" in self._heard:
+            facts |= {"charge": f"{self._charge:.2f}", "voltage [V]": f"{self._voltage_v:.1f}"}
+        else:
+            facts["charge"] = "not watched: no message has come"
+        return facts
+
+    def _turn(self, cause: Cause, state: _State, now_s: float) -> Alarm | AlarmOver | None:
+        """Begin or end the alarm of a cause."""
+        response = self.responses[cause]
+        wrong = state.text if response is not Response.IGNORE else ""
+        if wrong:
+            state.seen_s = now_s
+        if state.momentary:
+            state.text, state.momentary = "", False
+        if wrong and not state.on:
+            state.on, state.reason = True, wrong
+            return Alarm(now_s, cause.value, response, state.reason)
+        if state.on and not wrong and now_s - state.seen_s >= self.limits.clear_s:
+            state.on = False
+            return AlarmOver(now_s, cause.value)
+        return None
+
+    def _judge(self, now_s: float, doing: Doing) -> None:
+        """Report the causes that time brings."""
+        limits = self.limits
+        if doing.under_way and not self._under_way:
+            self._hear("record", now_s)
+            self._hear("map", now_s)
+            if math.isfinite(self._charge):
+                self._charged = now_s, self._charge
+        self._under_way = doing.under_way
+        behind = doing.under_way and self._record_stamp_s > self._map_stamp_s
+        for cause, name, missed, limit_s, what in (
+            (Cause.FIX_OLD, "fix", True, limits.fix_old_s, "no plausible position for"),
+            (Cause.RECORDS_OLD, "record", doing.under_way, limits.records_old_s, "no record for"),
+            (Cause.MAP_OLD, "map", behind, limits.map_old_s, "the map has taken in no record for"),
+        ):
+            silent_s = self._silent_s(name, now_s) if missed else 0.0
+            self.report(cause, f"{what} {silent_s:.0f} s" if silent_s > limit_s else "")
+        self.report(Cause.NAVIGATION_SILENT, self._navigation_fault(now_s, doing))
+        self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))
+
+    def _navigation_fault(self, now_s: float, doing: Doing) -> str:
+        limit_s = self.limits.navigation_silent_s
+        needed = doing.driving or self._states[Cause.NAVIGATION_SILENT].on
+        if not (doing.under_way and needed and doing.waiting_for):
+            self._hear("navigation", now_s)
+        if not doing.driving:
+            self._heard.pop("feedback", None)
+        gone_s, silent_s = self._silent_s("navigation", now_s), self._silent_s("feedback", now_s)
+        if gone_s > limit_s:
+            return f"waiting for {doing.waiting_for} for {gone_s:.0f} s"
+        return f"the navigation reports nothing for {silent_s:.0f} s" if silent_s > limit_s else ""
+
+    def _reserve_fault(self, now_s: float, doing: Doing) -> str:
+        if not doing.under_way or doing.going_home or doing.way_home_s <= 0:
+            return ""
+        if doing.time_left_s < doing.way_home_s:
+            return f"the way home takes {doing.way_home_s:.0f} s and {doing.time_left_s:.0f} s are left"
+        if self._charged is None or not self.limits.battery_empty:
+            return ""
+        start_s, charge = self._charged
+        used = charge - self._charge
+        if not (used >= MIN_USE and now_s > start_s):
+            return ""
+        left = self._charge - used / (now_s - start_s) * doing.way_home_s
+        if left >= self.limits.battery_empty:
+            return ""
+        return f"the charge is {self._charge:.0%}, and {left:.0%} after the way home of {doing.way_home_s:.0f} s"
+
+    def _drain(self, cause: Cause, min_charge: float, min_voltage_v: float) -> None:
+        """Judge the battery by a limit of its charge and one of its voltage; 0 for no limit."""
+        low = bool(self._states[cause].text)
+        under_charge = self._charge < min_charge + RECHARGED * low and min_charge > 0
+        under_voltage = self._voltage_v < min_voltage_v * (1 + RECHARGED * low)
+        self._drained[cause] = self._drained[cause] + 1 if under_charge or under_voltage else 0
+        known = f"{self._charge:.0%}" if under_charge else f"{self._voltage_v:.1f} V"
+        if self._drained[cause] == 0 or self._drained[cause] >= MIN_BATTERY:
+            self.report(cause, f"the battery is at {known}" if self._drained[cause] else "")
+
+    def _hear(self, name: str, now_s: float) -> None:
+        self._heard[name] = _Heard(now_s)
+
+    def _silent_s(self, name: str, now_s: float) -> float:
+        """Time since something was heard [s]; 0 before, and while too few checks were made since then."""
+        heard = self._heard.get(name)
+        return 0.0 if heard is None or heard.checks < self.limits.min_checks else now_s - heard.now_s

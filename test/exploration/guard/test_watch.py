@@ -1,0 +1,387 @@
+"""Causes of trouble, their alarms, and how they end."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
+from soilmoist_ros.exploration.guard.place_filter import PlaceFix
+from soilmoist_ros.exploration.guard.watch import Doing, Watch, WatchLimits
+from soilmoist_ros.exploration.mission.types import Alarm, AlarmOver, Response
+from soilmoist_ros.foundation.health import Level
+
+IDLE, MISSION = Doing(), Doing(under_way=True)
+LIMITS = WatchLimits()
+
+
+class Observed:
+    """A watch, a clock, and a robot that stands at home with all that it needs."""
+
+    def __init__(self, limits=LIMITS, responses=None, doing=MISSION):
+        self.watch, self.doing, self.now_s = Watch(limits, responses or {}), doing, 100.0
+        self.alarms, self.overs, self.events = [], [], []
+        self.fixes = self.records = self.maps = True
+        self.place = (0.0, 0.0)
+
+    def run(self, seconds):
+        for _ in range(seconds):
+            self.now_s += 1.0
+            if self.fixes:
+                self.watch.fix(PlaceFix(self.now_s, *self.place))
+            if self.records and self.now_s % 10 == 0:
+                self.watch.record(self.now_s, self.now_s, True)
+                if self.maps:
+                    self.watch.map(self.now_s, self.now_s)
+            self.check()
+        return self
+
+    def check(self):
+        for event in self.watch.check(self.now_s, self.doing):
+            self.events.append(event)
+            (self.alarms if isinstance(event, Alarm) else self.overs).append(event.cause)
+
+    def on(self):
+        return set(self.watch.on)
+
+
+def test_nothing_is_wrong_while_all_is_there():
+    observed = Observed().run(1000)
+    assert observed.events == []
+    health = observed.watch.health(observed.now_s)
+    assert (health.name, health.level, health.message) == ("guard", Level.OK, "nothing is wrong")
+    assert set(Cause) <= set(health.values)
+    assert health.values["charge"].startswith("not watched")
+
+
+def test_what_was_never_there_is_not_missed():
+    observed = Observed(doing=IDLE)
+    observed.fixes = observed.records = False
+    observed.run(1000)
+    assert observed.events == []
+
+
+def test_each_cause_has_a_row():
+    assert set(FAILSAFES) == set(Cause)
+    for row in FAILSAFES.values():
+        assert row.about
+        assert row.remedy
+
+
+def test_outside():
+    observed = Observed().run(5)
+    observed.watch.outside(LIMITS.max_outside_m)
+    observed.check()
+    assert observed.on() == set()
+    observed.watch.outside(LIMITS.max_outside_m + 1)
+    observed.check()
+    (alarm,) = observed.events
+    assert alarm == Alarm(observed.now_s, "outside", Response.PAUSE, "the robot is 11 m outside the field")
+    observed.watch.outside(0.0)
+    observed.run(int(LIMITS.clear_s) + 1)
+    assert observed.overs == ["outside"]
+
+
+def test_jump_and_speed_of_a_bad_receiver():
+    observed = Observed().run(5)
+    for second in range(1, 5):
+        observed.place = (2000.0 + 200 * second, 0.0)
+        observed.run(1)
+    assert observed.alarms == ["jump"]
+    assert observed.events[0].response is Response.HOLD
+    assert "3 fixes in a row are implausible, the last one 2600 m from" in observed.events[0].reason
+    observed.run(3)
+    assert observed.watch.places.fix.xy == (0.0, 0.0)
+    observed.place = (1.0, 0.0)
+    observed.run(int(LIMITS.clear_s) - 1)
+    assert observed.overs == []
+    observed.run(3)
+    assert observed.overs == ["jump"]
+
+
+def test_one_bad_fix_is_no_alarm():
+    observed = Observed().run(5)
+    observed.place = (2000.0, 0.0)
+    observed.run(2)
+    observed.place = (0.0, 0.0)
+    observed.run(20)
+    assert observed.alarms == []
+    assert observed.watch.health(observed.now_s).values["fixes jump"] == "2"
+
+
+def test_speed():
+    observed = Observed().run(5)
+    for _ in range(12):
+        observed.place = (observed.place[0] + 5.0, 0.0)
+        observed.run(1)
+    assert observed.alarms == ["speed"]
+    assert observed.events[0].reason.startswith("the robot moves at")
+    assert observed.events[0].response is Response.PAUSE
+
+
+def test_old_fix():
+    observed = Observed().run(5)
+    observed.fixes = False
+    observed.run(10)
+    assert observed.alarms == []
+    observed.run(1)
+    assert observed.alarms == ["fix_old"]
+    assert observed.events[0].response is Response.HOLD
+    observed.fixes = True
+    observed.run(11)
+    assert observed.overs == ["fix_old"]
+
+
+def test_a_place_that_cannot_be_used_makes_the_last_one_old():
+    observed = Observed().run(5)
+    observed.place = (math.nan, 0.0)
+    observed.run(12)
+    assert observed.alarms == ["fix_old"]
+
+
+def test_silence_needs_checks_and_not_only_time():
+    """A process that stood still for a minute reads its messages before it complains."""
+    observed = Observed().run(5)
+    observed.now_s += 60.0
+    observed.check()
+    assert observed.alarms == []
+    observed.watch.fix(PlaceFix(observed.now_s, 0.0, 0.0))
+    observed.run(5)
+    assert observed.alarms == []
+
+
+def test_old_records_only_in_a_mission():
+    observed = Observed(doing=IDLE).run(20)
+    observed.records = False
+    observed.run(100)
+    assert observed.alarms == []
+    observed.doing = MISSION
+    observed.run(61)
+    assert observed.alarms == []
+    observed.run(1)
+    assert observed.alarms == ["records_old"]
+    assert observed.events[0].response is Response.WARN
+    observed.doing = IDLE
+    observed.run(12)
+    assert observed.overs == ["records_old"]
+
+
+def test_a_dead_mapper():
+    observed = Observed().run(100)
+    observed.maps = False
+    observed.run(9 + 301)
+    assert observed.alarms == []
+    observed.run(10)
+    assert observed.alarms == ["map_old"]
+    observed.maps = True
+    observed.run(21)
+    assert observed.overs == ["map_old"]
+
+
+def test_a_mapper_that_never_was():
+    observed = Observed()
+    observed.maps = False
+    observed.run(330)
+    assert observed.alarms == ["map_old"]
+
+
+def test_a_slow_mapper_is_not_dead():
+    observed = Observed()
+    observed.maps = False
+    for _ in range(10):
+        observed.run(200)
+        observed.watch.map(observed.now_s, observed.now_s - 150.0)
+    assert observed.alarms == []
+
+
+def test_records_outside_the_field_need_no_map():
+    observed = Observed().run(20)
+    observed.records = False
+    for _ in range(100):
+        observed.run(10)
+        observed.watch.record(observed.now_s, observed.now_s, False)
+    assert observed.alarms == []
+
+
+def test_navigation_that_goes_away_with_a_goal():
+    observed = Observed(doing=replace(MISSION, waiting_for="the navigation /nav")).run(100)
+    assert observed.alarms == [], "nothing drives the robot"
+    observed.doing = replace(observed.doing, driving=True)
+    observed.run(12)
+    assert observed.alarms == ["navigation_silent"]
+    assert "the navigation /nav" in observed.events[0].reason
+    observed.doing = replace(observed.doing, driving=False)
+    observed.run(100)
+    assert observed.overs == [], "the goal was cancelled because of it, and it is still not there"
+    observed.doing = replace(observed.doing, waiting_for="")
+    observed.run(12)
+    assert observed.overs == ["navigation_silent"]
+
+
+def test_navigation_without_feedback():
+    observed = Observed(doing=replace(MISSION, driving=True)).run(100)
+    assert observed.alarms == [], "this one sends no feedback"
+    for _ in range(20):
+        observed.watch.feedback(observed.now_s)
+        observed.run(1)
+    observed.run(10)
+    assert observed.alarms == ["navigation_silent"]
+
+
+def drain(observed, charge, volts=math.nan, times=3):
+    for _ in range(times):
+        observed.watch.battery(observed.now_s, charge, volts)
+        observed.run(1)
+
+
+def test_battery_low_and_empty():
+    observed = Observed()
+    drain(observed, 0.26)
+    drain(observed, 0.24, times=2)
+    drain(observed, 0.26)
+    assert observed.alarms == [], "a peak load"
+    drain(observed, 0.24)
+    assert observed.alarms == ["battery_low"]
+    assert observed.events[0].response is Response.RETURN
+    assert observed.events[0].reason == "the battery is at 24%"
+    drain(observed, 0.28, times=20)
+    assert observed.overs == [], "not yet charged"
+    drain(observed, 0.09)
+    assert observed.alarms == ["battery_low", "battery_empty"]
+    assert observed.events[1].response is Response.ABORT
+    drain(observed, 0.9, times=20)
+    assert observed.overs == ["battery_low", "battery_empty"]
+
+
+def test_battery_by_its_voltage():
+    observed = Observed(WatchLimits(battery_low_v=46.0, battery_empty_v=44.0))
+    drain(observed, math.nan, 46.5)
+    assert observed.alarms == []
+    drain(observed, math.nan, 45.5)
+    assert observed.alarms == ["battery_low"]
+    assert observed.events[0].reason == "the battery is at 45.5 V"
+    drain(observed, math.nan, 43.0)
+    assert observed.alarms == ["battery_low", "battery_empty"]
+
+
+def test_a_limit_of_zero_ignores_the_battery():
+    observed = Observed(WatchLimits(battery_low=0.0, battery_empty=0.0))
+    drain(observed, 0.0)
+    assert observed.alarms == []
+
+
+def test_reserve_of_time():
+    observed = Observed(doing=replace(MISSION, way_home_s=300.0, time_left_s=301.0)).run(5)
+    assert observed.alarms == []
+    observed.doing = replace(observed.doing, time_left_s=299.0)
+    observed.run(1)
+    assert observed.alarms == ["reserve"]
+    assert observed.events[0].response is Response.RETURN
+    observed.doing = replace(observed.doing, going_home=True)
+    observed.run(12)
+    assert observed.overs == ["reserve"]
+
+
+def test_reserve_of_charge():
+    """10 % an hour: 40 % suffice for a way home of two hours, 30 % do not."""
+    observed = Observed(doing=replace(MISSION, way_home_s=7300.0))
+    observed.run(1)
+    drain(observed, 0.6)
+    for hour in (1, 2):
+        observed.run(3600 - 3)
+        drain(observed, 0.6 - 0.1 * hour)
+    assert observed.alarms == []
+    observed.run(3600 - 3)
+    drain(observed, 0.3)
+    assert observed.alarms == ["reserve"]
+    assert "the charge is 30%, and" in observed.events[0].reason
+
+
+def test_a_cause_of_others_and_one_of_a_moment():
+    observed = Observed().run(1)
+    observed.watch.report(Cause.FRAME_MISMATCH, "3.1 m to the north")
+    observed.watch.note(Cause.CLOCK_STEP, "the clock was set back by 3600 s")
+    observed.run(100)
+    assert observed.alarms == ["frame_mismatch", "clock_step"]
+    assert observed.overs == ["clock_step"]
+    health = observed.watch.health(observed.now_s)
+    assert health.level is Level.ERROR
+    assert health.message.startswith("frame_mismatch: 3.1 m to the north; check the datum")
+    assert health.values["clock_step"] == "OK (warn, 1 so far)"
+
+
+def test_an_idle_robot_warns():
+    observed = Observed(doing=IDLE).run(1)
+    observed.watch.report(Cause.FRAME_MISMATCH, "3.1 m to the north")
+    observed.run(1)
+    assert observed.watch.health(observed.now_s).level is Level.WARN
+
+
+@pytest.mark.parametrize("response", Response)
+@pytest.mark.parametrize("cause", Cause)
+def test_responses_can_be_chosen(cause, response):
+    observed = Observed(responses={cause: response}).run(1)
+    observed.records = False
+    observed.watch.report(cause, "wrong") if cause is Cause.OUTSIDE else observed.watch.note(cause, "wrong")
+    events = observed.watch.check(observed.now_s, IDLE)
+    time_based = {Cause.FIX_OLD, Cause.RECORDS_OLD, Cause.MAP_OLD, Cause.NAVIGATION_SILENT, Cause.RESERVE}
+    if response is Response.IGNORE or cause in time_based:
+        assert events == ()
+    else:
+        assert [(event.cause, event.response) for event in events] == [(cause, response)]
+
+
+def test_alarms_of_an_interrupted_mission_end_too():
+    observed = Observed()
+    observed.watch.adopt(("jump", "no cause of this version"), observed.now_s)
+    assert observed.watch.on == (Cause.JUMP,)
+    observed.run(11)
+    assert observed.overs == ["jump"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"fix_old_s": -1.0},
+        {"clear_s": math.inf},
+        {"battery_empty": 0.5},
+        {"battery_empty_v": 2.0, "battery_low_v": 1.0},
+    ],
+)
+def test_limits_out_of_range(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        WatchLimits(**wrong)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 20.0), st.sampled_from(Cause), st.sampled_from(["", "wrong", "a moment"])),
+        max_size=60,
+    ),
+    st.dictionaries(st.sampled_from(Cause), st.sampled_from(Response)),
+)
+def test_whatever_happens_alarms_alternate_and_end_late(steps, responses):
+    watch, now_s = Watch(WatchLimits(min_checks=1), responses), 0.0
+    on, seen = set(), {}
+    for step_s, cause, text in steps:
+        now_s += step_s
+        if text == "a moment":
+            watch.note(cause, text)
+        else:
+            watch.report(cause, text)
+        wrong = {each for each, state in watch._states.items() if state.text}
+        for event in watch.check(now_s, MISSION):
+            if isinstance(event, AlarmOver):
+                on.remove(event.cause)
+                assert now_s - seen[event.cause] >= watch.limits.clear_s
+            else:
+                assert event.cause not in on
+                assert event.response is watch.responses[Cause(event.cause)] is not Response.IGNORE
+                assert event.reason
+                on.add(event.cause)
+            assert event.now_s == now_s
+        for each in wrong | {each for each, state in watch._states.items() if state.text}:
+            seen[each] = now_s
+        assert on == set(watch.on)
