@@ -111,7 +111,7 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
         Cause.FRAME_MISMATCH: Failsafe(
             "the pose of the navigation and the fix disagree",
             Response.HOLD,
-            (),
+            ("frame_limit_m",),
             "check the datum of the field file and of the navigation",
         ),
         Cause.CLOCK_STEP: Failsafe(

@@ -24,6 +24,8 @@ Place = tuple[float, float]
 PAIRS = 15
 """Number of latest pairs that decide."""
 MIN_PAIRS = 5
+MIN_GAP_S = 0.5
+"""Minimum time between two pairs; a receiver of 10 Hz would fill the memory with one moment [s]."""
 PAIR_LIFE_S = 30.0
 """Age beyond which a pair no longer counts [s]."""
 LATENCY_S = 1.0
@@ -110,6 +112,8 @@ class FrameCheck:
         pair = _Pair(now_s, fix_m, tf_m)
         if self._pairs and now_s < self._pairs[-1].now_s:
             self._pairs.clear()  # the clock stepped back
+        if self._pairs and now_s - self._pairs[-1].now_s < MIN_GAP_S:
+            return
         self._pairs.append(pair)
         if not self._apart or math.dist(self._apart[-1].tf_m, tf_m) >= STEP_M:
             self._apart.append(pair)

@@ -19,6 +19,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.configuration import read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.suggestions import listing
 
 ZONE_RADIUS_M = 0.75
@@ -56,6 +57,15 @@ class TopologicalMap:
     def pointset(self) -> str:
         """Name of its set of nodes."""
         return str(self.document.get("pointset", ""))
+
+    @property
+    def datum(self) -> LocalFrame | None:
+        """Origin of the places on the earth: ``datum_latitude`` and ``datum_longitude`` in the map's meta."""
+        meta = self.document.get("meta")
+        try:
+            return LocalFrame(*(float(meta[f"datum_{name}"]) for name in ("latitude", "longitude")))  # type: ignore[index]
+        except (TypeError, KeyError, ValueError):
+            return None
 
     def to_json(self) -> str:
         """The document as it goes on the topic ``topological_map_2``."""

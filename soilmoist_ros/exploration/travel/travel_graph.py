@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.foundation.suggestions import did_you_mean, listing
 
 Array = NDArray[np.float64]
@@ -74,6 +75,12 @@ class TravelGraph:
         if connected:
             graph.require_connected(path)
         return graph
+
+    def moved(self, move: PlaneMove) -> TravelGraph:
+        """The graph in the coordinates of another plane; itself if the two planes are one."""
+        return (
+            self if move.is_identity else TravelGraph(self.names, move.places(self.xy), self.edges, self.length_m)
+        )
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:

@@ -16,6 +16,8 @@ from soilmoist_ros.exploration.travel.topological_map import (
 )
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plane_move import PlaneMove
 
 NOON = datetime(2024, 5, 17, 12, 0, 3)
 
@@ -183,3 +185,17 @@ def test_the_transformation_applies_to_nodes_in_the_maps_own_frame():
     np.testing.assert_allclose(parse(content).graph.xy, make_topological_map(graph(), "m", NOON).graph.xy)
     content["nodes"][2]["node"]["parent_frame"] = "topo_map"
     np.testing.assert_allclose(parse(content).graph.xy[2], [10 - 4, 20 + 3])
+
+
+def test_the_datum_of_a_map_and_its_graph_in_another_plane():
+    content = document()
+    assert parse(content).datum is None
+    content["meta"] |= {"datum_latitude": 53.268617, "datum_longitude": "-0.525699"}
+    found = parse(content)
+    assert found.datum == LocalFrame(53.268617, -0.525699)
+    content["meta"]["datum_latitude"] = 95
+    assert parse(content).datum is None
+    moved = found.graph.moved(PlaneMove(0.0, (10.0, -5.0)))
+    np.testing.assert_allclose(moved.xy - found.graph.xy, [(10.0, -5.0)] * 3)
+    np.testing.assert_array_equal(moved.length_m, found.graph.length_m)
+    assert found.graph.moved(PlaneMove()) is found.graph

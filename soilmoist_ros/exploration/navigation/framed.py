@@ -1,0 +1,58 @@
+"""A navigator whose navigation has another frame than the field: the one place where goals change the frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from soilmoist_ros.exploration.guard.robot_frames import RobotFrames
+from soilmoist_ros.exploration.navigation.navigator import Navigator
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.foundation.plane_move import PlaneMove
+
+
+class FramedNavigator:
+    """A :class:`Navigator` that lives in the plane of the field, around one that lives in the navigation's frame.
+
+    :param navigator: sends the goals, in the frame of the navigation
+    :param frames: knows that frame
+    """
+
+    def __init__(self, navigator: Navigator, frames: RobotFrames) -> None:
+        self._navigator = navigator
+        self._frames = frames
+
+    @property
+    def waiting_for(self) -> str:
+        """See :class:`Navigator`."""
+        return self._frames.waiting_for or self._navigator.waiting_for
+
+    @property
+    def on_the_way(self) -> str:
+        """See :class:`Navigator`."""
+        return self._navigator.on_the_way
+
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
+        """See :class:`Navigator`."""
+        move = self._move
+        x_m, y_m = move.place((stop.x_m, stop.y_m))
+        corners = move.places(way.corners) if len(way.corners) else way.corners
+        self._navigator.go(goal_id, replace(stop, x_m=x_m, y_m=y_m), replace(way, corners=corners))
+
+    def cancel(self, goal_id: int) -> None:
+        """See :class:`Navigator`."""
+        self._navigator.cancel(goal_id)
+
+    def moved(self, place: tuple[float, float], now_s: float) -> None:
+        """See :class:`Navigator`."""
+        if self._frames.move is not None:
+            self._navigator.moved(self._frames.move.place(place), now_s)
+
+    def tick(self) -> None:
+        """See :class:`Navigator`."""
+        self._navigator.tick()
+
+    @property
+    def _move(self) -> PlaneMove:
+        assert self._frames.move is not None, "no mission starts before the frame of the navigation is known"
+        return self._frames.move

@@ -1,0 +1,179 @@
+"""A robot in two frames (robot_frames.py): each source of the navigation's datum, headings, health and faults."""
+
+import math
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.guard.robot_frames import ASKED_M, FrameSettings, RobotFrames
+from soilmoist_ros.exploration.guard.transforms import Transform, yaw_rotation
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.plane_move import PlaneMove, move_between
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
+from soilmoist_ros.sensing.records import Position
+
+DATUM = LocalFrame(52.0, 13.0)
+FIELD = Field("test", DATUM, np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]))
+OTHER = LocalFrame(52.002, 13.001)
+
+
+def frames(datum="field", **settings):
+    return RobotFrames(FIELD, FrameSettings(datum=datum, **settings))
+
+
+def fix(place, status=FixStatus.RTK):
+    latitude, longitude = DATUM.to_geographic([place])[0].tolist()
+    return Fix(0.0, Position(latitude, longitude, 30.0, 0.02), status)
+
+
+def drive(robot, move=None, steps=30, start_s=0.0, turn=0.0, arms=NO_ARMS, tf=True):
+    """Drive 1 m/s to the east, past TF of a navigation with this move; the last pose and time."""
+    pose, now_s = None, start_s
+    for step in range(steps):
+        now_s = start_s + step
+        base = (5.0 + step, 10.0)
+        if tf:
+            x, y = (move or PlaneMove()).place(base)
+            yaw = (move or PlaneMove()).heading(0.0) + turn
+            links = [
+                Transform("map", "odom", (x - 3.0, y, 0.0), stamp_s=now_s),
+                Transform("odom", "base_link", (3.0, 0.0, 0.1), yaw_rotation(yaw), stamp_s=now_s),
+            ]
+            robot.take_transforms(links, now_s)
+        pose = robot.take_fix(fix((base[0] + arms.antenna_m[0], base[1] + arms.antenna_m[1])), now_s)
+    return pose, now_s
+
+
+def test_without_tf_nothing_is_checked_and_nothing_refused():
+    robot = frames()
+    pose, now_s = drive(robot, tf=False)
+    assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-3)
+    assert pose.yaw_rad == pytest.approx(0.0, abs=1e-3)  # by the course over ground
+    assert (robot.health(now_s).level, robot.health(now_s).message) == (Level.OK, "not checked: no TF")
+    assert robot.fault(now_s) == robot.waiting_for == ""
+
+
+def test_a_shifted_navigation_is_a_fault_with_numbers():
+    robot = frames()
+    _, now_s = drive(robot, PlaneMove(0.0, (0.0, 30.0)))
+    assert "TF places the robot 30.0 m north of its fix" in robot.fault(now_s)
+    health = robot.health(now_s)
+    assert health.level is Level.ERROR
+    assert health.values["TF minus fix, north [m]"] == "30.00"
+    assert health.message == robot.fault(now_s)
+
+
+def test_the_same_frame_agrees():
+    robot = frames()
+    _, now_s = drive(robot)
+    assert robot.fault(now_s) == ""
+    assert robot.health(now_s).message.startswith("TF and fix agree within 0.0 m")
+    assert robot.health(now_s).level is Level.OK
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 77.0])
+def test_a_given_datum_agrees_and_gives_headings_in_the_field(yaw_deg):
+    move = move_between(DATUM, OTHER, math.radians(yaw_deg))
+    robot = frames(f"52.002,13.001,{yaw_deg}", navigation_frame="map", frame="field")
+    pose, now_s = drive(robot, move)
+    assert robot.fault(now_s) == ""
+    assert pose.yaw_rad == pytest.approx(0.0, abs=1e-3)
+    assert robot.health(now_s).values["datum of the navigation"].startswith("52.0020000,13.0010000")
+    assert robot.health(now_s).level is Level.OK
+
+
+def test_one_name_for_two_frames_is_a_warning():
+    robot = frames("52.002,13.001")
+    assert robot.health(0.0).level is Level.WARN
+    assert "map names two frames" in robot.health(0.0).message
+
+
+def test_the_datum_of_the_navigations_map():
+    robot = frames("map", frame="field")
+    assert robot.move is None
+    assert robot.waiting_for == "a map of the navigation with a datum"
+    robot.take_map_datum(None)
+    assert "datum_latitude and datum_longitude" in robot.waiting_for
+    assert robot.health(0.0).level is Level.ERROR
+    robot.take_map_datum(OTHER)
+    assert robot.waiting_for == ""
+    _, now_s = drive(robot, move_between(DATUM, OTHER))
+    assert robot.fault(now_s) == ""
+
+
+def test_a_map_of_another_datum_than_the_fields_is_a_fault_until_it_is_meant():
+    robot = frames()
+    robot.take_map_datum(LocalFrame(52.0, 13.0 + 100 / 68600))
+    assert "lies 100.1 m east of the field's: set navigation_datum: map" in robot.fault(0.0)
+    robot.take_map_datum(LocalFrame(52.0, 13.0))
+    assert robot.fault(0.0) == ""
+    robot.take_map_datum(LocalFrame(-52.0, -167.0))
+    assert "is not of this field" in robot.fault(0.0)
+    meant = frames("52.002,13.001")
+    meant.take_map_datum(LocalFrame(52.5, 13.0))
+    assert meant.fault(0.0) == ""
+
+
+@pytest.mark.parametrize("origin", [OTHER, LocalFrame(52.1, 13.2)])
+def test_the_datum_of_the_robots_service(origin):
+    """The second origin is 18 km away, so the service is asked again, near the field."""
+    robot = frames("robot", frame="field")
+    assert "a datum service, or 20 m driven by hand" in robot.waiting_for
+    rounds = 0
+    while robot.move is None:
+        rounds += 1
+        asked = ASKED_M + robot.ask_about_m
+        robot.take_datum_answers([tuple(place) for place in origin.to_geographic(asked)])
+    assert rounds == (1 if origin is OTHER else 2)
+    wanted = move_between(DATUM, origin, about_m=(30.0, 20.0))
+    assert robot.move.place((30.0, 20.0)) == pytest.approx(wanted.place((30.0, 20.0)), abs=0.01)
+    _, now_s = drive(robot, wanted)
+    assert robot.fault(now_s) == ""
+
+
+def test_the_datum_from_a_drive_by_hand():
+    move = PlaneMove(1.0, (200.0, -50.0))
+    robot = frames("robot", frame="field")
+    drive(robot, move, steps=15)
+    assert robot.move is None
+    _, now_s = drive(robot, move, steps=30, start_s=15.0)
+    assert robot.move.place((30.0, 20.0)) == pytest.approx(move.place((30.0, 20.0)), abs=0.1)
+    assert robot.fault(now_s) == ""
+
+
+def test_tf_that_ends_or_is_not_connected_is_named():
+    robot = frames()
+    _, now_s = drive(robot)
+    assert robot.health(now_s + 12.0).message == "not checked: TF is 12 s old"
+    assert robot.health(now_s + 12.0).level is Level.WARN
+    apart = frames(base_frame="chassis")
+    drive(apart)
+    assert apart.health(30.0).message == "not checked: TF has no frame chassis"
+    assert apart.health(30.0).level is Level.WARN
+
+
+def test_a_robot_is_where_its_base_is():
+    arms = LeverArms(antenna_m=(0.8, 0.3))
+    robot = frames(arms=arms)
+    pose, now_s = drive(robot, arms=arms)
+    assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-3)
+    assert robot.fault(now_s) == ""
+    by_course = frames(arms=arms)
+    pose, _ = drive(by_course, arms=arms, tf=False)
+    assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-2)
+
+
+def test_what_is_no_place_is_none():
+    robot = frames()
+    assert robot.take_fix(fix((0.0, 0.0), FixStatus.NO_FIX), 0.0) is None
+    assert robot.take_fix(Fix(0.0, Position(-52.0, -167.0), FixStatus.FIX), 0.0) is None
+    assert math.isnan(robot.take_fix(fix((0.0, 0.0)), 0.0).yaw_rad)
+
+
+def test_an_impossible_datum_is_refused():
+    with pytest.raises(InputError, match="navigation_datum"):
+        frames("somewhere")
