@@ -23,7 +23,8 @@ from soilmoist_ros.simulation.fields.field_files import write_field_file, write_
 from soilmoist_ros.simulation.robot.line_server import write_ports_file
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
-from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+from soilmoist_ros.simulation.robot.waiting_clock import Awaited, WaitingClock, awaited
+from soilmoist_ros.simulation.simulated_robot import Output, robot_namespaces
 from soilmoist_ros.simulation.system import VirtualSystem
 
 TICK_S = 0.02
@@ -45,6 +46,9 @@ class FieldSimulator(Node):
         start_s = read_start_time(given.text("start_time"))
         self._system = VirtualSystem(settings, start_s, given.number("gnss_period_s"), scenario)
         self._time = SimulatedTime(given.number("speed"), MAX_STEP_S)
+        self._epoch_s = given.number("gnss_period_s")
+        self._waiting = WaitingClock()
+        self._noted: tuple[str, Awaited] | None = None
         self._started = not given.flag("start_when_connected")
         self._connected_s = math.inf
         self._write_files(given)
@@ -58,7 +62,14 @@ class FieldSimulator(Node):
         plain_feedback = scenario.navigation.feedback == "topic"
         self._robots = [
             RobotInterface(
-                self, robot, f"{namespace}/" if namespace else "", properties, given, group, plain_feedback
+                self,
+                robot,
+                f"{namespace}/" if namespace else "",
+                properties,
+                given,
+                group,
+                plain_feedback,
+                start_s,
             )
             for robot, namespace in zip(self._system.robots, robot_namespaces(settings.robots), strict=True)
         ]
@@ -69,6 +80,7 @@ class FieldSimulator(Node):
 
     def close(self) -> None:
         """Close the ports."""
+        self.get_logger().info(f"simulated time waited {self._waiting.waited_s:.0f} s for planners")
         for robot in self._robots:
             robot.close()
 
@@ -90,13 +102,31 @@ class FieldSimulator(Node):
         if not self._started and wall_s - self._connected_s >= SETTLE_S:
             self._started = True
             self.get_logger().info("all are connected: time begins")
+        step_s = self._time.step_s(wall_s)
         # The devices are silent before time starts, so that all runs start with the same lines.
-        outputs = self._system.advance(self._time.advance(wall_s)) if self._started else [[]] * len(self._robots)
+        outputs = self._advance(wall_s, step_s) if self._started else [[]] * len(self._robots)
         # The clock comes first, so that no node receives a message from its future.
         self._simulated_clock.publish(Clock(clock=to_time(self._system.stamp_s)))
         for robot, its in zip(self._robots, outputs, strict=True):
             for output in its:
                 robot.carry_out(output)
+
+    def _advance(self, wall_s: float, step_s: float) -> list[list[Output]]:
+        """Output of the robots until the time after a step, or until time has to wait for a planner."""
+        system = self._system
+        progress = [robot.progress for robot in self._robots]
+        waits = [
+            (robot.name, found)
+            for robot, its in zip(self._robots, progress, strict=True)
+            if (found := awaited(its, system.now_s, self._epoch_s)) is not None
+        ]
+        stands = self._waiting.stands(wall_s, waits)
+        if (wait := self._waiting.long_wait) != self._noted:
+            self._noted = wait
+            if wait is not None:
+                self.get_logger().warning(f"simulated time waits for {wait[1]}: {wait[0]}")
+        has_planner = any(its.phase is not None for its in progress)
+        return system.advance(system.now_s + (0.0 if stands else step_s), step_by_step=has_planner)
 
 
 def main() -> None:

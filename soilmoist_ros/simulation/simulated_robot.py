@@ -19,11 +19,13 @@ from soilmoist_ros.simulation.robot.faulty_link import FaultyLink, Reachable, Se
 from soilmoist_ros.simulation.robot.scenario import Scenario
 from soilmoist_ros.simulation.robot.virtual_gnss import VirtualGnss
 from soilmoist_ros.simulation.robot.virtual_logger import VirtualLogger
-from soilmoist_ros.simulation.robot.virtual_navigation import NavigationEvent, VirtualNavigation
+from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, NavigationEvent, VirtualNavigation
 from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 
 LOGGER, GNSS = "logger", "gnss"
+AWAY_M = 3.0
+"""A robot nearer to its target may be there for the mission [m]."""
 _GGA = 1  # damages affect the sentence with the position
 
 
@@ -77,6 +79,10 @@ class SimulatedRobot:
     ) -> None:
         self.number = number
         self.now_s = 0.0
+        self.sent_s = -math.inf
+        """End of the last record that the logger sent whole [s]."""
+        self.goal_id: int | None = None
+        """Goal of the navigation that has not ended."""
         self._cadence_s, self._position_sd_m = settings.cadence_s, settings.position_sd_m
         self._start_s = start_s
         seed, robots = settings.seed, settings.robots
@@ -121,6 +127,8 @@ class SimulatedRobot:
         self._run_devices()
         out: list[Output] = []
         out += self.navigation.happened(now_s)
+        if any(isinstance(event, GoalEnded) and event.goal_id == self.goal_id for event in out):
+            self.goal_id = None
         out += self._logger_link.receive(now_s)
         out += self._gnss_link.receive(now_s)
         out += self._counted
@@ -129,7 +137,9 @@ class SimulatedRobot:
 
     def go_to(self, target: str) -> int | None:
         """Send a goal to the navigation; returns its number, ``None`` if it is rejected."""
-        return self.navigation.accept(self.now_s, target)
+        goal_id = self.navigation.accept(self.now_s, target)
+        self.goal_id = self.goal_id if goal_id is None else goal_id
+        return goal_id
 
     def cancel(self, goal_id: int) -> bool:
         """Ask the navigation to cancel a goal; returns whether its response confirms it."""
@@ -138,6 +148,11 @@ class SimulatedRobot:
     def drive_to(self, xy: tuple[float, float]) -> float | None:
         """Drive straight to a position [m]; returns the arrival time [s], ``None`` if it cannot be reached."""
         return self.navigation.drive(self.now_s, xy, self._free_travel)
+
+    def waits_for_goal(self, target_xy: tuple[float, float]) -> bool:
+        """Whether the robot stands without a goal, away from a target [m], though the navigation is there."""
+        idle = self.goal_id is None and self.body.stands(self.now_s) and self.navigation.present
+        return idle and math.dist(self.body.at(self.now_s), target_xy) > AWAY_M
 
     @property
     def next_s(self) -> float:
@@ -170,7 +185,8 @@ class SimulatedRobot:
             record = self.logger.record(self.now_s, path)
             self._records += 1
             self._path.clear()
-            self._logger_link.send(self.now_s, self.logger.lines(record))
+            if self._logger_link.send(self.now_s, self.logger.lines(record)):
+                self.sent_s = self.now_s
             for further in self._further:
                 self._count(*further, path)
         if self._next_epoch_s <= self.now_s:

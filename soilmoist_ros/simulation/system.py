@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,13 +57,13 @@ class VirtualSystem:
             for number in range(settings.robots)
         )
 
-    def advance(self, to_s: float, stop_at_goal_end: bool = False) -> list[list[Output]]:
+    def advance(self, to_s: float, step_by_step: bool = False) -> list[list[Output]]:
         """Advance to a time since the start [s], and return the output of each robot in order.
 
         The output does not depend on the number of steps.
 
         :param to_s: time to advance to [s]
-        :param stop_at_goal_end: whether to stop earlier, when a goal of a robot ends
+        :param step_by_step: whether to stop earlier, when a goal of a robot ends or a record is sent
         """
         out: list[list[Output]] = [[] for _ in self.robots]
         while (next_s := min(robot.next_s for robot in self.robots)) <= to_s:
@@ -70,12 +72,18 @@ class VirtualSystem:
             new = [robot.step(self.now_s) if robot.next_s <= self.now_s else [] for robot in self.robots]
             for outputs, more in zip(out, new, strict=True):
                 outputs += more
-            if stop_at_goal_end and any(isinstance(output, GoalEnded) for more in new for output in more):
+            if step_by_step and any(
+                self._is_step(robot, more) for robot, more in zip(self.robots, new, strict=True)
+            ):
                 to_s = self.now_s
         self.now_s = max(to_s, self.now_s)
         for robot in self.robots:
             robot.now_s = self.now_s
         return out
+
+    def _is_step(self, robot: SimulatedRobot, outputs: Sequence[Output]) -> bool:
+        """Whether a planner may have to decide something now."""
+        return robot.sent_s == self.now_s or any(isinstance(output, GoalEnded) for output in outputs)
 
     @property
     def stamp_s(self) -> float:

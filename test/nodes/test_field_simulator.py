@@ -1,4 +1,4 @@
-"""The simulated field as a real process: simulated time, devices on TCP, and virtual_navigation.py."""
+"""The simulated field as a real process: time, devices on TCP, virtual_navigation.py, robot_interface.py."""
 
 from __future__ import annotations
 

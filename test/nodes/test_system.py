@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import time
 
 import numpy as np
 import pytest
@@ -11,13 +13,15 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticStatus
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.counts import counts_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.samples import samples_from_message
+from msg_adapters.stamps import to_seconds
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
+from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.replay import ReplaySettings, replay_bag
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -148,6 +152,31 @@ def test_a_mission_survives_what_goes_wrong(ros, tmp_path, scenario):
     assert len(stamps) > 20
     assert np.diff(stamps).min() > 5.0, "an interval was counted twice"
     robot.check_samples()
+
+
+def test_simulated_time_waits_for_a_planner_that_is_slow(ros, tmp_path):
+    clock = ros.collect(Clock, "/clock", CLOCK)
+    robot = Robot(
+        ros, tmp_path, field="half-wet", simulator={"speed": 60.0}, record=False,
+        strategy="random", dwell="fmi:60", hours=0.2,
+    )  # fmt: skip
+    counting = lambda: robot.missions and mission_from_message(robot.missions[-1]).phase is Phase.COUNTING  # noqa: E731
+    planner = robot.processes["planner"].process
+    for _ in range(3):
+        robot.ros.wait_for(counting, LIMIT_S, "a visit")
+        planner.send_signal(signal.SIGSTOP)
+        before_s = to_seconds(clock[-1].clock)
+        time.sleep(4.0)  # in which 240 s pass if the time does not wait
+        passed_s = to_seconds(clock[-1].clock) - before_s
+        planner.send_signal(signal.SIGCONT)
+        assert passed_s <= 30.0
+        robot.ros.wait_for(lambda: not counting(), LIMIT_S, "the end of the visit")
+    status = robot.wait_finished()
+    robot.stop()
+    assert status.samples >= 5
+    visits = [line for line in robot.processes["planner"].output().splitlines() if " visit: " in line]
+    assert visits
+    assert all("in 60 s" in line for line in visits)
 
 
 def test_two_robots_do_not_hear_each_other(ros, tmp_path):

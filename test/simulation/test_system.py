@@ -225,12 +225,13 @@ def test_robots_do_not_disturb_each_other():
     assert places(3, {0: -1, 1: 5}) != places(3, {1: -1})
 
 
-def test_time_can_stop_when_a_goal_ends():
+def test_time_can_stop_when_a_record_is_sent_or_a_goal_ends():
     system = VirtualSystem(replace(SETTINGS, robots=2), START_S)
     system.robots[1].go_to(system.map.graph.names[-1])
-    outputs = system.advance(1000, stop_at_goal_end=True)
-    assert isinstance(next(output for output in outputs[1] if isinstance(output, GoalEnded)), GoalEnded)
-    arrival_s = system.now_s
-    assert 30 < arrival_s < 400
-    assert all(robot.now_s == arrival_s for robot in system.robots)
-    assert not any(isinstance(output, GoalEnded) for its in system.advance(1000) for output in its)
+    stops = []
+    while system.now_s < 300:
+        (_, outputs) = system.advance(300, step_by_step=True)
+        stops.append((system.now_s, any(isinstance(output, GoalEnded) for output in outputs)))
+        assert all(robot.now_s == system.now_s for robot in system.robots)
+    (arrival_s,) = (time_s for time_s, ended in stops if ended)
+    assert [time_s for time_s, _ in stops] == sorted({*np.arange(10.0, 301.0, 10.0), arrival_s})

@@ -60,6 +60,8 @@ from soilmoist_ros.sensing.records import CountRecord
 
 POSITION_OLD_S = 10.0
 """A position older than this is a fault [s]."""
+RECORD_STAMP = "record_stamp_s"
+"""Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
 RECORD_OLD_S = 60.0
 """A record older than this is one, too [s]."""
 
@@ -144,6 +146,7 @@ class MissionControl:
         self._explorer: tuple[float | None, FieldAccess, Explorer] | None = None  # of the pool's thread
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
+        self._record_stamp_s = self._shown_stamp_s = -math.inf
         self.navigator = make_navigator(self.ended)
 
     def _start(self, mission: Mission) -> None:
@@ -249,10 +252,13 @@ class MissionControl:
                 if math.isfinite(record.x_m) and math.isfinite(record.y_m):
                     self._journal.note_record(name, now_s, record)
             return
+        self._record_stamp_s = max((record.stamp_s for record in records), default=self._record_stamp_s)
         before_s = self._feed.place_s
         self._feed.records(now_s, records)
         if self._feed.place is not None and self._feed.place_s != before_s:
             self.navigator.moved(self._feed.place, now_s)
+        if self._mission.state.phase is Phase.COUNTING and self._shown_stamp_s != self._record_stamp_s:
+            self.show()  # a simulated clock waits until each record has been received
 
     def samples(self, samples: Samples, stamp_s: float, name: str = "") -> None:
         """The merged samples of a property have come."""
@@ -332,7 +338,12 @@ class MissionControl:
         ahead: tuple[Stop, ...] = () if target is None else (target,)
         if choice is not None and choice.stop == target:
             ahead = (choice.stop, *choice.ahead)
-        more = {"on_the_way": self.navigator.on_the_way, "records_without_place": str(self._records_lost)}
+        self._shown_stamp_s = self._record_stamp_s
+        more = {
+            "on_the_way": self.navigator.on_the_way,
+            "records_without_place": str(self._records_lost),
+            RECORD_STAMP: repr(self._record_stamp_s),
+        }
         self._outputs.show(status, ahead, more)
 
     def health(self) -> list[Health]:

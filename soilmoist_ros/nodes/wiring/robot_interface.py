@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -13,12 +16,16 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.counts import counts_to_message
+from msg_adapters.diagnostics import health_from_status
+from msg_adapters.mission import mission_from_message
+from soilmoist_ros.exploration.control.mission_control import RECORD_STAMP
 from soilmoist_ros.nodes.navigation.virtual_navigation import ACTION, NavigationServer
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.simulation.robot.faulty_link import Reachable, Sent
 from soilmoist_ros.simulation.robot.line_server import LineServer
 from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
+from soilmoist_ros.simulation.robot.waiting_clock import RobotProgress
 from soilmoist_ros.simulation.simulated_robot import GNSS, LOGGER, Output, PropertyCounted, SimulatedRobot
 
 MAP_FRAME = "map"
@@ -34,6 +41,7 @@ class RobotInterface:
     :param given: parameters of the node
     :param group: callback group of the requests, shared with the callback that advances the simulation
     :param plain_feedback: whether the navigation publishes feedback on a topic instead of the action
+    :param start_s: time at which the simulation begins [s since 1970 UTC]
     :raises InputError: if a port cannot be opened
     """
 
@@ -46,8 +54,10 @@ class RobotInterface:
         given: Parameters,
         group: MutuallyExclusiveCallbackGroup,
         plain_feedback: bool,
+        start_s: float,
     ) -> None:
-        self.robot = robot
+        self.robot, self.name = robot, below.rstrip("/") or "the robot"
+        self._start_s = start_s
         self._log = node.get_logger()
         self._below = below
         self._closest = node.create_publisher(String, f"{below}closest_node", LATCHED)
@@ -61,6 +71,11 @@ class RobotInterface:
         node.create_subscription(
             PoseStamped, f"{below}goal_pose", self._on_goal_pose, DEFAULT, callback_group=group
         )
+        node.create_subscription(
+            DiagnosticStatus, f"{below}mission", self._on_mission, LATCHED, callback_group=group
+        )
+        self._node, self._mission, self._progress = node, f"{below}mission", RobotProgress()
+        self._target_xy: tuple[float, float] | None = None
         self._navigation = self._navigation_server(node, group, plain_feedback)
         host, greeting = given.text("host"), "".join(f"{line}\r\n" for line in robot.logger.header).encode()
         port = partial(_port, given, robot.number)
@@ -81,6 +96,20 @@ class RobotInterface:
         """Whether the devices and the records of the properties have receivers."""
         return all(server.clients for server in self._servers.values()) and all(
             publisher.get_subscription_count() > 0 for publisher in self._properties.values()
+        )
+
+    @property
+    def progress(self) -> RobotProgress:
+        """How far robot and planner are."""
+        if self._progress.phase is None or not self._node.count_publishers(self._mission):
+            return RobotProgress()  # a planner that has died is not waited for
+        has_driver = bool(self._servers[LOGGER].clients)
+        idle = self._target_xy is not None and self.robot.waits_for_goal(self._target_xy)
+        return replace(
+            self._progress,
+            sent_s=self.robot.sent_s if has_driver else -math.inf,
+            goal_ended_s=self._progress.goal_ended_s if self.robot.goal_id is None else math.nan,
+            waits_for_goal=idle,
         )
 
     def poll(self) -> None:
@@ -112,6 +141,7 @@ class RobotInterface:
                     f"{self._below}goal {output.goal_id} ended: {output.outcome.name}, success {output.success}"
                 )
                 self._navigation.end(output)
+                self._progress = replace(self._progress, goal_ended_s=self.robot.now_s)
             case ServerPresent(present) if self._navigation is not None:
                 self._log.info(f"the {self._below}navigation server is {'back' if present else 'gone'}")
                 self._navigation.set_present(present)
@@ -132,6 +162,19 @@ class RobotInterface:
         if self._published[publisher] != name:
             self._published[publisher] = name
             publisher.publish(String(data=name))
+
+    def _on_mission(self, message: DiagnosticStatus) -> None:
+        try:
+            status = mission_from_message(message)
+        except ValueError:
+            return
+        values = health_from_status(message).values
+        handled_s = float(values.get(RECORD_STAMP, "nan")) - self._start_s
+        target = None if status.target is None else (status.target.x_m, status.target.y_m)
+        same = (status.phase, target) == (self._progress.phase, self._target_xy)
+        ended_s = self._progress.goal_ended_s if same else math.nan
+        self._progress = RobotProgress(status.phase, handled_s=handled_s, goal_ended_s=ended_s)
+        self._target_xy = target
 
     def _on_goal_pose(self, pose: PoseStamped) -> None:
         x_m, y_m = float(pose.pose.position.x), float(pose.pose.position.y)

@@ -65,26 +65,27 @@ class FaultyLink:
         due = self._on_the_way[0][0] if self._on_the_way else math.inf
         return min(due, self._turns[0] if self._turns else math.inf)
 
-    def send(self, now_s: float, lines: Sequence[str], spoilt: int = -1) -> None:
-        """Send a message.
+    def send(self, now_s: float, lines: Sequence[str], spoilt: int = -1) -> bool:
+        """Send a message; returns whether it arrives whole and at once.
 
         :param now_s: time [s]
         :param lines: lines of the message, without line ends
         :param spoilt: index of the line that a damage affects
         """
         self._messages += 1
-        packets = [(0.0, _encoded(lines))]
+        packets = whole = [(0.0, _encoded(lines))]
         for damage in self._faults.damages:
             if damage.hits(self._messages):
                 packets = self._damaged(list(lines), spoilt % len(lines), damage)
                 break
         kinds = {outage.kind for outage in self._faults.outages if outage.covers(now_s)}
         if kinds & {"cut", "silence"}:
-            return
+            return False
         held = [o.ends[1] for o in self._faults.outages if o.kind == "stall" and o.covers(now_s)]
         # Messages keep their order.
         earliest_s = max([now_s, *held, *(due_s for due_s, _ in self._on_the_way)])
         self._on_the_way += [(earliest_s + delay_s, data) for delay_s, data in packets]
+        return packets is whole and earliest_s == now_s
 
     def receive(self, now_s: float) -> list[Sent | Reachable]:
         """Arrivals up to now, in order."""

@@ -9,7 +9,7 @@ from soilmoist_ros.foundation.errors import InputError
 
 
 class SimulatedTime:
-    """Computes how far a simulation may advance.
+    """Computes how far a simulation may advance in a step.
 
     On a busy machine, simulated time falls behind instead of jumping. The nodes are then as late as the
     simulation, and a jump would make their messages time out.
@@ -22,20 +22,15 @@ class SimulatedTime:
         for name, value in (("speed", speed), ("longest_step_s", longest_step_s)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be > 0 and finite, got {value}")
-        self.now_s = 0.0
         self._speed = speed
         self._longest_step_s = longest_step_s
         self._wall_s = math.inf
 
-    def advance(self, wall_s: float) -> float:
-        """Advance to a wall-clock time [s] and return the simulated time [s].
-
-        Simulated time starts at 0 with the first call.
-        """
+    def step_s(self, wall_s: float) -> float:
+        """Simulated time that may pass between the last call and a wall-clock time [s]; 0 at the first call."""
         passed_s = min(max(wall_s - self._wall_s, 0.0), self._longest_step_s)
-        self.now_s += passed_s * self._speed
         self._wall_s = wall_s
-        return self.now_s
+        return passed_s * self._speed
 
 
 def read_start_time(text: str) -> float:

@@ -53,9 +53,13 @@ class VirtualRobot:
         self._before_m += length
         self._way, self._along_m, self._drive_s = np.array([here]), np.zeros(1), 0.0
 
+    def stands(self, now_s: float) -> bool:
+        """Whether the robot is at the end of its route."""
+        return self._drive_s <= 0 or now_s - self._start_s >= self._drive_s
+
     def at(self, now_s: float) -> tuple[float, float]:
         """Position at a time of the current route [m]."""
-        if self._stands(now_s):
+        if self.stands(now_s):
             x, y = self._way[-1]
         else:
             length = self._length_at(now_s)
@@ -67,7 +71,7 @@ class VirtualRobot:
 
         A robot that rests throughout returns one position, shape (1, 2).
         """
-        if self._stands(float(min(times_s[0], times_s[-1]))):
+        if self.stands(float(min(times_s[0], times_s[-1]))):
             return self._way[-1:]
         # Clip before the division: a route of almost no length would otherwise give NaN.
         share = np.minimum(np.maximum(times_s - self._start_s, 0.0), self._drive_s) / self._drive_s
@@ -77,10 +81,6 @@ class VirtualRobot:
     def distance_m(self, now_s: float) -> float:
         """Distance driven since the beginning [m]."""
         return self._before_m + self._length_at(now_s)
-
-    def _stands(self, now_s: float) -> bool:
-        """Whether the robot is at the end of its route."""
-        return self._drive_s <= 0 or now_s - self._start_s >= self._drive_s
 
     def _length_at(self, now_s: float) -> float:
         if self._drive_s <= 0:

@@ -304,3 +304,17 @@ def test_no_stop_of_another_robot_is_chosen():
     with_others.control.other("/robot_1", there)
     with_others.begin()
     assert with_others.status.target != there.target, "the same seed draws the same stop, if it is free"
+
+
+def test_each_record_is_acknowledged_while_the_robot_counts():
+    """A simulated clock waits for it, with or without a place."""
+    around = Around(dwell="fmi:60")
+    around.begin()
+    around.arrive()
+    acknowledged = []
+    around.show = lambda status, ahead, more: acknowledged.append(float(more["record_stamp_s"]))
+    for stamp_s, place in ((1035.0, (1.0, 1.0)), (1045.0, (np.nan, np.nan)), (1055.0, around.control._feed.place)):
+        around.time_s = stamp_s
+        around.control.records([CountRecord(stamp_s, *place, 0.0, 40, 10.0, 10.0)])
+        assert set(acknowledged) == {stamp_s}
+        acknowledged.clear()

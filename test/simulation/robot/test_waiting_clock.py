@@ -1,0 +1,112 @@
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.simulation.robot.waiting_clock import (
+    LIMITS_S,
+    SHORT_S,
+    Awaited,
+    RobotProgress,
+    WaitingClock,
+    awaited,
+)
+
+COUNTING = RobotProgress(Phase.COUNTING, sent_s=100.0, handled_s=100.0)
+TRAVELLING = RobotProgress(Phase.TRAVELLING, sent_s=100.0, handled_s=50.0)
+PLAN, RECORD = ("robot_1", Awaited.PLAN), ("robot_2", Awaited.RECORD)
+
+
+@pytest.mark.parametrize(
+    ("progress", "expected"),
+    [
+        (RobotProgress(Phase.PLANNING), Awaited.PLAN),
+        (COUNTING, None),
+        (replace(COUNTING, handled_s=90.0), Awaited.RECORD),
+        (replace(COUNTING, handled_s=100.0 - 1e-6), None),  # stamps have been through messages
+        (replace(COUNTING, handled_s=math.nan), None),
+        (replace(COUNTING, handled_s=-math.inf), None),
+        (replace(COUNTING, sent_s=-math.inf), None),  # no driver
+        (TRAVELLING, None),
+        (replace(TRAVELLING, goal_ended_s=107.0), Awaited.ARRIVAL),
+        (replace(TRAVELLING, goal_ended_s=109.0), None),  # the receiver has not reported the place yet
+        (replace(TRAVELLING, goal_ended_s=109.0, waits_for_goal=True), None),
+        (replace(TRAVELLING, waits_for_goal=True), Awaited.DEPARTURE),
+        (replace(TRAVELLING, phase=Phase.RETURNING, waits_for_goal=True), Awaited.DEPARTURE),
+    ],
+)
+def test_what_is_awaited(progress, expected):
+    assert awaited(progress, 110.0, 1.0) is expected
+
+
+@pytest.mark.parametrize(
+    "phase", [None, *(set(Phase) - {Phase.PLANNING, Phase.COUNTING, Phase.TRAVELLING, Phase.RETURNING})]
+)
+def test_other_missions_do_not_stop_the_time(phase):
+    assert awaited(RobotProgress(phase, 100.0, 0.0, 0.0, True), 110.0, 1.0) is None
+
+
+def test_time_stands_still_until_all_is_there():
+    clock = WaitingClock()
+    assert not clock.stands(0.0, [])
+    assert clock.stands(1.0, [PLAN, RECORD])
+    assert clock.stands(5.0, [PLAN])
+    assert not clock.stands(9.0, [])
+    assert clock.waited_s == 8.0
+    assert not clock.stands(20.0, [])
+    assert clock.waited_s == 8.0
+
+
+def test_what_does_not_come_is_not_waited_for_again_until_it_comes_in_time():
+    clock = WaitingClock()
+    limit_s = LIMITS_S[Awaited.RECORD]
+    assert clock.stands(0.0, [RECORD])
+    assert clock.stands(limit_s - 0.1, [RECORD])
+    assert not clock.stands(limit_s, [RECORD])
+    assert not clock.stands(limit_s + 100, [RECORD]), "it stays excused"
+    assert not clock.stands(200.0, [])
+    assert clock.stands(201.0, [RECORD]), "the next time it has a short limit"
+    assert not clock.stands(201.0 + SHORT_S, [RECORD])
+    assert not clock.stands(202.0, [])
+    assert clock.stands(203.0, [RECORD])
+    assert not clock.stands(203.0 + SHORT_S / 2, []), "it came in time"
+    assert clock.stands(204.0, [RECORD])
+    assert clock.stands(204.0 + limit_s - 0.1, [RECORD]), "the long limit applies again"
+
+
+def test_one_that_is_excused_does_not_excuse_others():
+    clock = WaitingClock()
+    clock.stands(0.0, [RECORD])
+    assert not clock.stands(LIMITS_S[Awaited.RECORD], [RECORD])
+    assert clock.stands(LIMITS_S[Awaited.RECORD], [RECORD, PLAN])
+
+
+def test_a_long_wait_is_reported_by_its_cause():
+    clock = WaitingClock()
+    clock.stands(0.0, [RECORD])
+    clock.stands(3.0, [RECORD, PLAN])
+    assert clock.long_wait is None
+    clock.stands(6.0, [RECORD, PLAN])
+    assert clock.long_wait == RECORD
+    clock.stands(9.0, [PLAN])
+    assert clock.long_wait == PLAN
+    clock.stands(10.0, [])
+    assert clock.long_wait is None
+
+
+WAITS = st.sets(st.tuples(st.sampled_from(["robot_1", "robot_2"]), st.sampled_from(Awaited)))
+
+
+@given(st.lists(st.tuples(st.floats(0.01, 10), WAITS), max_size=30), WAITS)
+def test_time_never_stands_forever(history, forever):
+    clock = WaitingClock()
+    wall_s = 0.0
+    for step_s, waits in history:
+        wall_s += step_s
+        assert waits or not clock.stands(wall_s, waits)
+        clock.stands(wall_s, waits)
+    clock.stands(wall_s, forever)
+    assert not clock.stands(wall_s + max(LIMITS_S.values()) + 0.1, forever)
