@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.exploration.travel.way import Way
@@ -54,15 +54,40 @@ class ExplorerSettings:
         return warm_up(self.strategy, self.preset)[0]
 
 
+@dataclass(frozen=True, kw_only=True)
+class AccessRules:
+    """Where a robot may drive.
+
+    :param robot_radius_m: distance that its centre keeps from the border and the no-go areas [m], >= 0
+    :param beyond_m: nodes of a travel graph this far outside the field may still be measured at [m], >= 0
+    :param outside: use of nodes and edges further outside
+    :param entry_m: the robot may set off this far outside; it then drives straight back in [m], >= 0
+    :param by_name: the navigation is sent names of nodes, and plans its routes itself
+    """
+
+    robot_radius_m: float = 0.0
+    beyond_m: float = 0.0
+    outside: Outside = Outside.HOME
+    entry_m: float = 5.0
+    by_name: bool = False
+
+
+NO_MARGIN = AccessRules()
+
+
 class FieldAccess:
-    """Where the robot may go and measure in a field, and how it travels there.
+    """Where the robot may go and measure in a field, and how it travels there; all of it inside the fence.
 
     :param field: the field
     :param motion: how the robot moves
-    :param graph: travel graph; straight lines around no-go areas without
-    :param margin_m: nodes this far outside the field may still be measured at [m]
+    :param graph: travel graph; straight lines around no-go areas without. The nodes and edges that the fence refuses,
+        and those in other parts than the robot's, are not used; :attr:`warning` names them
+    :param rules: where the robot may drive
     :param cell_m: cell size of the map [m]; the field's own if ``None``
-    :raises InputError: if the field cannot be gridded, or no node of the graph lies in it
+    :param home: name of the stop to return to; empty for none
+    :param place: where the robot is [m], ``None`` if not known yet
+    :raises InputError: if the field cannot be gridded, no place or node in it is allowed, or no allowed way leads
+        between the robot, the home and the stops
     """
 
     def __init__(
@@ -70,32 +95,59 @@ class FieldAccess:
         field: Field,
         motion: RobotMotion,
         graph: TravelGraph | None,
-        margin_m: float = 0.0,
+        rules: AccessRules = NO_MARGIN,
         cell_m: float | None = None,
+        home: str = "",
+        place: tuple[float, float] | None = None,
     ) -> None:
         self.grid = field.grid(cell_m)
-        self.fence = Fence(field, 0.0, 0.0 if graph is None else margin_m)
+        self.warning = ""
+        self._rules = rules
         self._named: tuple[Stop, ...]
         self.travel: TravelModel
+        self._fenced: FencedGraph | None = None
         if graph is None:
-            self.travel = FreeTravel(motion, (field.polygon,), field.no_go)
-            self.stops = self._named = cell_stops(self.grid)
+            self.fence = Fence(field, rules.robot_radius_m)
+            self.travel = FreeTravel(motion, (field.polygon,), field.no_go, rules.robot_radius_m)
+            self._named = cell_stops(self.grid)
+            self.stops = _inside(self._named, self.fence)
+            self.home = self.stop(home) if home else None
         else:
-            self.travel = GraphTravel(graph, motion)
             self._named = graph.stops
-            self.stops = _inside(field, graph, margin_m)
+            self.home = self.stop(home) if home else None
+            fence = Fence(field, rules.robot_radius_m, rules.beyond_m)
+            self._fenced = FencedGraph(graph, fence, rules.outside, home, place, max(rules.beyond_m, 1.0))
+            self.fence, self.warning = self._fenced.fence, self._fenced.warning
+            self.travel = GraphTravel(self._fenced.graph, motion)
+            self.stops = self._fenced.stops
+        if self.home is not None and (refusal := self.fence.refusal([(self.home.x_m, self.home.y_m)])):
+            raise InputError(f"the home {home} is not allowed: {refusal}", "choose another home")
 
-    def way(self, place: ArrayLike, stop: Stop) -> Way:
-        """The route from a place to a stop, as it may be driven.
+    def serves(self, place: tuple[float, float]) -> bool:
+        """Whether a robot at this place can use it; otherwise make one for the place."""
+        return self._fenced is None or self._fenced.serves(place)
 
-        :param place: where the robot is, shape (2,) [m]
+    def way(self, place: tuple[float, float], stop: Stop) -> Way:
+        """The route from a place to a stop, validated by the fence.
+
+        :param place: where the robot is [m]
+        :param stop: where to
         :raises InputError: if no route leads there, or the fence refuses it
         """
+        if refusal := self.fence.refusal([(stop.x_m, stop.y_m)]):
+            raise InputError(f"{stop.name} is not allowed: {refusal}", "choose another stop")
         try:
             corners = self.travel.route(place, stop)
         except ValueError as error:
             raise InputError(str(error), "choose another stop") from None
-        return Way(corners)
+        refusal = self.fence.refusal_of_entry(corners[0], corners[min(1, len(corners) - 1)], self._rules.entry_m)
+        if refusal or (refusal := self.fence.refusal(corners[1:] if len(corners) > 1 else corners)):
+            raise InputError(f"the route to {stop.name} is not allowed: {refusal}", "drive the robot elsewhere")
+        if self._fenced is None:
+            return Way(corners)
+        if not self._rules.by_name:
+            return Way(corners, (stop.name,))
+        return Way(corners, self._fenced.nodes_to_send(place, stop, self._rules.entry_m))
 
     def stop(self, name: str) -> Stop:
         """The stop of this name, also one outside the field.
@@ -144,16 +196,6 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
     )
 
 
-def _inside(field: Field, graph: TravelGraph, margin_m: float) -> tuple[Stop, ...]:
-    import shapely
-
-    area = shapely.Polygon(field.polygon).buffer(margin_m)
-    inside = shapely.intersects_xy(area, graph.xy[:, 0], graph.xy[:, 1])
-    if not inside.any():
-        (west, south), (east, north) = graph.xy.min(axis=0), graph.xy.max(axis=0)
-        raise InputError(
-            f"no node of the topological map lies in the field {field.name!r}: they are at x {west:.0f} .. "
-            f"{east:.0f} m, y {south:.0f} .. {north:.0f} m",
-            "the map's places must be metres east and north of the field's datum: check the datum and the map",
-        )
-    return tuple(stop for stop, within in zip(graph.stops, inside, strict=True) if within)
+def _inside(stops: tuple[Stop, ...], fence: Fence) -> tuple[Stop, ...]:
+    inside = fence.contains(stops_xy(stops))
+    return tuple(stop for stop, within in zip(stops, inside, strict=True) if within)

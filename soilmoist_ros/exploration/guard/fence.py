@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
+from soilmoist_ros.exploration.travel.drivable_area import TOLERANCE_M, DrivableArea
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
 
@@ -29,19 +28,55 @@ class Fence:
     :param margin_m: distance to keep from the border and the no-go areas, such as the robot's radius [m], >= 0
     :param beyond_m: the border lies this far outside the field's outline, and keeps no margin [m], >= 0. The
         margin of no-go areas stays. For nodes that the farm has surveyed close to the border
+    :param corridors: straight lines outside the field that may be driven, shape (k, 2, 2) [m]
+    :param corridor_m: half width of these corridors [m], > 0
     :raises InputError: if no place is left
     """
 
-    def __init__(self, field: Field, margin_m: float = 0.0, beyond_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        field: Field,
+        margin_m: float = 0.0,
+        beyond_m: float = 0.0,
+        corridors: ArrayLike = (),
+        corridor_m: float = 1.0,
+    ) -> None:
+        import shapely
+
+        self.field = field
         self.margin_m = margin_m
-        self.area = DrivableArea((field.polygon,), field.no_go, margin_m, beyond_m)
+        self.beyond_m = beyond_m
+        self.corridors = np.asarray(corridors, float).reshape(-1, 2, 2)
+        self._no_go_areas = [shapely.Polygon(ring) for ring in field.no_go]
+        self._no_go = [area.buffer(margin_m, join_style="mitre") for area in self._no_go_areas]
         self._border = DrivableArea((field.polygon,), (), margin_m, beyond_m)
-        self._no_go = [_grown(ring, margin_m) for ring in field.no_go]
+        self.area = DrivableArea((field.polygon,), field.no_go, margin_m, beyond_m)
         if self.area.shape.is_empty:
             raise InputError(
                 f"no place of the field {field.name!r} is {margin_m:g} m away from its border and no-go areas",
                 "check the field's corners and no-go areas, or set a smaller robot_radius_m",
             )
+        if len(self.corridors):
+            self.area = self._widened(self.area, corridor_m)
+            self._border = self._widened(self._border, corridor_m)
+
+    def with_corridors(self, corridors: ArrayLike, corridor_m: float) -> Fence:
+        """The fence with these corridors outside the field."""
+        return Fence(self.field, self.margin_m, self.beyond_m, corridors, corridor_m)
+
+    def avoids_no_go(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
+        """Whether each straight line stays out of the no-go areas, in the field or not, shape (k,).
+
+        :param start_xy: shape (k, 2) [m]
+        :param end_xy: likewise [m]
+        """
+        import shapely
+
+        start, end = np.asarray(start_xy, float).reshape(-1, 2), np.asarray(end_xy, float).reshape(-1, 2)
+        entered = shapely.union_all(self._no_go).buffer(-TOLERANCE_M, join_style="mitre")
+        shapely.prepare(entered)
+        lines = shapely.linestrings(np.stack([start, end], axis=1))
+        return ~np.asarray(shapely.intersects(entered, lines), bool)
 
     def contains(self, xy: ArrayLike) -> Flags:
         """Whether each place is inside, shape (k,); a place that is not finite is not.
@@ -95,6 +130,35 @@ class Fence:
         what = "is outside the field" if is_place else "leaves the field"
         return self._text(what, line, left if not left.is_empty else line, "outside")
 
+    def refusal_of_entry(self, place: ArrayLike, first: ArrayLike, entry_m: float) -> str:
+        """As :meth:`refusal`, for the straight line on which a robot outside drives back in.
+
+        :param place: where the robot is, shape (2,) [m]
+        :param first: where it drives to, shape (2,) [m]
+        :param entry_m: the line may be outside this close to the robot [m]; no-go areas are not entered
+        """
+        import shapely
+
+        line = np.array([place, first], float)
+        outside_m = self.outside_m(line[0])
+        if outside_m == 0 or not np.isfinite(line).all():
+            return self.refusal(line)
+        if outside_m > entry_m:
+            return f"the robot stands {outside_m:.1f} m outside, more than {entry_m:g} m: {self.refusal(line[:1])}"
+        driven = shapely.LineString(line)
+        entered = [area for area in self._no_go_areas if not area.contains(shapely.Point(line[0]))]
+        outside = driven.difference(self.area.shape.buffer(TOLERANCE_M))
+        far_m = np.hypot(*(shapely.get_coordinates(outside) - line[0]).T).max(initial=0.0)
+        if far_m > entry_m or any(driven.intersection(area).length > TOLERANCE_M for area in entered):
+            return self.refusal(line)
+        return ""
+
+    def _widened(self, area: DrivableArea, corridor_m: float) -> DrivableArea:
+        import shapely
+
+        lines = shapely.union_all(shapely.linestrings(self.corridors)).buffer(corridor_m)
+        return area.joined(lines.difference(shapely.union_all(self._no_go)))
+
     def _text(self, what: str, line: BaseGeometry, part: BaseGeometry, how: str) -> str:
         import shapely
 
@@ -111,9 +175,3 @@ class Fence:
 
         places = shapely.points(shapely.get_coordinates(shapely.segmentize(part, _STEP_M)))
         return float(np.max(shapely.distance(self.area.shape, places), initial=0.0))
-
-
-def _grown(ring: Array | Sequence[ArrayLike], margin_m: float) -> BaseGeometry:
-    import shapely
-
-    return shapely.Polygon(np.asarray(ring, float)).buffer(margin_m, join_style="mitre")

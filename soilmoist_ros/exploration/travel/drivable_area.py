@@ -48,9 +48,21 @@ class DrivableArea:
         if beyond_m > 0:
             area = area.buffer(beyond_m + margin_m)
         area = area.difference(cut)
-        self.shape: BaseGeometry = area.buffer(-margin_m, join_style="mitre") if margin_m > TOLERANCE_M else area
-        self._tolerant = self.shape.buffer(TOLERANCE_M, join_style="mitre")
+        area = area.buffer(-margin_m, join_style="mitre") if margin_m > TOLERANCE_M else area
+        self._use(area)
+
+    def _use(self, shape: BaseGeometry) -> None:
+        import shapely
+
+        self.shape: BaseGeometry = shape
+        self._tolerant = shape.buffer(TOLERANCE_M, join_style="mitre")
         shapely.prepare(self._tolerant)
+
+    def joined(self, more: BaseGeometry) -> DrivableArea:
+        """The area together with another shape."""
+        area = object.__new__(DrivableArea)
+        area._use(self.shape.union(more))
+        return area
 
     @cached_property
     def _parts(self) -> list[Any]:

@@ -129,20 +129,25 @@ class _Model:
 class FreeTravel(_Model):
     """Straight lines, or the shortest route around the field's border and the no-go areas.
 
-    Routes bend at corners of the border and of the no-go areas (a visibility graph), without any clearance:
-    draw the no-go areas as large as the robot needs. A robot outside the field first drives straight to the
-    nearest place in the field. Stops outside, or in another part of the field, are unreachable.
+    Routes bend at corners of the border and of the no-go areas (a visibility graph), at the distance of the margin.
+    A robot outside first drives straight to the nearest place inside. Stops outside, or in another part of the
+    field, are unreachable.
 
     :param motion: how the robot moves
     :param polygons: outlines of the field, each of shape (k, 2) [m]; without any, all routes are straight
     :param no_go: outlines of areas that must not be entered, likewise
+    :param margin_m: distance to keep from the border and the no-go areas, such as the robot's radius [m], >= 0
     """
 
     def __init__(
-        self, motion: RobotMotion, polygons: Sequence[ArrayLike] = (), no_go: Sequence[ArrayLike] = ()
+        self,
+        motion: RobotMotion,
+        polygons: Sequence[ArrayLike] = (),
+        no_go: Sequence[ArrayLike] = (),
+        margin_m: float = 0.0,
     ) -> None:
         self.motion = motion
-        self._area = DrivableArea(polygons, no_go) if len(polygons) else None
+        self._area = DrivableArea(polygons, no_go, margin_m) if len(polygons) else None
         self._seen: dict[tuple[float, float], Array] = {}
         self._asked: list[tuple[tuple[Stop, ...], Array, NDArray[np.bool_]]] = []
 

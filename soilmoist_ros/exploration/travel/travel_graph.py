@@ -112,6 +112,16 @@ class TravelGraph:
         """Length of the shortest route to each node, shape (n,) [m]; inf if unreachable."""
         return self._tree(self.index(start))[0].copy()
 
+    def routes_from(self, start: int, back: bool = False) -> tuple[Array, Indices]:
+        """Shortest routes from one node to each, which are not kept.
+
+        :param start: number of the node
+        :param back: the routes from each node to this one instead
+        :returns: their lengths, shape (n,) [m], inf without a route; and the neighbour of each node on its route,
+            on the side of ``start``, shape (n,)
+        """
+        return self._shortest(self._matrix.T.tocsr() if back else self._matrix, start)
+
     def distance_m(self, start: str, end: str) -> float:
         """Length of the shortest route from one node to another [m]; inf if unreachable."""
         return float(self._tree(self.index(start))[0][self.index(end)])
@@ -156,7 +166,7 @@ class TravelGraph:
             return
         main = self.names[int(np.argmin(part))]
         to = np.isfinite(self.distances_from(main))
-        back = np.isfinite(self._shortest(self._matrix.T.tocsr(), self.index(main))[0])
+        back = np.isfinite(self.routes_from(self.index(main), back=True)[0])
         remedy = "add the missing edges (each direction is an edge of its own) or remove these nodes"
         faults = [
             ("no way leads from the rest of the graph to", ~to),

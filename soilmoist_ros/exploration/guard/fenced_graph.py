@@ -1,0 +1,282 @@
+"""The part of a navigation's map that the fence allows, and how to send a robot along it.
+
+A topological navigation plans routes itself: from a node near the robot, over the shortest route of its whole map,
+even through a no-go area. A goal is sent as it is only if every shortest route of the whole map stays inside the
+fence. Otherwise the robot is sent node by node along an allowed route.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.suggestions import listing
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+AT_NODE_M = 1.5
+"""A robot this close to a node is at the node: the navigation plans from there [m]."""
+ON_EDGE_M = 1.5
+"""The navigation may also plan from an end of an edge this close to the robot [m]."""
+_TIE_M = 1e-3
+"""Routes whose lengths differ by less count as equally long [m]."""
+
+
+class Outside(StrEnum):
+    """What nodes and edges outside the field are used for; no-go areas are never entered."""
+
+    NEVER = "never"
+    HOME = "home"
+    WAY = "way"
+
+
+class FencedGraph:
+    """Nodes and edges that the robot may use: one connected part of a map, and ways to home and from the robot.
+
+    :param whole: the map of the navigation
+    :param fence: where the robot may be
+    :param outside: use of nodes and edges outside the fence that avoid the no-go areas: none, only the shortest
+        ways between the field and home or robot, or all of them. None is measured at
+    :param home: name of the node to return to; empty for none
+    :param place: where the robot is [m]. Its part of the map is used; without a place that of the home, or the
+        largest
+    :param corridor_m: half width of the ways outside the field [m]
+    :raises InputError: if no node lies in the fence, or no allowed way leads from there to the robot or home
+    """
+
+    def __init__(
+        self,
+        whole: TravelGraph,
+        fence: Fence,
+        outside: Outside = Outside.NEVER,
+        home: str = "",
+        place: tuple[float, float] | None = None,
+        corridor_m: float = 1.0,
+    ) -> None:
+        inside = fence.contains(whole.xy)
+        if not inside.any():
+            raise _elsewhere(whole, fence)
+        start, end = whole.xy[whole.edges[:, 0]], whole.xy[whole.edges[:, 1]]
+        within = fence.area.allows(start, end)
+        clear = within if outside is Outside.NEVER else within | fence.avoids_no_go(start, end)
+        self.whole = whole
+        self._usable = inside if outside is Outside.NEVER else inside | fence.avoids_no_go(whole.xy, whole.xy)
+        self._passable = _with_edges(whole, clear)
+        wide = outside is Outside.WAY
+        core = self._usable if wide else inside
+        used = clear if wide else within
+        main = self._main_part(core, _with_edges(whole, used), place, home)
+        used = used & main[whole.edges].all(axis=1)
+        nodes = main.copy()
+        for number, what in self._ends(place, home):
+            for way in self._ways_to(number, main, what):
+                nodes[way] = True
+                used |= clear & _along(whole, way)
+        beyond = used & ~within
+        self.graph = _kept(whole, nodes, used)
+        self.stops = tuple(stop for stop, kept in zip(whole.stops, main & inside, strict=True) if kept)
+        self.fence = fence
+        if beyond.any():
+            self.fence = fence.with_corridors(np.stack([start, end], axis=1)[beyond], corridor_m)
+        self._nodes = nodes
+        self._forbidden = ~(within | used)
+        self._known: dict[int, tuple[Array, Array]] = {}
+        self.warning = self._lost(inside, within | used)
+
+    def serves(self, place: tuple[float, float]) -> bool:
+        """Whether the part that is used is the one where the robot stands."""
+        return bool(self._nodes[self._nearest(place)])
+
+    # Which part of the map ------------------------------------------------------------------------------------
+
+    def _nearest(self, place: tuple[float, float]) -> int:
+        """The usable node nearest to a place."""
+        away_m = np.hypot(*(self.whole.xy - place).T)
+        return int(np.argmin(np.where(self._usable, away_m, np.inf)))
+
+    def _ends(self, place: tuple[float, float] | None, home: str) -> list[tuple[int, str]]:
+        """Nodes that need a way to the part that is used, each with what it is."""
+        ends = [] if place is None else [(self._nearest(place), "")]
+        return [*ends, (self.whole.index(home), home)] if home else ends
+
+    def _main_part(self, core: Flags, graph: TravelGraph, place: tuple[float, float] | None, home: str) -> Flags:
+        """Nodes of the part that is used: each can be reached from the others, inside the fence."""
+        part = np.where(core, graph.components(), -1)
+        size = np.bincount(part[core], minlength=part.max() + 1)
+        for number, _ in self._ends(place, home)[:1]:
+            if core[number] and size[part[number]] > 1:
+                return np.asarray(part == part[number])
+            reached = np.isfinite(self._passable.routes_from(number)[0]) & core
+            if reached.any():
+                return np.asarray(part == _largest(size, part[reached]))
+        return np.asarray(part == _largest(size, part[core]))
+
+    def _ways_to(self, number: int, main: Flags, home: str) -> list[list[int]]:
+        """Shortest ways between a node and the part that is used, there and back; none if it belongs to the part."""
+        if main[number]:
+            return []
+        ways = [self._way(number, main, back) for back in (False, True)]
+        if not ways[0] or (home and not ways[1]):
+            name = self.whole.names[number]
+            what = f"the home {home}" if home else f"{name}, where the robot stands,"
+            raise InputError(
+                f"no way that is allowed leads between {what} and the nodes of the topological map in the field",
+                "check the no-go areas and the parameter outside, or choose another node",
+            )
+        return ways
+
+    def _way(self, number: int, main: Flags, back: bool) -> list[int]:
+        if not self._usable[number]:
+            return []
+        lengths, before = self._passable.routes_from(number, back)
+        if not np.isfinite(lengths[main]).any():
+            return []
+        way = [int(np.argmin(np.where(main, lengths, np.inf)))]
+        while way[-1] != number:
+            way.append(int(before[way[-1]]))
+        return way if back else way[::-1]
+
+    def _lost(self, inside: Flags, allowed: Flags) -> str:
+        """One sentence about nodes and edges that are not used; empty if all are."""
+        names, xy = np.array(self.whole.names), self.whole.xy
+        no_go = ~inside & ~self.fence.avoids_no_go(xy, xy)
+        outside = ~inside & ~no_go & ~self._nodes
+        groups = {
+            "in a no-go area": no_go,
+            "outside the field": outside,
+            "without a way there and back from the others": ~(self._nodes | no_go | outside),
+        }
+        found = [
+            f"{flags.sum()} {what} ({listing(names[flags])})" for what, flags in groups.items() if flags.any()
+        ]
+        lost = ~allowed & self._nodes[self.whole.edges].all(axis=1)
+        edges = dict.fromkeys(tuple(sorted(pair)) for pair in names[self.whole.edges[lost]].tolist())
+        if edges:
+            said = listing(f"{start} - {end}" for start, end in edges)
+            found.append(f"{len(edges)} edges that leave the field or enter a no-go area ({said})")
+        return f"not used of the topological map: {'; '.join(found)}" if found else ""
+
+    # How to send the robot ------------------------------------------------------------------------------------
+
+    def nodes_to_send(self, place: tuple[float, float], stop: Stop, entry_m: float) -> tuple[str, ...]:
+        """Names of the nodes to send one after the other to a topological navigation, the stop last.
+
+        :param place: where the robot is [m]
+        :param stop: where to
+        :param entry_m: the robot may be this far outside [m]
+        :raises InputError: if the navigation could plan from a node that is not allowed, or no way leads there
+        """
+        names, origins = self.whole.names, self.origins(place)
+        for origin in origins:
+            refusal = self.fence.refusal_of_entry(place, self.whole.xy[origin], entry_m)
+            if not self._nodes[origin] or refusal:
+                raise InputError(
+                    f"the navigation may plan from {names[origin]}, which is near the robot but "
+                    + (f"the straight way there is not allowed: {refusal}" if refusal else "not allowed"),
+                    "drive the robot to an allowed node",
+                )
+        path = [self.whole.index(name) for name in self.graph.path(names[origins[0]], stop.name)]
+        if not path:
+            raise InputError(f"no allowed way leads from {names[origins[0]]} to {stop.name}", "choose another")
+        sent = [self._last_safe(path, origins, lambda *leg: self._drives_in(place, entry_m, *leg))]
+        while sent[-1] != path[-1]:
+            sent.append(self._last_safe(path[path.index(sent[-1]) + 1 :], sent[-1:]))
+        return tuple(names[number] for number in sent)
+
+    def _last_safe(
+        self, ahead: list[int], origins: list[int], check: Callable[[int, int], bool] = lambda *leg: True
+    ) -> int:
+        """The last node ahead to which every route of the navigation is allowed, whatever its origin."""
+        for node in reversed(ahead):
+            if all(self._is_safe(origin, node) and check(origin, node) for origin in origins):
+                return node
+        raise InputError(
+            f"the navigation could leave the allowed ways from {listing(self.whole.names[each] for each in origins)}",
+            "drive the robot to an allowed node",
+        )
+
+    def _drives_in(self, place: tuple[float, float], entry_m: float, origin: int, target: int) -> bool:
+        """Whether a robot away from its origin may drive straight to the node after it, as some versions do."""
+        if math.dist(place, self.whole.xy[origin]) <= AT_NODE_M or origin == target:
+            return True
+        names = self.whole.names
+        following = self.whole.index(self.whole.path(names[origin], names[target])[1])
+        return not self.fence.refusal_of_entry(place, self.whole.xy[following], entry_m)
+
+    def origins(self, place: tuple[float, float]) -> list[int]:
+        """Nodes from which the navigation may plan: the nearest one, then the ends of edges at the robot."""
+        here = np.asarray(place, float)
+        away_m = np.hypot(*(self.whole.xy - here).T)
+        nearest = int(np.argmin(away_m))
+        if away_m[nearest] <= AT_NODE_M or not len(self.whole.edges):
+            return [nearest]
+        start, end = self.whole.xy[self.whole.edges[:, 0]], self.whole.xy[self.whole.edges[:, 1]]
+        close = _distance_m(here, start, end) <= ON_EDGE_M
+        return list(dict.fromkeys([nearest, *self.whole.edges[close].ravel().tolist()]))
+
+    def _is_safe(self, start: int, end: int) -> bool:
+        """Whether every shortest route of the whole map avoids the forbidden edges."""
+        shortest, forbidden = self._lengths_from(start)
+        return bool(forbidden[end] > shortest[end] + _TIE_M)
+
+    def _lengths_from(self, start: int) -> tuple[Array, Array]:
+        """Lengths of the shortest routes over all edges, and of those with at least one that is forbidden."""
+        if start not in self._known:
+            whole, size, bad = self.whole, len(self.whole.names), self._forbidden
+            # Two copies of the map; each forbidden edge also leads from the first to the second.
+            doubled = TravelGraph(
+                (*whole.names, *whole.names),
+                np.concatenate([whole.xy, whole.xy]),
+                np.concatenate([whole.edges, whole.edges[bad] + [0, size], whole.edges + size]),
+                np.concatenate([whole.length_m, whole.length_m[bad], whole.length_m]),
+            )
+            lengths = doubled.routes_from(start)[0]
+            self._known[start] = (lengths[:size], lengths[size:])
+        return self._known[start]
+
+
+def _with_edges(graph: TravelGraph, edges: Flags) -> TravelGraph:
+    return TravelGraph(graph.names, graph.xy, graph.edges[edges], graph.length_m[edges])
+
+
+def _kept(graph: TravelGraph, nodes: Flags, edges: Flags) -> TravelGraph:
+    return _with_edges(graph, edges).part(nodes)
+
+
+def _along(graph: TravelGraph, way: Iterable[int]) -> Flags:
+    """Edges that a way takes, shape (e,)."""
+    steps = set(pairwise(way))
+    return np.array([(start, end) in steps for start, end in graph.edges.tolist()], bool)
+
+
+def _largest(size: NDArray[np.intp], parts: NDArray[np.intp]) -> int:
+    """The part with the most nodes; the first of equals."""
+    found = np.unique(parts)
+    return int(found[np.argmax(size[found])])
+
+
+def _distance_m(place: Array, start: Array, end: Array) -> Array:
+    """Distances from a place to straight lines, shape (k,) [m]."""
+    along = end - start
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = np.clip(((place - start) * along).sum(axis=1) / square, 0.0, 1.0)
+    return np.asarray(np.hypot(*(start + share[:, None] * along - place).T))
+
+
+def _elsewhere(graph: TravelGraph, fence: Fence) -> InputError:
+    (west, south), (east, north) = graph.xy.min(axis=0), graph.xy.max(axis=0)
+    return InputError(
+        f"no node of the topological map lies in the field {fence.field.name!r} and outside its no-go areas: they "
+        f"are at x {west:.0f} .. {east:.0f} m, y {south:.0f} .. {north:.0f} m",
+        "the map's places must be metres east and north of the field's datum: check the datum and the map",
+    )
