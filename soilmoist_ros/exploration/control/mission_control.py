@@ -177,17 +177,29 @@ class MissionControl:
         :raises InputError: if it does not fit the field, or does not know the home
         """
         try:
-            self._use(graph, self._cell_m)
+            self._use(graph, self._cell_m, None)
         except Exception as error:
             self._no_access = f"a map that can be used ({error})"
             raise
 
-    def _use(self, graph: TravelGraph | None, cell_m: float | None) -> None:
-        radius_m = self._mission.rules.arrival_radius_m
-        access = FieldAccess(self._field, self._settings.motion, graph, radius_m, cell_m)
-        home = access.stop(self._home) if self._home else None
-        self._mission.rules = replace(self._mission.rules, home=home)
+    def _use(self, graph: TravelGraph | None, cell_m: float | None, place: tuple[float, float] | None) -> None:
+        rules = replace(self._settings.access, beyond_m=self._mission.rules.arrival_radius_m)
+        motion = self._settings.motion
+        access = FieldAccess(self._field, motion, graph, rules, cell_m, self._home, place)
+        if access.warning and (self._access is None or access.warning != self._access.warning):
+            _log.warning(access.warning)
+        self._mission.rules = replace(self._mission.rules, home=access.home)
         self._access, self._graph = access, graph
+
+    def _use_part_of_robot(self) -> str:
+        """Use the part of the map where the robot stands; returns why that is not possible, empty if it is."""
+        place = self._feed.place
+        if self._access is not None and place is not None and not self._access.serves(place):
+            try:
+                self._use(self._graph, self._cell_m, place)
+            except InputError as error:
+                return str(error)
+        return ""
 
     def _use_cells(self, cell_m: float) -> None:
         """Plan on the cells of the mapper's map.
@@ -195,7 +207,7 @@ class MissionControl:
         :raises InputError: if the field cannot be gridded with them, or does not know the home then
         """
         if self._access is not None and self._access.grid.cell_m != cell_m:
-            self._use(self._graph, cell_m)
+            self._use(self._graph, cell_m, self._access.place)
         self._cell_m = cell_m
 
     @property
@@ -223,6 +235,8 @@ class MissionControl:
         sets_off = verb is Verb.RESUME or (verb is Verb.START and not self.under_way)
         if sets_off and (missing := self.missing()):
             return Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
+        if sets_off and (refusal := self._use_part_of_robot()):
+            return Answer(verb, False, refusal)
         answer = self._feed.command(self._outputs.now_s(), verb)
         if answer.accepted and verb is not Verb.PAUSE:
             self._interrupted, self._resume_when_ready = "", False
@@ -418,7 +432,7 @@ class MissionControl:
                 raise InputError("where the robot is, or may go, is not known")
             way = self._access.way(self._feed.place, goal.stop)
         except InputError as refusal:
-            self._feed.give(GoalFailed(self._outputs.now_s(), goal.goal_id, f"not sent: {refusal}"))
+            self._feed.give(GoalFailed(self._outputs.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
             self.navigator.go(goal.goal_id, goal.stop, way)
 

@@ -25,36 +25,6 @@ from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExplorerSettings:
-    """How stops are chosen.
-
-    :param strategy: one of :data:`STRATEGIES`
-    :param preset: one of :data:`PRESETS`
-    :param seed: seed of the strategy's randomness
-    :param dwell: dwell rule
-    :param motion: how the robot moves
-    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
-    """
-
-    strategy: str
-    preset: str
-    seed: int
-    dwell: DwellRule
-    motion: RobotMotion
-    curve: CalibrationCurve | None = None
-
-    @property
-    def needs_map(self) -> bool:
-        """Whether the strategy cannot do without a map."""
-        return strategy_kind(self.strategy).needs_map
-
-    @property
-    def warm_up_stops(self) -> int:
-        """Samples to take before the map guides."""
-        return warm_up(self.strategy, self.preset)[0]
-
-
-@dataclass(frozen=True, kw_only=True)
 class AccessRules:
     """Where a robot may drive.
 
@@ -75,13 +45,45 @@ class AccessRules:
 NO_MARGIN = AccessRules()
 
 
+@dataclass(frozen=True, kw_only=True)
+class ExplorerSettings:
+    """How stops are chosen, and where the robot may drive.
+
+    :param strategy: one of :data:`STRATEGIES`
+    :param preset: one of :data:`PRESETS`
+    :param seed: seed of the strategy's randomness
+    :param dwell: dwell rule
+    :param motion: how the robot moves
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
+    :param access: where the robot may drive
+    """
+
+    strategy: str
+    preset: str
+    seed: int
+    dwell: DwellRule
+    motion: RobotMotion
+    curve: CalibrationCurve | None = None
+    access: AccessRules = NO_MARGIN
+
+    @property
+    def needs_map(self) -> bool:
+        """Whether the strategy cannot do without a map."""
+        return strategy_kind(self.strategy).needs_map
+
+    @property
+    def warm_up_stops(self) -> int:
+        """Samples to take before the map guides."""
+        return warm_up(self.strategy, self.preset)[0]
+
+
 class FieldAccess:
     """Where the robot may go and measure in a field, and how it travels there; all of it inside the fence.
 
     :param field: the field
     :param motion: how the robot moves
-    :param graph: travel graph; straight lines around no-go areas without. The nodes and edges that the fence refuses,
-        and those in other parts than the robot's, are not used; :attr:`warning` names them
+    :param graph: travel graph; straight lines around no-go areas without. Nodes and edges that the fence refuses,
+        and those of other parts than the robot's, are not used; :attr:`warning` names them
     :param rules: where the robot may drive
     :param cell_m: cell size of the map [m]; the field's own if ``None``
     :param home: name of the stop to return to; empty for none
@@ -101,6 +103,7 @@ class FieldAccess:
         place: tuple[float, float] | None = None,
     ) -> None:
         self.grid = field.grid(cell_m)
+        self.place = place
         self.warning = ""
         self._rules = rules
         self._named: tuple[Stop, ...]
@@ -120,12 +123,16 @@ class FieldAccess:
             self.fence, self.warning = self._fenced.fence, self._fenced.warning
             self.travel = GraphTravel(self._fenced.graph, motion)
             self.stops = self._fenced.stops
-        if self.home is not None and (refusal := self.fence.refusal([(self.home.x_m, self.home.y_m)])):
+        if self.home is not None and (refusal := self.refusal(self.home)):
             raise InputError(f"the home {home} is not allowed: {refusal}", "choose another home")
 
     def serves(self, place: tuple[float, float]) -> bool:
         """Whether a robot at this place can use it; otherwise make one for the place."""
         return self._fenced is None or self._fenced.serves(place)
+
+    def refusal(self, stop: Stop) -> str:
+        """Why a stop must not be measured at or driven to; empty if it may be."""
+        return self.fence.refusal([(stop.x_m, stop.y_m)])
 
     def way(self, place: tuple[float, float], stop: Stop) -> Way:
         """The route from a place to a stop, validated by the fence.
@@ -134,7 +141,7 @@ class FieldAccess:
         :param stop: where to
         :raises InputError: if no route leads there, or the fence refuses it
         """
-        if refusal := self.fence.refusal([(stop.x_m, stop.y_m)]):
+        if refusal := self.refusal(stop):
             raise InputError(f"{stop.name} is not allowed: {refusal}", "choose another stop")
         try:
             corners = self.travel.route(place, stop)

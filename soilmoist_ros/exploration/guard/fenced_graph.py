@@ -75,7 +75,7 @@ class FencedGraph:
         wide = outside is Outside.WAY
         core = self._usable if wide else inside
         used = clear if wide else within
-        main = self._main_part(core, _with_edges(whole, used), place, home)
+        main = self._main_part(core, inside, _with_edges(whole, used), place, home)
         used = used & main[whole.edges].all(axis=1)
         nodes = main.copy()
         for number, what in self._ends(place, home):
@@ -109,20 +109,28 @@ class FencedGraph:
         ends = [] if place is None else [(self._nearest(place), "")]
         return [*ends, (self.whole.index(home), home)] if home else ends
 
-    def _main_part(self, core: Flags, graph: TravelGraph, place: tuple[float, float] | None, home: str) -> Flags:
-        """Nodes of the part that is used: each can be reached from the others, inside the fence."""
+    def _main_part(
+        self, core: Flags, inside: Flags, graph: TravelGraph, place: tuple[float, float] | None, home: str
+    ) -> Flags:
+        """Nodes of the part that is used: each can be reached from the others.
+
+        It is the part of the robot, or else of the home. If that is a single node, the largest part that can be
+        reached from there is used; without robot and home, the largest of all.
+        """
         part = np.where(core, graph.components(), -1)
-        size = np.bincount(part[core], minlength=part.max() + 1)
+        size = np.bincount(part[inside], minlength=part.max() + 1)
+        chosen = _largest(size, part[inside])
         for number, _ in self._ends(place, home)[:1]:
             if core[number] and size[part[number]] > 1:
-                return np.asarray(part == part[number])
-            reached = np.isfinite(self._passable.routes_from(number)[0]) & core
-            if reached.any():
-                return np.asarray(part == _largest(size, part[reached]))
-        return np.asarray(part == _largest(size, part[core]))
+                chosen = int(part[number])
+                break
+            reached = part[np.isfinite(self._passable.routes_from(number)[0]) & inside]
+            if len(reached) and size[_largest(size, reached)] > 1:
+                chosen = _largest(size, reached)
+        return np.asarray(part == chosen)
 
     def _ways_to(self, number: int, main: Flags, home: str) -> list[list[int]]:
-        """Shortest ways between a node and the part that is used, there and back; none if it belongs to the part."""
+        """Shortest ways from a node to the part that is used, and back; none if it belongs to the part."""
         if main[number]:
             return []
         ways = [self._way(number, main, back) for back in (False, True)]
@@ -178,12 +186,13 @@ class FencedGraph:
         """
         names, origins = self.whole.names, self.origins(place)
         for origin in origins:
-            refusal = self.fence.refusal_of_entry(place, self.whole.xy[origin], entry_m)
-            if not self._nodes[origin] or refusal:
+            why = self.fence.refusal_of_entry(place, self.whole.xy[origin], entry_m)
+            if not self._nodes[origin]:
+                why = why or "it is not connected with the nodes that are used"
+            if why:
+                near = f"{names[origin]}, which is near the robot but not allowed"
                 raise InputError(
-                    f"the navigation may plan from {names[origin]}, which is near the robot but "
-                    + (f"the straight way there is not allowed: {refusal}" if refusal else "not allowed"),
-                    "drive the robot to an allowed node",
+                    f"the navigation may plan from {near}: {why}", "drive the robot to an allowed node"
                 )
         path = [self.whole.index(name) for name in self.graph.path(names[origins[0]], stop.name)]
         if not path:
@@ -200,8 +209,9 @@ class FencedGraph:
         for node in reversed(ahead):
             if all(self._is_safe(origin, node) and check(origin, node) for origin in origins):
                 return node
+        names = listing(self.whole.names[origin] for origin in origins)
         raise InputError(
-            f"the navigation could leave the allowed ways from {listing(self.whole.names[each] for each in origins)}",
+            f"the navigation could leave the allowed ways on its route from {names}",
             "drive the robot to an allowed node",
         )
 

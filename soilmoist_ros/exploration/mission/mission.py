@@ -169,9 +169,9 @@ class _Turn(Moves):
                 self.on_moved((x_m, y_m))
                 if (goal := self.ended_goal(goal_id)) is not None:
                     self.on_reached(goal, (x_m, y_m))
-            case GoalFailed(goal_id=goal_id, reason=reason):
+            case GoalFailed(goal_id=goal_id, reason=reason, refused=refused):
                 if self.ended_goal(goal_id) is not None:
-                    self.on_goal_ended(reason)
+                    self.on_goal_ended(reason, refused)
             case Alarm():
                 self.alarm(event)
             case AlarmOver(cause=cause):
@@ -224,12 +224,12 @@ class _Turn(Moves):
         else:
             self.count(Counting(*place, arrived_s=self.now_s, since_s=self.now_s, heard_s=self.now_s))
 
-    def on_goal_ended(self, reason: str) -> None:
+    def on_goal_ended(self, reason: str, refused: bool = False) -> None:
         """The goal did not lead to its stop, or it was cancelled on purpose."""
         if self.state.phase is Phase.CANCELLING:
             self.stopped()
         else:
-            self.goal_failed(reason)
+            self.goal_failed(reason, refused)
 
     def on_moved(self, place: tuple[float, float]) -> None:
         if not (math.isfinite(place[0]) and math.isfinite(place[1])):

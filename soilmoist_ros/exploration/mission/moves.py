@@ -232,19 +232,19 @@ class Moves:
         self.state = replace(self.state, goal=goal, goals=goal.goal_id)
         self.enter(phase, reason)
 
-    def goal_failed(self, reason: str) -> None:
+    def goal_failed(self, reason: str, refused: bool = False) -> None:
         """The current goal has not led to its stop; it has ended or must be cancelled."""
         if self.state.phase is Phase.RETURNING:
             self.return_failed(reason)
         else:
-            self.travel_failed(reason)
+            self.travel_failed(reason, refused)
 
-    def travel_failed(self, reason: str) -> None:
-        """The robot did not reach its stop: retry, or rule the stop out."""
+    def travel_failed(self, reason: str, refused: bool = False) -> None:
+        """The robot did not reach its stop: retry unless it was refused, or rule the stop out."""
         target = self.state.target
         assert target is not None
         target = replace(target, attempts=target.attempts + 1)
-        if target.attempts <= self.rules.retries:
+        if target.attempts <= self.rules.retries and not refused:
             self.state = replace(self.state, target=target)
             self.fail(Todo.TRAVEL, f"{target.stop.name} was not reached: {reason}")
         else:

@@ -282,11 +282,18 @@ class GoalReached:
 
 @dataclass(frozen=True, slots=True)
 class GoalFailed:
-    """A goal has ended in any other way: aborted, rejected, or cancelled as asked."""
+    """A goal has ended in any other way: aborted, rejected, or cancelled as asked.
+
+    :param now_s: time [s]
+    :param goal_id: id of the goal
+    :param reason: why
+    :param refused: the fence refused the goal, and it was never sent; its stop is ruled out without a retry
+    """
 
     now_s: float
     goal_id: int
     reason: str
+    refused: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,8 +98,8 @@ def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap
 
     :param text: the JSON text
     :param path: file to name in messages
-    :raises InputError: with the names of all nodes without a name or place, duplicate nodes and edges, unknown
-        edge targets, and nodes that cannot be reached or not be left
+    :raises InputError: with the names of all nodes without a name or place, duplicate nodes and edges, and unknown
+        edge targets. Nodes that cannot be reached are kept: which part is used depends on where the robot stands
     """
     try:
         content = json.loads(text)
@@ -235,7 +235,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
         stops.append(stop)
         edges += [(stop.name, end) for end in ends]
     try:
-        graph = TravelGraph.from_edges(stops, edges, connected=not mistakes, path=path)
+        graph = TravelGraph.from_edges(stops, edges, connected=False, path=path)
     except InputError as error:
         # an edge to a faulty node would only repeat the mistake of the node
         raise InputError(mistakes or error.mistakes) from None

@@ -129,9 +129,9 @@ class _Model:
 class FreeTravel(_Model):
     """Straight lines, or the shortest route around the field's border and the no-go areas.
 
-    Routes bend at corners of the border and of the no-go areas (a visibility graph), at the distance of the margin.
-    A robot outside first drives straight to the nearest place inside. Stops outside, or in another part of the
-    field, are unreachable.
+    Routes bend at corners of the border and of the no-go areas (a visibility graph), and keep the margin. A robot
+    outside first drives straight to the nearest place inside. Stops outside, or in another part of the field, are
+    unreachable.
 
     :param motion: how the robot moves
     :param polygons: outlines of the field, each of shape (k, 2) [m]; without any, all routes are straight

@@ -157,7 +157,7 @@ class PlannerProcess:
 
 def home_stop(ground: Ground) -> Stop:
     """The stop nearest to where the robot begins."""
-    stops = FieldAccess(ground.field, RobotMotion(), ground.graph).stops
+    stops = FieldAccess(ground.field, RobotMotion(), ground.graph, place=ground.start).stops
     return min(stops, key=lambda stop: math.dist(ground.start, (stop.x_m, stop.y_m)))
 
 

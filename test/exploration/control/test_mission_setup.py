@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
+from soilmoist_ros.exploration.control.mission_setup import (
+    AccessRules,
+    ExplorerSettings,
+    FieldAccess,
+    make_explorer,
+)
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -32,7 +37,11 @@ def graph(*places):
 
 def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
     access = FieldAccess(
-        field(), RobotMotion(), graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)), 2.0
+        field(),
+        RobotMotion(),
+        graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)),
+        AccessRules(beyond_m=2.0),
+        home="shed",
     )
     assert [stop.name for stop in access.stops] == ["edge", "in"]
     assert access.stop("shed") == Stop("shed", -9.0, 0.0)

@@ -1,0 +1,197 @@
+"""The part of a map that the fence allows, and goals that stay inside it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+
+FRAME = LocalFrame(53.0, 0.0)
+SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
+POND = np.array([[20, 12], [40, 12], [40, 40], [20, 40]], float)
+FIELD = Field("meadow", FRAME, SQUARE, (POND,))
+
+
+def graph(places, *ways, one_way=()):
+    stops = [Stop(name, x, y) for name, (x, y) in places.items()]
+    both = [pair for way in ways for pair in pairwise(way.split())]
+    edges = [*both, *((end, start) for start, end in both), *(tuple(way.split()) for way in one_way)]
+    return TravelGraph.from_edges(stops, edges, connected=False)
+
+
+AROUND = {"a": (10, 20), "p": (30, 20), "b": (50, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6)}
+"""The pond lies between a and b, with the node p in it; s, t and u lead around it."""
+
+
+def pond_map(**more):
+    return graph({**AROUND, **more.get("places", {})}, "a p b", "a s t u b", *more.get("ways", ()))
+
+
+def test_nodes_in_a_pond_and_edges_across_it_are_dropped_by_name_in_one_sentence():
+    fenced = FencedGraph(graph({**AROUND, "far": (90, 6)}, "a p b", "a s t u b", "a b", "u far"), Fence(FIELD))
+    assert set(fenced.graph.names) == {"a", "b", "s", "t", "u"}
+    assert [stop.name for stop in fenced.stops] == ["a", "b", "s", "t", "u"]
+    assert fenced.graph.path("a", "b") == ("a", "s", "t", "u", "b")
+    assert fenced.warning == (
+        "not used of the topological map: 1 in a no-go area (p); 1 outside the field (far); "
+        "1 edges that leave the field or enter a no-go area (a - b)"
+    )
+    assert FencedGraph(graph(AROUND, "a s t u b"), Fence(FIELD)).warning.endswith("1 in a no-go area (p)")
+
+
+def test_a_goal_behind_the_pond_is_sent_node_by_node():
+    fenced = FencedGraph(pond_map(), Fence(FIELD))
+    sent = fenced.nodes_to_send((10.2, 20.1), Stop("b", 50, 20), 5.0)
+    assert sent[-1] == "b"
+    assert len(sent) > 1
+    assert driven(fenced.whole, ("a", *sent)) == ["a", "s", "t", "u", "b"]
+    assert fenced.nodes_to_send((10, 20), Stop("t", 30, 6), 5.0) == ("t",), "no route through the pond is as short"
+
+
+def test_equally_long_routes_of_which_one_is_forbidden_are_not_left_to_the_navigation():
+    pond = Field("tie", FRAME, SQUARE, (np.array([[25, 25], [35, 25], [35, 35], [25, 35]], float),))
+    places = {"w": (20, 20), "n": (30, 30), "e": (40, 20), "s": (30, 10)}
+    fenced = FencedGraph(graph(places, "w n e", "w s e"), Fence(pond))
+    assert fenced.nodes_to_send((20, 20), Stop("e", 40, 20), 5.0) == ("s", "e")
+
+
+def test_a_robot_near_a_forbidden_node_is_not_sent():
+    fenced = FencedGraph(pond_map(places={"q": (30, 13)}, ways=("t q",)), Fence(FIELD))
+    with pytest.raises(InputError, match="may plan from q, which is near the robot but not allowed: it enters"):
+        fenced.nodes_to_send((30, 11), Stop("s", 10, 6), 5.0)
+
+
+def test_a_robot_on_an_edge_may_be_sent_from_either_end():
+    fenced = FencedGraph(pond_map(), Fence(FIELD))
+    assert {fenced.whole.names[node] for node in fenced.origins((19.0, 6.3))} == {"s", "t"}
+    assert fenced.nodes_to_send((19.0, 6.3), Stop("u", 50, 6), 5.0) == ("u",)
+    assert fenced.nodes_to_send((19.0, 6.3), Stop("b", 50, 20), 5.0)[-1] == "b"
+
+
+def test_the_straight_way_to_the_first_node_is_validated_too():
+    fenced = FencedGraph(graph({"a": (18, 6), "t": (50, 9)}, "a t"), Fence(FIELD))
+    assert fenced.nodes_to_send((10, 6), Stop("t", 50, 9), 5.0) == ("t",)
+    assert fenced.nodes_to_send((10, 30), Stop("t", 50, 9), 5.0) == ("a", "t"), "straight to t is across the pond"
+    with pytest.raises(InputError, match=r"robot stands 10\.0 m outside"):
+        fenced.nodes_to_send((10, 50), Stop("t", 50, 9), 5.0)
+
+
+def test_islands_and_one_way_parts_are_named_and_not_refused():
+    places = {**AROUND, "i": (5, 35), "j": (15, 35), "out": (45, 35), "sink": (55, 35)}
+    whole = graph(places, "a s t u b", "i j", one_way=("out b", "b sink"))
+    fenced = FencedGraph(whole, Fence(FIELD))
+    assert set(fenced.graph.names) == {"a", "s", "t", "u", "b"}
+    assert "4 without a way there and back from the others (i, j, out, sink)" in fenced.warning
+    island = FencedGraph(whole, Fence(FIELD), place=(6, 34))
+    assert set(island.graph.names) == {"i", "j"}
+    assert not fenced.serves((6, 34))
+    assert island.serves((6, 34))
+    assert fenced.serves((49, 7))
+
+
+def test_a_robot_at_a_node_that_can_only_be_left_gets_to_the_others():
+    whole = graph({**AROUND, "out": (45, 35)}, "a s t u b", one_way=("out b",))
+    fenced = FencedGraph(whole, Fence(FIELD), place=(45, 35))
+    assert {stop.name for stop in fenced.stops} == {"a", "s", "t", "u", "b"}
+    assert fenced.nodes_to_send((45, 35), Stop("b", 50, 20), 5.0) == ("b",)
+    with pytest.raises(InputError, match="the home sink and the nodes"):
+        FencedGraph(
+            graph({**AROUND, "sink": (5, 35)}, "a s t u b", one_way=("b sink",)), Fence(FIELD), home="sink"
+        )
+
+
+SHED = {"gate": (-10, 6), "shed": (-20, 6), "yard": (-10, 25)}
+
+
+def test_nodes_outside_are_the_way_home_only():
+    places = {**AROUND, **SHED}
+    whole = graph(places, "a s t u b", "s gate shed", "gate yard a")
+    fenced = FencedGraph(whole, Fence(FIELD), Outside.HOME, "shed")
+    assert set(fenced.graph.names) == {"a", "s", "t", "u", "b", "gate", "shed"}
+    assert {stop.name for stop in fenced.stops} == {"a", "s", "t", "u", "b"}
+    assert "1 outside the field (yard)" in fenced.warning
+    assert fenced.fence.allows([(10, 6), (-20, 6)])
+    assert not fenced.fence.allows([(10, 20), (-10, 25)])
+    assert fenced.fence.outside_m((-15, 6.5)) == 0
+    assert fenced.nodes_to_send((-20, 6), Stop("t", 30, 6), 5.0)[-1] == "t"
+    with pytest.raises(InputError, match="the home shed"):
+        FencedGraph(whole, Fence(FIELD), Outside.NEVER, "shed")
+    whole_way = FencedGraph(whole, Fence(FIELD), Outside.WAY)
+    assert set(whole_way.graph.names) >= {"yard", "gate", "shed"}
+    assert {stop.name for stop in whole_way.stops} == {"a", "s", "t", "u", "b"}
+
+
+def test_a_robot_outside_gets_in_by_the_nodes_outside():
+    whole = graph({**AROUND, **SHED}, "a s t u b", "s gate shed")
+    assert set(FencedGraph(whole, Fence(FIELD), Outside.HOME).graph.names) == {"a", "s", "t", "u", "b"}
+    fenced = FencedGraph(whole, Fence(FIELD), Outside.HOME, place=(-19, 6))
+    assert {"gate", "shed"} < set(fenced.graph.names)
+    assert FencedGraph(whole, Fence(FIELD), Outside.NEVER, place=(-19, 6)).serves((-19, 6))
+
+
+def test_no_way_home_leads_through_a_no_go_area():
+    ditch = np.array([[-8, -5], [-4, -5], [-4, 45], [-8, 45]], float)
+    field = Field("ditch", FRAME, SQUARE, (POND, ditch))
+    whole = graph({**AROUND, **SHED}, "a s t u b", "s gate shed")
+    with pytest.raises(InputError, match="no way that is allowed leads between the home shed"):
+        FencedGraph(whole, Fence(field), Outside.WAY, "shed")
+
+
+def test_a_map_in_a_pond():
+    with pytest.raises(InputError, match="outside its no-go areas"):
+        FencedGraph(graph({"p": (30, 20), "q": (35, 20)}, "p q"), Fence(FIELD))
+
+
+def driven(whole, goals):
+    """Nodes that a navigation passes which takes the shortest route of the whole map to each goal."""
+    passed = [goals[0]]
+    for start, end in pairwise(goals):
+        passed += whole.path(start, end)[1:]
+    return passed
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_whatever_shortest_route_the_navigation_takes_it_stays_inside(seed):
+    rng = np.random.default_rng(seed)
+    centre = rng.uniform((15, 10), (45, 30))
+    pond = centre + rng.uniform(4, 9, 6)[:, None] * np.column_stack(
+        [np.cos(np.arange(6) * np.pi / 3), np.sin(np.arange(6) * np.pi / 3)]
+    )
+    fence = Fence(Field("random", FRAME, SQUARE, (pond,)), float(rng.uniform(0, 1)), float(rng.uniform(0, 2)))
+    places = {f"n{i}": tuple(np.round(rng.uniform((-8, -8), (68, 48)), rng.integers(0, 2))) for i in range(18)}
+    names = list(places)
+    pairs = [(a, b) for a in names for b in names if a != b and rng.uniform() < 0.25]
+    whole = TravelGraph.from_edges([Stop(n, *map(float, p)) for n, p in places.items()], pairs, connected=False)
+    outside = list(Outside)[int(rng.integers(3))]
+    try:
+        fenced = FencedGraph(whole, fence, outside, place=tuple(rng.uniform((0, 0), (60, 40))))
+    except InputError:
+        return
+    for start, end in fenced.graph.edges.tolist():
+        assert fenced.fence.allows(fenced.graph.xy[[start, end]])
+    at = fenced.stops[0]
+    for stop in fenced.stops[1:]:
+        try:
+            sent = fenced.nodes_to_send((at.x_m, at.y_m), stop, 5.0)
+        except InputError:
+            continue  # two nodes at one place, of which the other is not allowed
+        assert sent[-1] == stop.name
+        origin = whole.names[fenced.origins((at.x_m, at.y_m))[0]]
+        for goal_from, goal in pairwise((origin, *sent)):
+            length_m = whole.distance_m(goal_from, goal)
+            for through in names:  # all shortest routes, also equally long ones
+                via_m = whole.distance_m(goal_from, through) + whole.distance_m(through, goal)
+                if via_m <= length_m + 1e-6:
+                    route = [*whole.path(goal_from, through), *whole.path(through, goal)]
+                    assert fenced.fence.allows(whole.xy[[whole.index(name) for name in route]])
+        at = stop
