@@ -128,7 +128,7 @@ class VirtualNavigation:
         self._goals += 1
         self._goal_id = self._goals
         fault = next((fault for fault in self._faults.goals if fault.hits(self._goals)), None)
-        if not known:
+        if not known or not self._graph.path(self._graph.nearest(self._robot.at(now_s)), target):
             self._end_at(now_s + REACTION_S, Outcome.ABORTED)
         elif fault is not None and fault.kind == "no_motion":
             self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED)

@@ -132,11 +132,10 @@ def test_mistakes_are_named():
     assert "from 'row 1' to 'row_22': there is no node 'row_22' (did you mean 'row_2'?)" in text
 
 
-def test_nodes_that_cannot_be_reached_are_named():
+def test_nodes_that_cannot_be_left_are_kept():
     content = document()
     content["nodes"][2]["node"]["edges"] = []
-    with pytest.raises(InputError, match="no way leads"):
-        parse(content)
+    assert len(parse(content).graph.names) == len(content["nodes"])
 
 
 @pytest.mark.parametrize(
