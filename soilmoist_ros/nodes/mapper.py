@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
@@ -21,6 +24,7 @@ from msg_adapters.model import Model, model_to_message
 from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
+from soilmoist_ros.foundation.batches import Batches
 from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
@@ -32,13 +36,23 @@ from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.earlier_records import read_earlier
+from soilmoist_ros.recording.map_records import TEAM_S, MapRecords
+from soilmoist_ros.recording.map_sources import MapSources
 from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.sensing.records import CountRecord
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
 
+_POLL_S: Final = 1.0
+_SLICE: Final = 500
+"""Records that are added at a time, so that reports and services need not wait for a flood."""
+
 
 class Mapper(Node):
-    """Adds records as they arrive, and publishes maps as fast as they can be computed."""
+    """Adds records as they arrive, and publishes maps as fast as they can be computed.
+
+    Records are added in one thread, and maps are computed in another; services save in the executor's.
+    """
 
     def __init__(self) -> None:
         super().__init__("mapper")
@@ -47,7 +61,8 @@ class Mapper(Node):
         self._save_dir = Path(parameters.text("save_dir")).expanduser().absolute()
         options: dict[str, Any] = parameters.as_dict()
         self._stamps = stamp_limits(parameters)
-        for name in ("frame", "save_dir", "start_from", "start_property", "others"):
+        self._stored_stamps = replace(self._stamps, max_age_s=0.0)
+        for name in ("frame", "save_dir", "start_from", "start_property", "others", "record_dir", "merge_from"):
             del options[name]
         for row in STAMP_LIMITS:
             del options[row.name]
@@ -62,35 +77,64 @@ class Mapper(Node):
         self._worker = MapWorker(self._online.compute, self._publish)
         # The planner needs the cell size before the first map.
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
+        others = other_namespaces(self, parameters.texts("others"))
+        self._records = MapRecords(self._online, TEAM_S if others else 0.0)
+        topics = [self.resolve_topic_name(topic) for topic in ("counts", *(f"{name}/counts" for name in others))]
+        folder, named = parameters.text("record_dir"), parameters.text("start_property")
+        self._sources = MapSources(
+            self._records,
+            Path(folder).expanduser() if folder else None,
+            [Path(path).expanduser() for path in parameters.texts("merge_from")],
+            topics,
+            named,
+            self._frame,
+            self._fault,
+        )
         if earlier := parameters.text("start_from"):
-            for record in read_earlier(Path(earlier).expanduser(), parameters.text("start_property")):
-                self._online.add(record)
-            self._worker.submit(self._online.state)
-        for robot in ("", *(f"{name}/" for name in other_namespaces(self, parameters.texts("others")))):
-            self.create_subscription(PointCloud2, f"{robot}counts", self._on_counts, qos.RECORDS)
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        alone = MutuallyExclusiveCallbackGroup()  # a save takes seconds and must not block records
+            self._records.take("start_from", read_earlier(Path(earlier).expanduser(), named))
+        self._began_s = time.monotonic()
+        self._arrived = Batches(self._add, "records", _POLL_S)
+        for topic in topics:
+            self.create_subscription(PointCloud2, topic, self._arrived.put, qos.RECORDS)
+        alone = MutuallyExclusiveCallbackGroup()  # a save takes seconds, and a flood of records must not delay it
+        self.create_service(Trigger, "~/reset", self._on_reset, callback_group=alone)
         self.create_service(Trigger, "~/save", self._on_save, callback_group=alone)
         # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _on_counts(self, message: PointCloud2) -> None:
-        clock_s = self.get_clock().now().nanoseconds * 1e-9
-        with self._guard:
+    def _add(self, messages: Sequence[PointCloud2]) -> None:
+        """Add the records of messages, and what is new on the disk; called once a second without messages."""
+        missed = self._sources.missed(time.monotonic() - self._began_s)
+        records: list[CountRecord] = []
+        for message in messages:
             try:
-                records = counts_from_message(message)
+                found = counts_from_message(message)
                 require_frame(message, self._frame)
-                for record in records:
-                    if fault := self._stamps.fault(record.stamp_s, clock_s):
-                        self._online.skip(Skip.STAMP, fault)
+                for record in found:
+                    if fault := self._fault(record):
+                        self._skip(Skip.STAMP, fault)
                     else:
-                        self._online.add(record)
+                        records.append(record)
             except OtherFrameError as error:
-                self._online.skip(Skip.OTHER_FRAME, str(error))
+                self._skip(Skip.OTHER_FRAME, error)
             except ValueError as error:
-                self._online.skip(Skip.UNREADABLE, str(error))
-            state = self._online.state
-        self._worker.submit(state)
+                self._skip(Skip.UNREADABLE, error)
+        for start in range(0, max(len(records), 1), _SLICE):
+            with self._guard:
+                self._sources.received(records[start : start + _SLICE])
+        with self._guard:
+            self._sources.merge(missed)
+            if messages or self._online.state.records:
+                self._worker.submit(self._online.state)
+
+    def _fault(self, record: CountRecord, stored: bool = False) -> str:
+        """Why the stamp of a record is impossible; what was stored before the start may be of any age."""
+        limits = self._stored_stamps if stored else self._stamps
+        return limits.fault(record.stamp_s, self.get_clock().now().nanoseconds * 1e-9)
+
+    def _skip(self, reason: Skip, why: object) -> None:
+        with self._guard:
+            self._online.skip(reason, str(why))
 
     def _publish(self, state: MapState, soil_map: SoilMap | None) -> None:
         grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
@@ -103,7 +147,7 @@ class Mapper(Node):
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._guard:
             records = self._online.state.records
-            self._online.reset()
+            self._sources.reset()
             self._worker.submit(self._online.state)
         response.success, response.message = True, f"{records} records removed"
         return response
@@ -127,8 +171,10 @@ class Mapper(Node):
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
 
     def close(self) -> None:
-        """Wait until the current map is finished."""
+        """Add what has arrived, and wait until the current map is finished."""
+        self._arrived.close()
         self._worker.close()
+        self._sources.close()
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import Float64, String
 
-from msg_adapters.counts import counts_to_message
+from msg_adapters.counts import counts_from_message, counts_to_message
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.environment import fix_from_message, fix_to_message, weather_to_messages
 from msg_adapters.raw_line import line_to_message
@@ -23,8 +24,11 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.recording.map_sources import DRIVER
+from soilmoist_ros.recording.record_log import RecordLog
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
+from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.driver import Batch, Driver, DriverSettings
 
 _RELEASE_S = 0.1
@@ -39,6 +43,7 @@ class SensorDriver(LifecycleNode):
         self._given = Parameters(self, PARAMETERS)
         self._driver: Driver | None = None
         self._fault: InputError | None = None
+        self._log: RecordLog | None = None
         text = self._given.text
         outputs: dict[str, tuple[type, Any]] = {
             "counts": (PointCloud2, qos.RECORDS),
@@ -92,6 +97,9 @@ class SensorDriver(LifecycleNode):
         """Disconnect."""
         if self._driver is not None:
             self._driver.stop()
+        if self._log is not None:
+            self._log.close()
+            self._log = None
 
     def _attempt(self, transition: Callable[[], None]) -> TransitionCallbackReturn:
         self._fault = None
@@ -119,6 +127,8 @@ class SensorDriver(LifecycleNode):
 
     def _activate(self) -> None:
         assert self._driver is not None  # on_configure made it
+        if folder := self._given.text("record_dir"):
+            self._log = RecordLog(Path(folder).expanduser() / DRIVER, self._given.text("frame_id"))
         self._driver.start(self._arrived.trigger)
 
     def _now_s(self) -> float:
@@ -141,8 +151,21 @@ class SensorDriver(LifecycleNode):
         for reading in batch.readings:
             for name, message in weather_to_messages(reading, sensor).items():
                 self._outputs[name].publish(message)
-        for record in batch.records:
-            self._outputs["counts"].publish(counts_to_message([record], frame))
+        messages = [counts_to_message([record], frame) for record in batch.records]
+        self._store([record for message in messages for record in counts_from_message(message)])
+        for message in messages:
+            self._outputs["counts"].publish(message)
+
+    def _store(self, records: list[CountRecord]) -> None:
+        """Write records as receivers read them. A disk that fails does not stop the survey."""
+        if self._log is None or not records:
+            return
+        try:
+            self._log.write(records)
+        except OSError as error:
+            self.get_logger().error(
+                f"records are published, but not stored: {error.strerror or error}", throttle_duration_sec=60.0
+            )
 
     def _on_fix(self, message: NavSatFix) -> None:
         if self._driver is not None:

@@ -109,6 +109,13 @@ class Journal:
         self._seq = entry.seq
         return entry.seq
 
+    def sync(self) -> None:
+        """Make sure that all entries are on the disk.
+
+        :raises OSError: if the disk refuses them
+        """
+        os.fdatasync(self._descriptor)
+
     def snapshot(self, state_json: str) -> None:
         """Write the state after all entries so far, so that only later ones need to be replayed.
 

@@ -26,6 +26,8 @@ from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.recording.map_sources import DRIVER
+from soilmoist_ros.recording.record_log import RecordTail
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
@@ -199,6 +201,20 @@ def place(x_m, y_m=20.0):
 
 def epoch(elapsed_s, x_m):
     return [text.encode() for text in nmea_sentences(T0 + elapsed_s, place(x_m))]
+
+
+def test_records_are_on_the_disk_as_receivers_have_them_even_after_a_kill(
+    ros, start, outputs, logger, receiver, tmp_path
+):
+    process = start(receiver, record_dir=str(tmp_path / "session"))
+    logger.send(*HEADER)
+    for second in range(23):
+        receiver.send(*epoch(second, 10.0 + second))
+        if second in (10, 20):
+            logger.send(line(second // 10))
+    ros.wait_for(lambda: len(outputs.counts) == 2, message="two records")
+    process.kill()
+    assert RecordTail(tmp_path / "session" / DRIVER, "map").read().records == outputs.records
 
 
 def test_records_go_out_at_their_places_with_all_that_belongs_to_them(ros, start, outputs, logger, receiver):

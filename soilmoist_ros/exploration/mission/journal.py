@@ -122,18 +122,47 @@ def interrupted_records(
     :returns: its records in their order, none if no mission was under way
     :raises InputError: if something was not written by a mission
     """
-    read = [
+    read = _starts_and_records(events, name)
+    started_s = _started_s(snapshot, read)
+    if started_s is None:
+        return []
+    return [e.record for e in read if isinstance(e, RecordArrived) and e.now_s >= started_s]
+
+
+def noted_records(events: Iterable[Mapping[str, Any]], name: str = "") -> list[CountRecord]:
+    """All records in a journal, whether or not a mission was under way.
+
+    :param events: entries of the journal; those that are no events are skipped
+    :param name: as in :func:`interrupted_records`
+    :raises InputError: if something was not written by a mission
+    """
+    return [e.record for e in _starts_and_records(events, name) if isinstance(e, RecordArrived)]
+
+
+def is_under_way(snapshot: str | None, events: Iterable[Mapping[str, Any]]) -> bool:
+    """Whether a mission was under way when its process ended.
+
+    :param snapshot: the last state written down, if any
+    :param events: all events written down
+    :raises InputError: if something was not written by a mission
+    """
+    return _started_s(snapshot, _starts_and_records(events, None)) is not None
+
+
+def _starts_and_records(events: Iterable[Mapping[str, Any]], name: str | None) -> list[Event]:
+    """Commands, and the records of a property; none if the name is ``None``."""
+    return [
         event_from_dict({key: value for key, value in event.items() if key != PROPERTY})
         for event in events
         if event.get("event") == Command.__name__
         or (event.get("event") == RecordArrived.__name__ and event.get(PROPERTY, "") == name)
     ]
+
+
+def _started_s(snapshot: str | None, events: Iterable[Event]) -> float | None:
+    """When the mission that is under way started [s]; ``None`` if none is."""
     if snapshot is None:
-        turns = [e for e in read if isinstance(e, Command) and e.verb in (Verb.START, Verb.ABORT)]
-        started_s = turns[-1].now_s if turns and turns[-1].verb is Verb.START else None
-    else:
-        state = state_from_json(snapshot)
-        started_s = state.started_s if state.under_way else None
-    if started_s is None:
-        return []
-    return [e.record for e in read if isinstance(e, RecordArrived) and e.now_s >= started_s]
+        turns = [e for e in events if isinstance(e, Command) and e.verb in (Verb.START, Verb.ABORT)]
+        return turns[-1].now_s if turns and turns[-1].verb is Verb.START else None
+    state = state_from_json(snapshot)
+    return state.started_s if state.under_way else None

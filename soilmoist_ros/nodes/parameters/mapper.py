@@ -50,6 +50,18 @@ PARAMETERS: Final = (
         "properties; empty for the planner's own field",
     ),
     Parameter(
+        name="record_dir",
+        default="",
+        description="folder where driver and mapper store the records of this map, so that a restart continues "
+        "it; empty to store none",
+    ),
+    Parameter(
+        name="merge_from",
+        default=[],
+        description="folders of the planner's journal and of recordings; the map adds records that are only there "
+        "(needs record_dir)",
+    ),
+    Parameter(
         name="others",
         default=[],
         description="namespaces of other robots on the field whose counts are mapped as well; the own "

@@ -47,6 +47,12 @@ PARAMETERS: Final = (
         description="topic of the incoming cosmic-ray intensity (std_msgs/Float64), in the unit of the site's "
         "reference; empty to use only the site file",
     ),
+    Parameter(
+        name="record_dir",
+        default="",
+        description="folder where records are stored before they are published, for mappers with the same folder; "
+        "empty to store none",
+    ),
     Parameter(name="frame_id", default="map", description="frame of the records: east, north, up about the datum"),
     Parameter(name="sensor_frame", default="crs", description="frame of the weather sensors"),
     Parameter(name="gnss_frame", default="gnss", description="frame of the GNSS antenna"),

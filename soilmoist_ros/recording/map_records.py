@@ -1,0 +1,111 @@
+"""Puts the records of several sources into one map: each once, wherever it comes from."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import Counter
+from collections.abc import Iterable
+from operator import attrgetter
+from typing import Final
+
+from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.sensing.records import CountRecord
+
+RECEIVED: Final = ""
+"""Source of the records that were received as messages, now or by an earlier process."""
+TEAM_S: Final = 60.0
+"""With several robots, how much older than the last record of the map a record may be before the map is made
+again in order of time [s]."""
+
+_OF_MESSAGES: Final = (Skip.UNREADABLE, Skip.OTHER_FRAME, Skip.STAMP)
+"""Reasons for which messages and records are left out before they are added."""
+_VALUES: Final = attrgetter(*CountRecord.__slots__)
+_KEY: Final = struct.Struct(f"<{len(CountRecord.__slots__)}d")
+
+
+class MapRecords:
+    """The records of a map, merged from messages, logs, journals and bags.
+
+    Two sources hold the same record if all of its values are equal. A record that one source holds twice, such as
+    two points of a message without stamps, counts twice. The map adds records in order of time, so it does not
+    depend on when each source was read.
+
+    :param field_map: map to which the records are added
+    :param late_s: how much older than the last record of the map a record may be [s] before the map is made again
+        in order of time
+    """
+
+    def __init__(self, field_map: FieldMap, late_s: float = 0.0) -> None:
+        self.map = field_map
+        self._late_s = late_s
+        self._until_s = -math.inf
+        self._records: list[CountRecord] = []
+        self._total: Counter[bytes] = Counter()
+        self._seen: dict[str, Counter[bytes]] = {}
+
+    def take(self, source: str, records: Iterable[CountRecord]) -> list[CountRecord]:
+        """Add the records that no source has brought yet.
+
+        :param source: name of the source; each call brings records that the source has not brought before
+        :param records: records in the order of the source
+        :returns: the records that were new
+        """
+        seen = self._seen.setdefault(source, Counter())
+        new = []
+        for record in records:
+            if source != RECEIVED and record.stamp_s <= self._until_s:
+                continue
+            key = _key(record)
+            seen[key] += 1
+            if seen[key] > self._total[key]:
+                self._total[key] += 1
+                new.append(record)
+        if not new:
+            return []
+        if source != RECEIVED:
+            new.sort(key=_stamp)
+            if self._records and new[0].stamp_s < self._records[-1].stamp_s - self._late_s:
+                self._rebuild(new)
+                return new
+        for record in new:
+            self.map.add(record)
+        self._records += new
+        return new
+
+    def read_anew(self, source: str, records: Iterable[CountRecord]) -> list[CountRecord]:
+        """Add the records of a source that is read as a whole each time; otherwise as :meth:`take`."""
+        self._seen.pop(source, None)
+        return self.take(source, records)
+
+    def reset(self, until_s: float | None = None) -> float:
+        """Remove all records; sources other than messages bring only later ones from now on.
+
+        :param until_s: stamp up to which they are void [s]; default the newest one of the map
+        :returns: that stamp
+        """
+        newest_s = max((record.stamp_s for record in self._records), default=-math.inf)
+        self._until_s = max(self._until_s, newest_s if until_s is None else until_s)
+        self._records.clear()
+        self._total.clear()
+        self._seen.clear()
+        self.map.reset()
+        return self._until_s
+
+    def _rebuild(self, new: list[CountRecord]) -> None:
+        skipped = {reason: entry for reason, entry in self.map.skipped.items() if reason in _OF_MESSAGES}
+        self._records = sorted([*self._records, *new], key=_stamp)
+        self.map.reset()
+        self.map.skipped |= skipped
+        for record in self._records:
+            self.map.add(record)
+
+
+def _key(record: CountRecord) -> bytes:
+    """All values of a record; NaN has many forms, of which one is used."""
+    return _KEY.pack(*(math.nan if value != value else value for value in _VALUES(record)))
+
+
+def _stamp(record: CountRecord) -> float:
+    return record.stamp_s

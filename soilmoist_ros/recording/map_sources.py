@@ -1,0 +1,197 @@
+"""Where the records of a map are stored on this computer, and which of them belong to the map."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from soilmoist_ros.exploration.mission.journal import is_under_way, noted_records
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.recovery import mcap_files
+from soilmoist_ros.recording.bag.stored_counts import stored_counts
+from soilmoist_ros.recording.journal import ENTRIES, LoadedJournal, load_journal
+from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
+from soilmoist_ros.recording.record_log import RecordLog, RecordTail, logs_below
+from soilmoist_ros.recording.whole_file import write_whole
+from soilmoist_ros.sensing.records import CountRecord
+
+SESSION: Final = "session.json"
+"""File that marks the folder of a session: one map, from the first launch to the end of its mission."""
+OWN: Final = "mapper"
+"""Name of the mapper's log in the folder of a session."""
+DRIVER: Final = "sensor_driver"
+"""Name of the driver's log in the folder of a session."""
+_CATCH_UP_S: Final = (0.0, 5.0, 20.0)
+"""Ages of the process at which journals and bags are read [s]; later records arrive as messages."""
+
+_log = logging.getLogger(__name__)
+
+
+def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
+    """Folder of the session: the last one while its mission is interrupted, otherwise a new one.
+
+    :param root: folder of all sessions
+    :param journal: folder of the planner's journal; ``None`` without one
+    :param fresh: whether the interrupted mission is forgotten
+    :raises InputError: if the journal cannot be read, or the folder cannot be made
+    """
+    found = load_journal(journal, whole=True) if journal is not None else LoadedJournal(None, (), ())
+    earlier = sorted(path.parent for path in root.glob(f"*/{SESSION}"))
+    if earlier and not fresh and is_under_way(found.snapshot, (entry.payload for entry in found.entries)):
+        return earlier[-1]
+    folder = root / f"{datetime.now():%Y%m%d_%H%M%S_%f}"
+    try:
+        folder.mkdir(parents=True)
+        seq = max((entry.seq for entry in found.entries), default=0)
+        write_whole(folder / SESSION, json.dumps({"journal_seq": seq}).encode())
+    except OSError as error:
+        remedy = "choose a folder on a disk that is writable and has space"
+        raise InputError(f"no records can be written here: {error.strerror}", remedy, folder) from None
+    return folder
+
+
+class MapSources:
+    """Reads the records of a map from every source on this computer, and writes those that no other source has.
+
+    The driver's log has every record that was published, so the map is complete whichever process was down.
+    Records of other drivers are in the mapper's own log, in the planner's journal or in a bag.
+
+    :param records: takes the records
+    :param folder: folder of the session; ``None`` to store nothing and read nothing
+    :param merge: folders of journals, bags, or folders of bags, where records may be that the mapper
+        missed; :meth:`missed` reads them
+    :param topics: full names of the topics with the map's records
+    :param name: the planner's name of the property; empty for the robot's own
+    :param frame: frame of the records; others are left out
+    :param fault: why a record is left out, empty for none; called with whether it was stored before the start
+    :raises InputError: if the folder cannot be written, or another process maps the session
+    """
+
+    def __init__(
+        self,
+        records: MapRecords,
+        folder: Path | None,
+        merge: Sequence[Path] = (),
+        topics: Sequence[str] = (),
+        name: str = "",
+        frame: str = "map",
+        fault: Callable[[CountRecord, bool], str] = lambda record, stored: "",
+    ) -> None:
+        self.problem = ""
+        self._records = records
+        self._folder = folder
+        self._merge = merge
+        self._topics = topics
+        self._name = name
+        self._frame = frame
+        self._fault = fault
+        self._tails: dict[Path, RecordTail] = {}
+        self._catch_ups = list(_CATCH_UP_S if folder is not None else ())
+        self._own: RecordLog | None = None
+        if folder is None:
+            return
+        self._own = RecordLog(folder / OWN, frame)
+        found, until_s = RecordTail(folder / OWN, frame).read()
+        if until_s is not None:
+            records.reset(until_s)
+        records.take(RECEIVED, found)
+        self.poll()
+
+    def received(self, records: Sequence[CountRecord]) -> None:
+        """Add records of messages; those that no log of a driver has are written to the disk."""
+        self.poll()
+        new = self._records.take(RECEIVED, records)
+        if self._own is None or not new:
+            return
+        try:
+            self._own.write(new)
+            self.problem = ""
+        except OSError as error:
+            self._fail(f"records are in the map, but not on the disk: {error.strerror or error}")
+
+    def poll(self) -> None:
+        """Add what the drivers have written since the last call."""
+        for folder in logs_below(self._folder) if self._folder is not None else ():
+            if folder.name == OWN:
+                continue
+            new = folder not in self._tails
+            tail = self._tails.setdefault(folder, RecordTail(folder, self._frame))
+            try:
+                found = tail.read().records
+            except OSError as error:
+                self._fail(f"the log {folder} cannot be read: {error.strerror}")
+                continue
+            self._records.take(str(folder), self._usable(found, stored=new))
+
+    def missed(self, age_s: float) -> list[tuple[str, list[CountRecord]]]:
+        """Records of journals and bags, with the name of each source; none if the driver's log has them all.
+
+        It takes seconds for long bags, and adds nothing to the map: the map may be saved meanwhile.
+
+        :param age_s: time since the start [s]; journals and bags are read a few times after it
+        """
+        if self._folder is None or not self._catch_ups or age_s < self._catch_ups[0]:
+            return []
+        self._catch_ups.pop(0)
+        topics = self._topics[1:] if (self._folder / DRIVER).is_dir() else self._topics
+        found = []
+        for path in self._merge:
+            try:
+                if (path / ENTRIES).is_file():
+                    if topics == self._topics:
+                        entries = load_journal(path, whole=True).entries
+                        seq = _journal_seq(self._folder)
+                        later = (entry.payload for entry in entries if entry.seq > seq)
+                        found.append((str(path), noted_records(later, self._name)))
+                elif topics:
+                    found += [
+                        (str(bag), stored_counts(bag, topics, self._frame)) for bag in _bags(path, self._folder)
+                    ]
+            except (InputError, OSError) as error:
+                _log.warning("%s is not merged into the map: %s", path, error)
+        return found
+
+    def merge(self, missed: Iterable[tuple[str, list[CountRecord]]]) -> None:
+        """Add the records that :meth:`missed` found."""
+        for source, found in missed:
+            self._records.read_anew(source, self._usable(found, stored=True))
+
+    def reset(self) -> None:
+        """Remove all records, for later processes too."""
+        until_s = self._records.reset()
+        try:
+            if self._own is not None:
+                self._own.reset(until_s)
+        except OSError as error:
+            self._fail(f"a restart would bring the removed records back: {error.strerror or error}")
+
+    def close(self) -> None:
+        """Release the mapper's log."""
+        if self._own is not None:
+            self._own.close()
+
+    def _usable(self, records: Iterable[CountRecord], stored: bool) -> list[CountRecord]:
+        return [record for record in records if not self._fault(record, stored)]
+
+    def _fail(self, problem: str) -> None:
+        if not self.problem:
+            _log.error(problem)
+        self.problem = problem
+
+
+def _journal_seq(session: Path) -> int:
+    """Last entry of the journal that is older than the session."""
+    path = session / SESSION
+    return int(json.loads(path.read_bytes())["journal_seq"]) if path.is_file() else 0
+
+
+def _bags(path: Path, session: Path) -> list[Path]:
+    """Bags in a folder that were written since the session began."""
+    started = session / SESSION
+    since_s = started.stat().st_mtime if started.is_file() else 0.0
+    bags = [path] if any(path.glob("*.mcap")) else sorted({file.parent for file in path.glob("*/*.mcap")})
+    return [bag for bag in bags if max(file.stat().st_mtime for file in mcap_files(bag)) >= since_s]

@@ -1,0 +1,121 @@
+"""Records on the disk before anybody receives them, so that a map survives the end of any process."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from soilmoist_ros.recording.journal import ENTRIES, Journal
+from soilmoist_ros.recording.journal_lines import decode
+from soilmoist_ros.sensing.records import CountRecord
+
+RECORD: Final = "record"
+"""Kind of the entries that hold a record."""
+RESET: Final = "reset"
+"""Kind of the entries after which a map starts again."""
+
+_log = logging.getLogger(__name__)
+
+
+class RecordLog:
+    """A log of records that is being written; one disk sync for each call.
+
+    :param folder: folder of the log; made if missing
+    :param frame: frame of the records
+    :raises InputError: if another process writes it, or the folder cannot be written
+    """
+
+    def __init__(self, folder: Path, frame: str) -> None:
+        self._journal = Journal.open(folder)
+        self._frame = frame
+
+    def write(self, records: Iterable[CountRecord]) -> None:
+        """Write records; they are on the disk afterwards.
+
+        :raises OSError: if the disk refuses them; later records may be tried
+        """
+        for record in records:
+            self._journal.append(RECORD, {"frame": self._frame, **_plain(record)}, durable=False)
+        self._journal.sync()
+
+    def reset(self, until_s: float) -> None:
+        """Start again: earlier records in this log, and records of other logs up to a stamp [s], are void.
+
+        :raises OSError: as :meth:`write`
+        """
+        self._journal.append(RESET, {"until_s": _number(until_s)})
+
+    def close(self) -> None:
+        """Release the log."""
+        self._journal.close()
+
+
+class LoggedRecords(NamedTuple):
+    """New content of a log.
+
+    :param records: records after the last reset
+    :param until_s: stamp of the last reset [s], ``None`` without one
+    """
+
+    records: list[CountRecord]
+    until_s: float | None = None
+
+
+class RecordTail:
+    """Reads a log that may still grow.
+
+    :param folder: folder of the log; it may not exist yet
+    :param frame: frame of the records to read; others are skipped
+    """
+
+    def __init__(self, folder: Path, frame: str) -> None:
+        self.folder = folder
+        self._frame = frame
+        self._read_bytes = 0
+
+    def read(self) -> LoggedRecords:
+        """Records since the last call. A line that is being written is read by a later call.
+
+        :raises OSError: if the log cannot be read
+        """
+        path = self.folder / ENTRIES
+        if not path.exists() or path.stat().st_size <= self._read_bytes:
+            return LoggedRecords([])
+        with path.open("rb") as file:
+            file.seek(self._read_bytes)
+            data = file.read()
+        lines = decode(data[: data.rfind(b"\n") + 1], str(path))
+        self._read_bytes += lines.good_bytes
+        for problem in lines.problems:
+            _log.warning(problem)
+        records: list[CountRecord] = []
+        until_s = None
+        for entry in lines.entries:
+            if entry.kind == RESET:
+                records, until_s = [], float(entry.payload["until_s"])
+            elif entry.kind == RECORD and entry.payload["frame"] == self._frame:
+                records.append(_record(entry.payload))
+        return LoggedRecords(records, until_s)
+
+
+def logs_below(folder: Path) -> list[Path]:
+    """Folders of the logs directly below a folder, by name."""
+    return sorted(path.parent for path in folder.glob(f"*/{ENTRIES}"))
+
+
+def _plain(record: CountRecord) -> dict[str, Any]:
+    return {name: _number(value) for name, value in asdict(record).items()}
+
+
+def _number(value: float) -> float | str:
+    """NaN and infinity as text, which ``float`` reads: JSON has no word for them."""
+    return value if math.isfinite(value) else str(value)
+
+
+def _record(payload: dict[str, Any]) -> CountRecord:
+    values = {name: float(value) for name, value in payload.items() if name not in ("raw_counts", "frame")}
+    return CountRecord(raw_counts=int(payload["raw_counts"]), **values)

@@ -1,0 +1,54 @@
+"""A thread that handles what arrives in batches."""
+
+import threading
+
+from soilmoist_ros.foundation.batches import Batches
+
+LIMIT_S = 30.0
+
+
+def test_items_that_wait_are_one_batch_in_the_order_of_arrival():
+    begun, go_on, batches = threading.Event(), threading.Event(), []
+
+    def handle(batch):
+        batches.append(list(batch))
+        begun.set()
+        go_on.wait(LIMIT_S)
+
+    thread = Batches(handle, "test", max_items=3)
+    thread.put(1)
+    assert begun.wait(LIMIT_S)
+    for item in range(2, 7):
+        thread.put(item)
+    go_on.set()
+    thread.close()
+    assert batches == [[1], [2, 3, 4]]
+    assert thread.lost == 2
+    thread.close()
+
+
+def test_a_batch_that_fails_does_not_end_the_thread():
+    handled = []
+
+    def handle(batch):
+        if batch == ["bad"]:
+            failed.set()
+            raise RuntimeError("bad item")
+        handled.extend(batch)
+        done.set()
+
+    failed, done = threading.Event(), threading.Event()
+    thread = Batches(handle, "test")
+    thread.put("bad")
+    assert failed.wait(LIMIT_S)
+    thread.put("good")
+    assert done.wait(LIMIT_S)
+    thread.close()
+    assert handled == ["good"]
+
+
+def test_the_handler_is_called_when_nothing_arrives():
+    called = threading.Event()
+    thread = Batches(lambda batch: called.set() if not batch else None, "test", idle_s=0.01)
+    assert called.wait(LIMIT_S)
+    thread.close()

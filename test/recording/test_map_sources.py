@@ -1,0 +1,326 @@
+"""The map after any sequence of kills equals the map of everything that was published.
+
+Tests map_sources.py, map_records.py and record_log.py with real files, without processes.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_earlier_records import write_bag
+
+from soilmoist_ros.exploration.mission.journal import MissionJournal
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import Command, MissionRules, Moved, RecordArrived, Verb
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.recording.bag.stored_counts import stored_counts
+from soilmoist_ros.recording.journal import ENTRIES, Journal
+from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
+from soilmoist_ros.recording.map_sources import DRIVER, OWN, MapSources, open_session
+from soilmoist_ros.recording.record_log import RecordLog, RecordTail
+from soilmoist_ros.sensing.records import CountRecord
+
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
+RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
+OLD_S, LATE_S = 0.0, 60.0
+"""Ages of a mapper before and after its last look at journals and bags."""
+
+
+def published(n, seed=1):
+    """Records of a drive, as receivers have them."""
+    rng = np.random.default_rng(seed)
+    xy = np.cumsum(rng.normal(0, 3, (n, 2)), axis=0) % [60, 50]
+    return [
+        CountRecord(1.78e9 + 10 * i, *map(float, np.float32(xy[i])), 30.0, int(rng.poisson(40)), 10.0, 9.5)
+        for i in range(n)
+    ]
+
+
+def expected(records):
+    """The map of everything, made by a mapper that is never killed."""
+    field_map = FieldMap(GRID)
+    for record in records:
+        field_map.add(record)
+    return field_map
+
+
+def require_equal(field_map, records):
+    """Check that a map is that of these records, bit for bit."""
+    full = expected(records)
+    assert field_map.state.records == len(records)
+    for name in ("xy", "counts", "exposure_s", "spread"):
+        np.testing.assert_array_equal(getattr(field_map.state.samples, name), getattr(full.state.samples, name))
+
+
+class System:
+    """Driver, mapper, planner and recorder that share a disk, and die at any time.
+
+    :param folder: the disk
+    :param driver: whether the driver stores records; otherwise it is of another make
+    """
+
+    def __init__(self, folder, driver):
+        self.folder, self.records, self.bags = folder, [], 0
+        self.session = folder / "session"
+        self.driver = RecordLog(self.session / DRIVER, "map") if driver else None
+        self.sources = self.planner = self.bag = None
+        for name in ("mapper", "planner", "recorder"):
+            self.start(name)
+
+    @property
+    def running(self):
+        return [one for one in (self.sources, self.planner, self.bag) if one is not None]
+
+    def start(self, name):
+        if name == "mapper" and self.sources is None:
+            self.field_map = FieldMap(GRID)
+            merge = [self.folder / "journal", self.folder / "bags"]
+            self.sources = MapSources(MapRecords(self.field_map), self.session, merge, ["/counts"])
+            self.sources.merge(self.sources.missed(OLD_S))
+        elif name == "planner" and self.planner is None:
+            pages = Journal.open(self.folder / "journal")
+            self.planner = pages, MissionJournal(pages), Mission(RULES)
+        elif name == "recorder" and self.bag is None:
+            self.bag = []
+
+    def kill(self, name):
+        if name == "mapper" and self.sources is not None:
+            self.sources.close()
+            self.sources = None
+        elif name == "planner" and self.planner is not None:
+            self.planner[0].close()
+            self.planner = None
+        elif name == "recorder" and self.bag is not None:
+            self.close_bag()
+            self.bag = None
+
+    def close_bag(self):
+        if self.bag:
+            self.bags += 1
+            (self.folder / "bags").mkdir(exist_ok=True)
+            write_bag(self.folder / "bags" / f"run_{self.bags}", self.bag)
+
+    def publish(self, record, heard_by_mapper=True):
+        """Publish a record; a mapper that has just started may not hear it."""
+        self.records.append(record)
+        if self.driver is not None:
+            self.driver.write([record])
+        if self.planner is not None:
+            _, journal, mission = self.planner
+            event = RecordArrived(record.stamp_s, record)
+            journal.note(mission, event)
+            mission.step(event)
+        if self.bag is not None:
+            self.bag.append(record)
+        if self.sources is not None and heard_by_mapper:
+            self.sources.received([record])
+
+    def end(self):
+        """Restart the mapper when everything is over, and let it read what it missed."""
+        self.kill("recorder")
+        self.start("mapper")
+        self.sources.poll()
+        for age_s in (OLD_S, LATE_S, LATE_S):
+            self.sources.merge(self.sources.missed(age_s))
+        return self.field_map
+
+
+PROCESSES = st.sampled_from(["mapper", "planner", "recorder"])
+STEPS = st.lists(
+    st.one_of(
+        st.tuples(st.just("publish"), st.booleans()),
+        st.tuples(st.just("kill"), PROCESSES),
+        st.tuples(st.just("start"), PROCESSES),
+    ),
+    min_size=5,
+    max_size=40,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(STEPS, st.booleans())
+def test_the_map_after_any_kills_is_the_map_of_everything_published(steps, driver):
+    with tempfile.TemporaryDirectory() as folder:
+        system = System(Path(folder), driver)
+        records = iter(published(len(steps)))
+        for verb, what in steps:
+            if verb == "publish":
+                record = next(records)
+                if driver:
+                    system.publish(record, heard_by_mapper=what)
+                elif system.running:  # what nobody receives, nobody can know
+                    system.publish(record, heard_by_mapper=what or system.running == [system.sources])
+            else:
+                getattr(system, verb)(what)
+        field_map = system.end()
+        require_equal(field_map, system.records)
+
+
+def test_without_logs_the_counts_of_a_planner_that_was_down_are_missing(tmp_path):
+    """What the journal of a planner alone can restore: the fault that the logs mend."""
+    system = System(tmp_path, driver=False)
+    system.kill("recorder")
+    many = published(20)
+    for number, record in enumerate(many):
+        if number == 10:
+            system.kill("planner")
+        system.publish(record)
+    system.kill("mapper")
+    (tmp_path / "session" / OWN / ENTRIES).unlink()
+    system.start("mapper")
+    assert system.field_map.state.records == 10
+
+
+def test_a_record_of_several_sources_counts_once_and_twins_of_one_source_twice():
+    many = published(4)
+    twin = replace(many[1], z_m=math.nan)
+    field_map = FieldMap(GRID)
+    records = MapRecords(field_map)
+    assert records.take(RECEIVED, [many[0], twin, twin]) == [many[0], twin, twin]
+    assert records.take("bag", [many[0], twin, many[3]]) == [many[3]]
+    assert records.take("log", [many[2], twin, twin]) == [many[2]]
+    assert field_map.state.records == 5
+    assert [one.stamp_s for one in field_map.track] == sorted(one.stamp_s for one in field_map.track)
+    assert records.read_anew("bag", [many[0], twin, many[3]]) == []
+
+
+def test_robots_of_a_team_do_not_make_the_map_again_for_each_record():
+    many = published(4)
+    field_map = FieldMap(GRID)
+    records = MapRecords(field_map, late_s=60.0)
+    records.take(RECEIVED, [many[2]])
+    records.take("log", [many[1]])
+    assert [one.stamp_s for one in field_map.track] == [many[2].stamp_s, many[1].stamp_s]
+
+
+def test_unreadable_messages_stay_counted_when_the_map_is_made_again():
+    from soilmoist_ros.mapping.record_check import Skip
+
+    many = published(3)
+    field_map = FieldMap(GRID)
+    records = MapRecords(field_map)
+    field_map.skip(Skip.UNREADABLE, "no points")
+    records.take(RECEIVED, many[1:])
+    records.take("log", many[:1])
+    assert (field_map.state.records, field_map.skipped[Skip.UNREADABLE].count) == (3, 1)
+
+
+def test_a_reset_outlives_a_restart(tmp_path):
+    system = System(tmp_path, driver=True)
+    many = published(9)
+    for record in many[:5]:
+        system.publish(record)
+    system.sources.reset()
+    assert system.field_map.state.records == 0
+    for record in many[5:7]:
+        system.publish(record, heard_by_mapper=False)
+    system.sources.poll()
+    assert system.field_map.state.records == 2
+    system.kill("mapper")
+    system.publish(many[7])
+    system.publish(many[8])
+    require_equal(system.end(), many[5:])
+
+
+def test_a_line_that_is_being_written_is_read_later(tmp_path):
+    many = published(3)
+    with_nan = replace(many[1], x_m=math.nan, y_m=math.nan)
+    log = RecordLog(tmp_path / "log", "map")
+    log.write([many[0], with_nan])
+    path, tail = tmp_path / "log" / ENTRIES, RecordTail(tmp_path / "log", "map")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-20])
+    assert tail.read().records == many[:1]
+    assert tail.read().records == []
+    path.write_bytes(whole)
+    (found,) = tail.read().records
+    assert repr(found) == repr(with_nan)
+    log.close()
+    assert RecordTail(tmp_path / "none", "map").read().records == []
+
+
+def test_records_of_another_frame_stay_out(tmp_path):
+    many = published(2)
+    for frame in ("map", "odom"):
+        with_frame = RecordLog(tmp_path / "session" / frame, frame)
+        with_frame.write(many[: 1 if frame == "map" else 2])
+        with_frame.close()
+    write_bag(tmp_path / "bag", many)
+    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), tmp_path / "session")
+    assert field_map.state.records == 1
+    sources.close()
+    assert stored_counts(tmp_path / "bag", ["/counts"], "odom") == []
+
+
+def test_two_mappers_cannot_share_a_session(tmp_path):
+    first = MapSources(MapRecords(FieldMap(GRID)), tmp_path)
+    with pytest.raises(InputError, match="another"):
+        MapSources(MapRecords(FieldMap(GRID)), tmp_path)
+    first.close()
+
+
+def test_a_full_disk_leaves_the_map_as_it_is_and_is_a_problem(tmp_path, monkeypatch):
+    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), tmp_path)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.fdatasync", full)
+        sources.received(published(1))
+    assert field_map.state.records == 1
+    assert "No space left" in sources.problem
+    sources.received(published(2))
+    assert sources.problem == ""
+    sources.close()
+
+
+def test_a_session_goes_on_while_its_mission_is_interrupted(tmp_path):
+    root, folder = tmp_path / "records", tmp_path / "journal"
+    first = open_session(root, folder, fresh=False)
+    assert open_session(root, None, fresh=False) != first
+    newest = open_session(root, folder, fresh=False)
+    mission = Mission(RULES)
+    with Journal.open(folder) as pages:
+        journal = MissionJournal(pages)
+
+        def happens(event):
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+
+        happens(Moved(1.77e9, 0.0, 0.0))
+        happens(RecordArrived(1.77e9, published(1)[0]))
+        happens(Command(1.78e9, Verb.START))
+        assert open_session(root, folder, fresh=False) == newest
+        assert open_session(root, folder, fresh=True) != newest
+        happens(Command(1.79e9, Verb.ABORT))
+    last = open_session(root, folder, fresh=False)
+    assert last not in (first, newest)
+    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), last, [folder], ["/counts"])
+    sources.merge(sources.missed(OLD_S))
+    assert field_map.state.records == 0, "the journal of the mission before is not part of this map"
+    sources.close()
+
+
+def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):
+    many = published(8)
+    write_bag(tmp_path / "bag", many)
+    assert stored_counts(tmp_path / "bag", ["/counts"], "map") == many
+    assert stored_counts(tmp_path / "bag", ["/salt/counts"], "map") == []
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-300])
+    assert (
+        stored_counts(tmp_path / "bag", ["/counts"], "map")
+        == many[: len(stored_counts(tmp_path / "bag", ["/counts"], "map"))]
+    )
