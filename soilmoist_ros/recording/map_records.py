@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from operator import attrgetter
 from typing import Final
 
-from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.mapping.field_map import FieldMap, SkippedRecords
 from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -94,7 +94,9 @@ class MapRecords:
         return self._until_s
 
     def _rebuild(self, new: list[CountRecord]) -> None:
-        skipped = {reason: entry for reason, entry in self.map.skipped.items() if reason in _OF_MESSAGES}
+        skipped: dict[Skip, SkippedRecords] = {
+            reason: entry for reason, entry in self.map.skipped.items() if reason in _OF_MESSAGES
+        }
         self._records = sorted([*self._records, *new], key=_stamp)
         self.map.reset()
         self.map.skipped |= skipped

@@ -320,7 +320,5 @@ def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):
     assert stored_counts(tmp_path / "bag", ["/salt/counts"], "map") == []
     (file,) = (tmp_path / "bag").glob("*.mcap")
     file.write_bytes(file.read_bytes()[:-300])
-    assert (
-        stored_counts(tmp_path / "bag", ["/counts"], "map")
-        == many[: len(stored_counts(tmp_path / "bag", ["/counts"], "map"))]
-    )
+    found = stored_counts(tmp_path / "bag", ["/counts"], "map")
+    assert found == many[: len(found)]
