@@ -12,10 +12,10 @@ from typing import Final
 from soilmoist_ros.exploration.mission.journal import is_under_way, noted_records
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.recovery import mcap_files
-from soilmoist_ros.recording.bag.stored_counts import stored_counts
 from soilmoist_ros.recording.journal import ENTRIES, LoadedJournal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.record_log import RecordLog, RecordTail, logs_below
+from soilmoist_ros.recording.stored_counts import stored_counts
 from soilmoist_ros.recording.whole_file import write_whole
 from soilmoist_ros.sensing.records import CountRecord
 

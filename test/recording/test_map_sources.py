@@ -23,11 +23,11 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.recording.bag.stored_counts import stored_counts
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.map_sources import DRIVER, OWN, MapSources, open_session
 from soilmoist_ros.recording.record_log import RecordLog, RecordTail
+from soilmoist_ros.recording.stored_counts import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
