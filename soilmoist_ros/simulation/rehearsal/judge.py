@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -27,9 +28,9 @@ class Kind(StrEnum):
 
     NO_GO = "drove into a no-go area"
     OUTSIDE = "drove out of the field"
-    MOVED_STOPPED = "moved after the stop was confirmed"
-    MOVED_EMERGENCY = "moved after an emergency stop"
-    GOAL_EMERGENCY = "goal sent after an emergency stop"
+    MOVED_STANDING = "moved while it was said to stand"
+    MOVED_STOPPED = "moved after a stop without a resume"
+    GOAL_STOPPED = "goal sent without a resume"
     WRONG_PLACE = "went on with a wrong place"
     WRONG_VISIT = "counted at a wrong place"
     TWO_GOALS = "two goals at once"
@@ -67,7 +68,7 @@ class Limits:
     :param border_m: the robot's centre may be this far beyond a border [m]
     :param goal_m: likewise for a goal [m]
     :param still_m: a robot that moves less stands [m]
-    :param stopping_s: time for the robot to stand after an emergency stop [s]
+    :param stopping_s: time for a robot that obeys to stand after a command to stop [s]
     :param wrong_m: error of the place that must be noticed ... [m]
     :param wrong_s: ... within this time [s]
     :param visit_m: a visit may be this far from its stop [m]
@@ -79,7 +80,7 @@ class Limits:
     border_m: float = 0.2
     goal_m: float = 0.2
     still_m: float = 0.5
-    stopping_s: float = 5.0
+    stopping_s: float = 6.0
     wrong_m: float = 8.0
     wrong_s: float = 15.0
     visit_m: float = 4.0
@@ -108,12 +109,13 @@ class Judge:
         self._no_go = [shapely.Polygon(ring) for ring in ground.field.no_go]
         self._field = shapely.Polygon(ground.field.polygon)
         self._counts: Counter[Kind] = Counter()
-        self._emergency_s: float | None = None
-        self._emergency_at: Place | None = None
+        self._stopped: tuple[float, str] | None = None  # by people, and not resumed
+        self._stopped_at: Place | None = None
         self._stood: tuple[Phase, Place] | None = None
         self._wrong_since_s: float | None = None
         self._progress_s = self._started_s = 0.0
         self._counted: list[Place] = []
+        self._sent = 0
         self._begun = False
         self._saved = False
 
@@ -125,21 +127,38 @@ class Judge:
 
     # What the robot does -------------------------------------------------------------------------------------
 
-    def drove(self, now_s: float, before: Place, passed: list[Place], status: MissionStatus) -> None:
-        """The robot has driven from a place along others [m] in the last step; the mission said this before."""
+    def drove(
+        self, now_s: float, before: Place, passed: list[Place], status: MissionStatus, obeys: bool = True
+    ) -> None:
+        """The robot has driven in the last second.
+
+        :param now_s: time [s]
+        :param before: where it was [m]
+        :param passed: places that it has passed, the last one included [m]
+        :param status: what the mission said before
+        :param obeys: whether the navigation does what it is asked; no stop can be demanded of one that does not
+        """
         if passed:
             self._look_at_way(now_s, shapely.LineString([before, *passed]))
         place = passed[-1] if passed else before
         self._look_at_standstill(now_s, place, status)
-        if self._emergency_s is not None and now_s > self._emergency_s + self._limits.stopping_s:
-            self._emergency_at = self._emergency_at or place
-            moved_m = math.dist(self._emergency_at, place)
-            if moved_m > self._limits.still_m:
-                self.blame(Kind.MOVED_EMERGENCY, now_s, f"by {moved_m:.1f} m")
+        self._look_at_stop(now_s, place, status, obeys)
         if status.phase is Phase.COUNTING:
             self._counted.append(place)
         elif status.phase in MOVING:
             self._counted.clear()
+
+    def _look_at_stop(self, now_s: float, place: Place, status: MissionStatus, obeys: bool) -> None:
+        if self._stopped is None:
+            return
+        since_s, what = self._stopped
+        if self._stopped_at is None and (
+            status.phase in STANDING or (obeys and now_s > since_s + self._limits.stopping_s)
+        ):
+            self._stopped_at = place
+        moved_m = math.dist(self._stopped_at, place) if self._stopped_at is not None else 0.0
+        if moved_m > self._limits.still_m:
+            self.blame(Kind.MOVED_STOPPED, now_s, f"by {moved_m:.1f} m after {what} at {since_s:.0f} s")
 
     def _look_at_way(self, now_s: float, way: shapely.LineString) -> None:
         for number, area in enumerate(self._no_go, 1):
@@ -166,15 +185,16 @@ class Judge:
             self._stood = status.phase, place
         moved_m = math.dist(self._stood[1], place)
         if moved_m > self._limits.still_m:
-            self.blame(Kind.MOVED_STOPPED, now_s, f"by {moved_m:.1f} m while {status.phase}: {status.reason}")
+            self.blame(Kind.MOVED_STANDING, now_s, f"by {moved_m:.1f} m while {status.phase}: {status.reason}")
 
     # What is sent and said -----------------------------------------------------------------------------------
 
     def sent(self, now_s: float, place: Place, what: str, allowed: Place | None = None) -> None:
         """A goal has reached the navigation; one at ``allowed`` is always right."""
         self._progress_s = now_s
-        if self._emergency_s is not None:
-            self.blame(Kind.GOAL_EMERGENCY, now_s, what)
+        self._sent += 1
+        if self._stopped is not None:
+            self.blame(Kind.GOAL_STOPPED, now_s, f"{what}, after {self._stopped[1]} at {self._stopped[0]:.0f} s")
         point = shapely.Point(place)
         limit_m = self._limits.goal_m
         outside_m = float(self._field.distance(point))
@@ -187,19 +207,33 @@ class Judge:
         """A goal was sent while the navigation worked on another."""
         self.blame(Kind.TWO_GOALS, now_s, what)
 
-    def emergency(self, now_s: float) -> None:
-        """The emergency stop was pressed."""
-        self._emergency_s, self._emergency_at = now_s, None
+    def stopped(self, now_s: float, what: str) -> None:
+        """Somebody has paused or aborted the mission, or pressed an emergency stop."""
+        if self._stopped is None:
+            self._stopped, self._stopped_at = (now_s, what), None
 
-    def resumed(self, now_s: float) -> None:
-        """An operator's resume was accepted, or a mission was started."""
+    def resumes(self, now_s: float, resume: Callable[[], bool]) -> bool:
+        """An operator resumes or starts a mission.
+
+        :param now_s: time [s]
+        :param resume: does it; whether it is accepted. Goals may be sent meanwhile, but not if it is refused
+        """
+        held, sent = (self._stopped, self._stopped_at), self._sent
+        self._stopped = None
+        accepted = resume()
+        if not accepted:
+            self._stopped, self._stopped_at = held
+            if self._sent > sent:
+                self.blame(Kind.GOAL_STOPPED, now_s, "although the resume was refused")
+            return False
         if not self._begun:
             self._begun, self._started_s = True, now_s
-        self._emergency_s, self._progress_s = None, now_s
+        self._progress_s = now_s
+        return True
 
     def said(self, now_s: float, status: MissionStatus, error_m: float) -> None:
         """The mission says this; the place that the package has is wrong by so much [m]."""
-        alarmed = status.needs_operator or bool(getattr(status, "alarms", ()))
+        alarmed = status.needs_operator or any(alarm.response.stops for alarm in status.alarms)
         at_work = status.phase in (*MOVING, Phase.COUNTING) and not alarmed
         if at_work and error_m > self._limits.wrong_m:
             since_s = self._wrong_since_s = now_s if self._wrong_since_s is None else self._wrong_since_s

@@ -130,7 +130,7 @@ class _Rehearsal:
         world, before = self.world, self.world.robot.place
         passed, begun, replies = world.second()
         if self.planner is not None and self.planner.status is not None:
-            self.judge.drove(world.time_s, before, passed, self.planner.status)
+            self.judge.drove(world.time_s, before, passed, self.planner.status, world.obeys)
         for span in begun:
             self._begin(span)
         self._come_back()
@@ -203,9 +203,8 @@ class _Rehearsal:
     def _operate(self, planner: PlannerProcess) -> None:
         """The operator: gives the commands of the case, and resumes when the mission asks."""
         now_s = self.world.time_s
-        if not self._started and planner.control.command(Verb.START).accepted:
-            self._started = True
-            self.judge.resumed(now_s)
+        if not self._started:
+            self._started = self.judge.resumes(now_s, lambda: planner.control.command(Verb.START).accepted)
         due = [verb for at_s, verb in self._commands if at_s <= now_s]
         self._commands = [(at_s, verb) for at_s, verb in self._commands if at_s > now_s]
         asked = planner.status is not None and planner.status.needs_operator
@@ -214,6 +213,7 @@ class _Rehearsal:
             due.append(Verb.RESUME)
             self._asked_s = math.inf
         for verb in due:
-            answer = planner.control.command(verb)
-            if answer.accepted and verb is Verb.RESUME:
-                self.judge.resumed(now_s)
+            if verb is Verb.RESUME:
+                self.judge.resumes(now_s, lambda: planner.control.command(Verb.RESUME).accepted)
+            elif planner.control.command(verb).accepted and verb in (Verb.PAUSE, Verb.ABORT):
+                self.judge.stopped(now_s, verb)

@@ -138,6 +138,12 @@ class World:
         return record
 
     @property
+    def obeys(self) -> bool:
+        """Whether the navigation has done what it was asked for some seconds."""
+        faults = (Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.SERVER_DEAD)
+        return not any(self.faults.on(fault, self.time_s - ago_s) for fault in faults for ago_s in range(15))
+
+    @property
     def wrong_m(self) -> float:
         """Distance from the last fix to the robot [m]."""
         return 0.0 if self.fixed is None else math.dist(self.fixed, self.robot.place)

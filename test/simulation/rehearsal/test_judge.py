@@ -29,7 +29,7 @@ COUNTING = replace(STATUS, phase=Phase.COUNTING)
 @pytest.fixture
 def judge():
     judge = Judge(GROUND, 600.0)
-    judge.resumed(0.0)
+    judge.resumes(0.0, lambda: True)
     return judge
 
 
@@ -52,30 +52,48 @@ def test_true_ways(judge, way, found):
     assert kinds(judge) == found
 
 
-def test_motion_after_a_confirmed_stop(judge):
+def test_motion_while_it_is_said_to_stand(judge):
     judge.drove(1.0, (5, 5), [], PAUSED)
     judge.drove(2.0, (5, 5), [(5.3, 5)], PAUSED)
     assert kinds(judge) == []
     judge.drove(3.0, (5.3, 5), [(6, 5)], PAUSED)
-    assert kinds(judge) == [Kind.MOVED_STOPPED]
+    assert kinds(judge) == [Kind.MOVED_STANDING]
 
 
-def test_motion_and_goals_after_an_emergency_stop(judge):
-    judge.emergency(10.0)
+def test_motion_and_goals_after_a_stop(judge):
+    judge.stopped(10.0, "emergency")
     judge.drove(12.0, (5, 5), [(7, 5)], STATUS)  # it brakes
     judge.drove(20.0, (7, 5), [], STATUS)
     assert kinds(judge) == []
     judge.drove(21.0, (7, 5), [(8, 5)], STATUS)
     judge.sent(21.0, (5, 5), "a")
-    assert kinds(judge) == [Kind.MOVED_EMERGENCY, Kind.GOAL_EMERGENCY]
+    assert kinds(judge) == [Kind.MOVED_STOPPED, Kind.GOAL_STOPPED]
 
 
-def test_an_operator_ends_an_emergency_stop(judge):
-    judge.emergency(10.0)
-    judge.resumed(30.0)
+def test_a_robot_that_does_not_obey_is_stopped_when_the_mission_says_so(judge):
+    judge.stopped(10.0, "pause")
+    judge.drove(30.0, (5, 5), [(9, 5)], STATUS, obeys=False)
+    judge.drove(31.0, (9, 5), [(15, 5)], STATUS, obeys=False)
+    assert kinds(judge) == []
+    judge.drove(32.0, (15, 5), [], PAUSED, obeys=False)
+    judge.drove(33.0, (15, 5), [(16, 5)], STATUS, obeys=False)
+    assert kinds(judge) == [Kind.MOVED_STOPPED]
+
+
+def test_an_operator_ends_a_stop(judge):
+    judge.stopped(10.0, "emergency")
+    judge.resumes(30.0, lambda: True)
     judge.sent(31.0, (5, 5), "a")
     judge.drove(40.0, (5, 5), [(8, 5)], STATUS)
     assert kinds(judge) == []
+
+
+def test_a_refused_resume_sends_nothing(judge):
+    judge.stopped(10.0, "emergency")
+    judge.resumes(30.0, lambda: False)
+    assert kinds(judge) == []
+    judge.resumes(31.0, lambda: judge.sent(31.0, (5, 5), "a") or False)
+    assert kinds(judge) == [Kind.GOAL_STOPPED]
 
 
 def test_a_wrong_place_must_be_noticed(judge):
