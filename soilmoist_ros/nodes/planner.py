@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
@@ -67,6 +69,7 @@ class Planner(Node):
             self._outputs,
             MissionJournal(self._journal),
             properties,
+            clock=self._mission_clock(),
         )
         self._autostart = self._values.flag("autostart")
         mission = interrupted_mission(
@@ -94,6 +97,10 @@ class Planner(Node):
         self._control.close()
         if self._journal is not None:
             self._journal.close()
+
+    def _mission_clock(self) -> MissionClock:
+        simulated = self.get_parameter("use_sim_time").value
+        return MissionClock(self._outputs.now_s, None if simulated else time.monotonic, boot_id())
 
     def _navigator(self, report: Callable[[Ended], None]) -> Navigator:
         text, number = self._values.text, self._values.number

@@ -18,6 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from soilmoist_ros.exploration.control.explorer import Explorer
+from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
@@ -28,6 +29,7 @@ from soilmoist_ros.exploration.mission.types import (
     Action,
     Answer,
     CancelGoal,
+    ClockStepped,
     Command,
     Finish,
     GoalFailed,
@@ -109,6 +111,7 @@ class MissionControl:
     :param journal: where the mission is written down
     :param properties: namespaces in which further properties are mapped, and their weights; that of the robot's
         own is 1
+    :param clock: mission time; ROS time if ``None``
     :param executor: where stops are chosen; its own thread if ``None``
     """
 
@@ -124,11 +127,13 @@ class MissionControl:
         journal: MissionJournal | None = None,
         properties: Mapping[str, float] = MappingProxyType({}),
         executor: Executor | None = None,
+        clock: MissionClock | None = None,
     ) -> None:
         self._field = field
         self._settings = settings
         self._home = home
         self._outputs = outputs
+        self._clock = clock or MissionClock(outputs.now_s)
         self._access: FieldAccess | None = None
         self._graph: TravelGraph | None = None
         self._cell_m: float | None = None
@@ -164,7 +169,8 @@ class MissionControl:
         self._interrupted = f"resumable: interrupted while {doing}{f' ({stop.stop.name})' if stop else ''}"
         self._resume_when_ready = auto
         self._start(mission)
-        now_s = max(self._outputs.now_s(), mission.state.now_s or 0.0)
+        self._clock.go_on_from(mission.state)
+        now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)
         self._feed.command(now_s, Verb.PAUSE)
         if mission.state.goal is not None:
             self.navigator.cancel(mission.state.goal.goal_id)  # the robot may still be driving there
@@ -223,7 +229,7 @@ class MissionControl:
     def missing(self) -> tuple[str, ...]:
         """What is missing before a mission can start."""
         missing = {
-            "the time (is /clock published?)": self._outputs.now_s() <= 0,
+            "the time (is /clock published?)": self._clock.now_s() <= 0,
             self._no_access: self._access is None,
             "a position": self._feed.place is None,
             self.navigator.waiting_for: bool(self.navigator.waiting_for),
@@ -237,7 +243,7 @@ class MissionControl:
             return Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
         if sets_off and (refusal := self._use_part_of_robot()):
             return Answer(verb, False, refusal)
-        answer = self._feed.command(self._outputs.now_s(), verb)
+        answer = self._feed.command(self._clock.now_s(), verb)
         if answer.accepted and verb is not Verb.PAUSE:
             self._interrupted, self._resume_when_ready = "", False
             self.show()
@@ -245,7 +251,7 @@ class MissionControl:
 
     def fix(self, place: tuple[float, float]) -> None:
         """The robot is here [m]."""
-        now_s = self._outputs.now_s()
+        now_s = self._clock.now_s()
         self._feed.fix(now_s, place)
         if self._feed.place is not None:
             self.navigator.moved(self._feed.place, now_s)
@@ -257,7 +263,7 @@ class MissionControl:
 
         :param name: namespace of the property
         """
-        now_s = self._outputs.now_s()
+        now_s = self._clock.now_s()
         if records:
             with self._queue_lock:
                 self._queue.take_factor(name, correction_factor(records[-1]))
@@ -307,18 +313,22 @@ class MissionControl:
             return
         place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
         if state.phase is Phase.TRAVELLING and taken(place, [pending], access.grid.cell_m)[0]:
-            self._feed.give(Command(self._outputs.now_s(), Verb.SKIP, f"because {name} goes there"))
+            self._feed.give(Command(self._clock.now_s(), Verb.SKIP, f"because {name} goes there"))
 
     def ended(self, ended: Ended) -> None:
         """The navigator reports the end of a goal."""
         if not self._closed:
-            self._feed.ended(self._outputs.now_s(), ended)
+            self._feed.ended(self._clock.now_s(), ended)
 
     def tick(self) -> None:
         """Time has passed; to be called several times a second."""
         self.navigator.tick()
-        if self._outputs.now_s() > 0:
-            self._feed.give(Tick(self._outputs.now_s()))
+        if self._clock.now_s() > 0:
+            for event in self._clock.events(self._mission.state):
+                if isinstance(event, ClockStepped):
+                    _log.warning("the clock was set by %+.1f s; the mission goes on in its own time", event.step_s)
+                self._feed.give(event)
+            self._feed.give(Tick(self._clock.now_s()))
         if self._resume_when_ready and self._mission.state.phase is Phase.PAUSED and not self.missing():
             self.command(Verb.RESUME)
         self._plan_if_due()
@@ -326,7 +336,7 @@ class MissionControl:
     def hand_on(self) -> None:
         """Hand the plans that are ready to the mission."""
         while not self._answers.empty():
-            event = replace(self._answers.get(), now_s=self._outputs.now_s())
+            event = replace(self._answers.get(), now_s=self._clock.now_s())
             if isinstance(event, Planned):
                 self._choice = event.choice
             self._feed.give(event)
@@ -343,6 +353,10 @@ class MissionControl:
     def show(self) -> None:
         """Show the mission as it is."""
         status = self._mission.status
+        offset_s, end_s = status.clock_offset_s, status.estimated_end_s
+        if offset_s:  # people compare it with their clocks
+            end_s = None if end_s is None else end_s + offset_s
+            status = replace(status, now_s=status.now_s + offset_s, estimated_end_s=end_s)
         missing = self.missing() if status.phase is Phase.IDLE else ()
         if missing:
             status = replace(status, reason=f"waiting for {', '.join(missing)}")
@@ -362,7 +376,7 @@ class MissionControl:
 
     def health(self) -> list[Health]:
         """How well what the mission depends on works."""
-        now_s = self._outputs.now_s()
+        now_s = self._clock.now_s()
         navigation = self.navigator.waiting_for
         there = Health("navigation", Level.OK, self.navigator.on_the_way or "there")
         if navigation:
@@ -402,7 +416,7 @@ class MissionControl:
         match action:
             case RequestPlan():
                 with self._queue_lock:
-                    self._queue.ask(action, self._outputs.now_s())
+                    self._queue.ask(action, self._clock.now_s())
                 self._plan_if_due()
             case GoTo():
                 self._go(action)
@@ -414,7 +428,7 @@ class MissionControl:
                 measured_s = self._mission.state.last_stamp_s
                 if measured_s is not None:
                     with self._queue_lock:
-                        self._queue.measured(measured_s)
+                        self._queue.measured(measured_s + self._mission.state.stamp_offset_s)
             case Publish():
                 self._journal.keep(self._mission)
                 self.show()
@@ -432,7 +446,7 @@ class MissionControl:
                 raise InputError("where the robot is, or may go, is not known")
             way = self._access.way(self._feed.place, goal.stop)
         except InputError as refusal:
-            self._feed.give(GoalFailed(self._outputs.now_s(), goal.goal_id, f"not sent: {refusal}", True))
+            self._feed.give(GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
             self.navigator.go(goal.goal_id, goal.stop, way)
 
@@ -440,7 +454,7 @@ class MissionControl:
 
     def _plan_if_due(self) -> None:
         with self._queue_lock:
-            job = self._queue.due(self._outputs.now_s(), self._feed.place)
+            job = self._queue.due(self._clock.now_s(), self._feed.place)
             if job is not None:
                 for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():
                     _log.warning(fault)

@@ -47,6 +47,7 @@ from soilmoist_ros.exploration.mission.types import (
     AlarmOver,
     Answer,
     Changes,
+    ClockStarted,
     ClockStepped,
     Command,
     EmergencyStop,
@@ -178,6 +179,8 @@ class _Turn(Moves):
                 self.alarm_over(cause)
             case EmergencyStop(active=active, source=source):
                 self.emergency(active, source)
+            case ClockStarted(boot=boot, offset_s=offset_s):
+                self.state = replace(self.state, boot=boot, steady_offset_s=offset_s)
             case ClockStepped(step_s=step_s):
                 self.state = replace(self.state, stamp_offset_s=self.state.stamp_offset_s + step_s)
             case Tick():
@@ -320,6 +323,8 @@ class _Turn(Moves):
             still_at=self.state.still_at,
             still_since_s=self.state.still_since_s,
             stamp_offset_s=self.state.stamp_offset_s,
+            boot=self.state.boot,
+            steady_offset_s=self.state.steady_offset_s,
             alarms=self.state.alarms,
             ruled_out=self.state.ruled_out,
             changes=self.state.changes,

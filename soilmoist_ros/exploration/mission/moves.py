@@ -167,7 +167,8 @@ class Moves:
 
     def plan(self, reason: str) -> None:
         """Go to the next stop that was asked for, or request one, if the time left suffices."""
-        if self.take_queued(reason):
+        reason, going = self.take_queued(reason)
+        if going:
             return
         left_s = self.leave_by_s() - self.now_s
         if left_s <= self.rules.min_dwell_s:
@@ -184,8 +185,11 @@ class Moves:
         number = f"warm-up stop {self.state.samples + 1} of {self.rules.warm_up_stops}"
         self.enter(Phase.PLANNING, f"{reason}; choosing {number if warm_up else 'the next stop'}")
 
-    def take_queued(self, reason: str) -> bool:
-        """Go to the first queued stop that fits into the time, and drop those before; whether there is one."""
+    def take_queued(self, reason: str) -> tuple[str, bool]:
+        """Go to the first queued stop that fits into the time, and drop those before.
+
+        :returns: the reason with the stops that were dropped, and whether the robot goes to one
+        """
         while self.state.queue:
             queued, *rest = self.state.queue
             self.state = replace(self.state, queue=tuple(rest))
@@ -197,9 +201,9 @@ class Moves:
                     self.state, plan=None, target=Target(queued.stop, asked, travel_s, dwell=dwell)
                 )
                 self.travel(travel_s, f"{reason}; going to {queued.stop.name}: {asked}")
-                return True
+                return reason, True
             reason = f"{reason}; no time for {queued.stop.name}, which {queued.who} requested"
-        return False
+        return reason, False
 
     def fits(self, stop: Stop, travel_s: float) -> bool:
         """Whether the time left suffices for a stop and the way home from it."""

@@ -159,6 +159,8 @@ class MissionState:
     :param odometer_at: up to where the distance has been added up [m]
     :param last_stamp_s: stamp of the newest record [s]
     :param stamp_offset_s: the clock that stamps the records minus mission time [s]
+    :param boot: names the start of the computer from which the steady clock counts; empty if unknown
+    :param steady_offset_s: mission time minus steady time [s]
     :param alarms: dangers that are on
     :param emergency: emergency stops that are pressed
     :param queue: stops that an operator has asked for
@@ -201,6 +203,8 @@ class MissionState:
     still_at: tuple[float, float] | None = None
     still_since_s: float | None = None
     stamp_offset_s: float = 0.0
+    boot: str = ""
+    steady_offset_s: float = 0.0
     alarms: tuple[Alarm, ...] = ()
     emergency: tuple[str, ...] = ()
     queue: tuple[QueuedStop, ...] = ()

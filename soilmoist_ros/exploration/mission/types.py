@@ -352,6 +352,20 @@ class EmergencyStop:
 
 
 @dataclass(frozen=True, slots=True)
+class ClockStarted:
+    """Mission time follows a steady clock.
+
+    :param now_s: time [s]
+    :param boot: names the start of the computer from which steady time counts
+    :param offset_s: mission time minus steady time [s]
+    """
+
+    now_s: float
+    boot: str
+    offset_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class ClockStepped:
     """The clock that stamps the records was set, forward (positive) or back [s]. Mission time goes on evenly."""
 
@@ -377,6 +391,7 @@ Event = (
     | Alarm
     | AlarmOver
     | EmergencyStop
+    | ClockStarted
     | ClockStepped
     | Tick
 )

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
-from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -25,7 +26,9 @@ from soilmoist_ros.sensing.records import CountRecord
 class Around:
     """Robot, navigation, sensor, mapper and displays in one."""
 
-    def __init__(self, home="", dwell="fmi:30", strategy="greedy", properties=(), factor=1.0, **rules):
+    def __init__(
+        self, home="", dwell="fmi:30", strategy="greedy", properties=(), factor=1.0, steady=None, **rules
+    ):
         self.time_s, self.goals, self.shown, self.saved, self.finished = 0.0, [], [], [], None
         self.visits = []
         self.waiting_for, self.on_the_way, self.measured = "", "", []
@@ -45,7 +48,15 @@ class Around:
         field = Field("square", LocalFrame(53.0, 0.0), square, (), 2.0)
         self.factor = factor
         self.control = MissionControl(
-            field, settings, given, home, 20.0, self.navigator, self, properties=dict(properties)
+            field,
+            settings,
+            given,
+            home,
+            20.0,
+            self.navigator,
+            self,
+            properties=dict(properties),
+            clock=MissionClock(self.now_s, steady, "boot"),
         )
 
     def navigator(self, report):
@@ -318,3 +329,35 @@ def test_each_record_is_acknowledged_while_the_robot_counts():
         around.control.records([CountRecord(stamp_s, *place, 0.0, 40, 10.0, 10.0)])
         assert set(acknowledged) == {stamp_s}
         acknowledged.clear()
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 21600.0])
+def test_a_clock_that_is_set_changes_nothing_but_the_stamps(step_s):
+    steady = [50.0]
+    around = Around(budget_s=900.0, steady=lambda: steady[0])
+
+    def pass_time(time_s, set_s=0.0):
+        around.time_s += time_s + set_s
+        steady[0] += time_s
+        around.control.tick()
+
+    around.begin()
+    before = around.status
+    pass_time(1.0, step_s)
+    after = around.status
+    assert (after.phase, after.reason, after.clock_offset_s) == (
+        before.phase,
+        before.reason,
+        pytest.approx(step_s),
+    )
+    assert after.time_used_s == pytest.approx(before.time_used_s + 1.0)
+    assert after.estimated_end_s == pytest.approx(before.estimated_end_s + step_s), "people see their own time"
+    around.arrive()
+    steady[0] += 30.0
+    for _ in range(3):
+        steady[0] += 10.0
+        around.count(1)
+    assert around.visits, "records that carry the new time count"
+    assert around.visits[-1].end_stamp_s == pytest.approx(around.time_s)
+    pass_time(1000.0)
+    assert around.status.ended is MissionEnd.TIME_UP, "limits still work"

@@ -1,0 +1,6 @@
+"""The driver of missions is a module of these tests."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))

@@ -1,0 +1,261 @@
+"""How a mission stops: confirmed standstill, waits after failures, dangers, emergency stop (moves.py)."""
+
+import pytest
+from mission_driver import EAST, HOME, Driver
+
+from soilmoist_ros.exploration.mission.types import (
+    Alarm,
+    AlarmOver,
+    CancelGoal,
+    EmergencyStop,
+    Finish,
+    GoalFailed,
+    GoTo,
+    MissionEnd,
+    Moved,
+    Phase,
+    RequestPlan,
+    Response,
+    Tick,
+    VisitDone,
+)
+from soilmoist_ros.exploration.mission.visit import VisitEnd
+
+
+def seen_at(driver, *places, every_s=2.0):
+    for place in places:
+        driver.send(Moved, *place, after=every_s)
+    return driver
+
+
+# Standstill
+
+
+def test_what_follows_waits_until_the_robot_stands():
+    driver = Driver(standstill_s=4.0).travelling().command("pause")
+    assert driver.last(CancelGoal).goal_id == 1
+    driver.send(GoalFailed, 1, "cancelled")
+    assert driver.phase is Phase.CANCELLING, "the end of the goal does not prove that the robot stands"
+    seen_at(driver, (5.0, 0.0), (8.0, 0.0), (9.0, 0.0))
+    assert driver.phase is Phase.CANCELLING
+    seen_at(driver, (9.1, 0.0), (9.0, 0.1), (9.1, 0.0))
+    assert driver.phase is Phase.PAUSED
+
+
+def test_a_robot_that_does_not_stop_is_asked_again_and_it_is_said():
+    driver = Driver(standstill_s=4.0, cancel_limit_s=10.0).travelling().command("abort")
+    for number in range(2, 5):
+        seen_at(driver, *((10.0 * number + step, 0.0) for step in range(0, 10, 2)))
+        assert driver.count_of(CancelGoal) == number
+        assert driver.phase is Phase.CANCELLING
+        assert f"asked {number} times to stop" in driver.reason
+        assert "it still moves" in driver.reason
+    assert driver.count_of(Finish) == 0
+    driver.send(GoalFailed, 1, "cancelled")
+    seen_at(driver, *[(50.0, 0.0)] * 4)
+    assert driver.phase is Phase.IDLE
+
+
+def test_without_places_nobody_knows_whether_the_robot_stands():
+    driver = Driver(standstill_s=4.0, cancel_limit_s=10.0).travelling().command("pause")
+    driver.send(GoalFailed, 1, "cancelled").send(Tick, after=100.0)
+    assert driver.phase is Phase.CANCELLING
+    assert "its place is not known" in driver.reason
+
+
+def test_a_dead_navigation_and_a_robot_that_stands():
+    driver = Driver(standstill_s=4.0, cancel_limit_s=10.0).travelling().command("pause")
+    seen_at(driver, *[(3.0, 0.0)] * 4)
+    assert driver.phase is Phase.CANCELLING, "the navigation may still send it on"
+    driver.send(Tick, after=2.0)
+    assert driver.phase is Phase.PAUSED
+    assert "was not reported" in driver.reason
+
+
+# Waits after failures
+
+
+def test_waits_double_with_each_failure_in_a_row():
+    driver = Driver(backoff_s=2.0, backoff_limit_s=6.0, failures_to_pause=5, retries=9).travelling()
+    waits_s = []
+    for _ in range(4):
+        driver.fail_goal()
+        assert driver.phase is Phase.WAITING
+        assert "trying again in" in driver.reason
+        waits_s.append(driver.mission.next_deadline_s - driver.now_s)
+        goals = driver.count_of(GoTo)
+        driver.send(Tick, after=waits_s[-1] - 0.1)
+        assert driver.count_of(GoTo) == goals
+        driver.send(Tick, after=0.1)
+        assert driver.count_of(GoTo) == goals + 1
+    assert waits_s == [2.0, 4.0, 6.0, 6.0]
+    driver.fail_goal()
+    assert driver.phase is Phase.PAUSED
+    assert driver.mission.status.needs_operator
+
+
+@pytest.mark.parametrize("verb", ["pause", "abort", "skip"])
+def test_an_operator_is_heard_in_a_wait(verb):
+    driver = Driver(backoff_s=60.0).travelling().fail_goal().command(verb)
+    assert driver.answer.accepted
+    assert driver.phase in (Phase.PAUSED, Phase.IDLE, Phase.PLANNING)
+
+
+# Dangers
+
+
+def danger(response, cause="place", reason="the robot is 12 m outside the field"):
+    return Alarm, cause, response, reason
+
+
+PHASES = {
+    Phase.PLANNING: lambda driver: driver.start(),
+    Phase.TRAVELLING: lambda driver: driver.travelling(),
+    Phase.COUNTING: lambda driver: driver.counting().record(),
+    Phase.WAITING: lambda driver: driver.travelling().fail_goal(),
+    Phase.RETURNING: lambda driver: driver.counting().record().plan_home(),
+}
+
+
+class Careful(Driver):
+    def plan_home(self):
+        self.record(raw_counts=30)
+        for _ in range(4):
+            self.record()
+        return self.plan(None)
+
+    def settle(self):
+        """The navigation reports the end of the goal, if one is cancelled."""
+        goal = self.mission.state.goal if self.phase is Phase.CANCELLING else None
+        return self.send(GoalFailed, goal.goal_id, "cancelled") if goal else self
+
+
+def in_phase(phase):
+    driver = PHASES[phase](Careful(home=HOME, backoff_s=30.0))
+    assert driver.phase is phase
+    return driver
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("response", [Response.PAUSE, Response.HOLD])
+def test_a_danger_stops_the_robot_in_every_phase(phase, response):
+    driver = in_phase(phase)
+    goals = driver.count_of(GoTo)
+    driver.send(*danger(response)).settle()
+    assert driver.phase is Phase.PAUSED
+    assert "12 m outside" in driver.reason
+    assert driver.mission.status.needs_operator == (response is Response.PAUSE)
+    assert not driver.command("resume").answer.accepted, "not while it lasts"
+    assert "12 m outside" in driver.answer.message
+    driver.send(AlarmOver, "place", after=5.0)
+    assert (driver.phase is Phase.PAUSED) == (response is Response.PAUSE)
+    if response is Response.PAUSE:
+        assert driver.count_of(GoTo) == goals
+        assert driver.command("resume").answer.accepted
+    expected = {Phase.WAITING: Phase.TRAVELLING}.get(phase, phase)
+    assert driver.phase is expected
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_danger_sends_the_robot_home(phase):
+    driver = in_phase(phase)
+    driver.send(*danger(Response.RETURN, reason="the battery is at 14 %")).settle()
+    assert driver.phase is Phase.RETURNING or driver.mission.state.phase is Phase.FINISHED
+    if phase not in (Phase.RETURNING,):
+        assert driver.mission.state.ended is MissionEnd.FAILSAFE
+    if phase is Phase.COUNTING:
+        assert driver.last(VisitDone).visit.ended is VisitEnd.FAILSAFE
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_danger_ends_the_mission_where_it_is(phase):
+    driver = in_phase(phase)
+    driver.send(*danger(Response.ABORT)).settle()
+    assert driver.phase is Phase.IDLE
+    assert driver.last(Finish).code is MissionEnd.FAILSAFE
+    assert driver.last(Finish).aborted
+    assert not driver.command("start").answer.accepted
+
+
+def test_a_warning_is_shown_and_nothing_else():
+    driver = Driver().counting()
+    driver.send(*danger(Response.WARN))
+    assert driver.phase is Phase.COUNTING
+    assert [alarm.cause for alarm in driver.mission.status.alarms] == ["place"]
+    driver.send(*danger(Response.IGNORE))
+    assert driver.mission.status.alarms == ()
+
+
+def test_a_paused_robot_is_not_sent_home_but_goes_there_when_it_is_resumed():
+    driver = Driver(home=HOME).counting().command("pause")
+    driver.send(*danger(Response.RETURN, reason="the battery is at 14 %"))
+    assert driver.phase is Phase.PAUSED
+    assert driver.command("resume").phase is Phase.RETURNING
+    assert "14 %" in driver.reason
+
+
+def test_an_operator_takes_a_hold_over():
+    driver = Driver().counting().send(*danger(Response.HOLD))
+    driver.command("pause").send(AlarmOver, "place")
+    assert driver.phase is Phase.PAUSED
+
+
+def test_two_dangers_hold_until_both_are_over():
+    driver = Driver().counting().send(*danger(Response.HOLD)).send(*danger(Response.HOLD, cause="fix"))
+    assert driver.send(AlarmOver, "place").phase is Phase.PAUSED
+    assert driver.send(AlarmOver, "fix").phase is Phase.COUNTING
+
+
+def test_no_start_into_a_danger():
+    driver = Driver().send(Moved, 0.0, 0.0).send(*danger(Response.PAUSE)).command("start")
+    assert not driver.answer.accepted
+    assert "12 m outside" in driver.answer.message
+    assert driver.send(AlarmOver, "place").command("start").answer.accepted
+
+
+# Emergency stop
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_an_emergency_stop_holds_until_an_operator_resumes(phase):
+    driver = in_phase(phase)
+    goals = driver.count_of(GoTo)
+    driver.send(EmergencyStop, True, "button").settle()
+    if driver.mission.state.goals:
+        assert driver.count_of(CancelGoal) >= 1, "whatever the navigation is doing, it is asked to stop"
+    assert driver.phase is Phase.PAUSED
+    assert driver.mission.status.emergency
+    assert not driver.command("resume").answer.accepted
+    assert "button" in driver.answer.message
+    driver.send(EmergencyStop, False, "button").send(Tick, after=600.0)
+    assert driver.phase is Phase.PAUSED, "a release moves nothing"
+    assert driver.count_of(GoTo) == goals
+    assert driver.command("resume").answer.accepted
+
+
+def test_every_emergency_stop_must_be_released():
+    driver = Driver().counting().send(EmergencyStop, True, "left").send(EmergencyStop, True, "right")
+    driver.send(EmergencyStop, False, "left").command("resume")
+    assert not driver.answer.accepted
+    assert driver.send(EmergencyStop, False, "right").command("resume").answer.accepted
+
+
+def test_an_emergency_stop_of_an_idle_robot_forbids_the_start():
+    driver = Driver().send(Moved, 0.0, 0.0).send(EmergencyStop, True, "button").command("start")
+    assert not driver.answer.accepted
+    assert driver.phase is Phase.IDLE
+
+
+def test_a_hold_does_not_end_an_emergency_stop():
+    driver = Driver().counting().send(*danger(Response.HOLD)).send(EmergencyStop, True, "button")
+    driver.send(EmergencyStop, False, "button").send(AlarmOver, "place")
+    assert driver.phase is Phase.PAUSED
+
+
+def test_the_next_plan_comes_only_after_the_release():
+    driver = Driver().start().send(EmergencyStop, True, "button")
+    plans = driver.count_of(RequestPlan)
+    driver.plan(EAST)
+    assert (driver.phase, driver.count_of(GoTo)) == (Phase.PAUSED, 0), "a late plan moves nothing"
+    driver.send(EmergencyStop, False, "button").command("resume")
+    assert driver.count_of(RequestPlan) == plans + 1
