@@ -55,7 +55,7 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "queue": json.dumps(list(status.queue)),
         **(more or {}),
     }
-    return health_to_status(Health("mission", _level(status), f"{status.phase}: {status.reason}", values))
+    return health_to_status(Health("mission", status_level(status), f"{status.phase}: {status.reason}", values))
 
 
 def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
@@ -95,7 +95,8 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None
 
 
-def _level(status: MissionStatus) -> Level:
+def status_level(status: MissionStatus) -> Level:
+    """Severity of a status, see :func:`mission_to_message`."""
     if status.emergency or status.stop_requests > 1 or (status.phase is Phase.PAUSED and status.needs_operator):
         return Level.ERROR
     doubtful = status.phase is Phase.PAUSED or status.failures or status.silent or status.alarms

@@ -12,10 +12,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.stamps import to_time
+from soilmoist_ros.exploration.mission.types import Polygons
 from soilmoist_ros.exploration.travel.stop import Stop
 
 _NEXT: Final = ColorRGBA(r=1.0, g=0.5, b=0.0, a=1.0)
 _LATER: Final = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.8)
+_RULED_OUT: Final = ColorRGBA(r=0.8, g=0.1, b=0.1, a=0.9)
 _STOP_M: Final = 1.0
 _TEXT_M: Final = 1.2
 _LINE_M: Final = 0.15
@@ -43,11 +45,14 @@ def pose_stamped(x_m: float, y_m: float, stamp_s: float, frame_id: str = FRAME) 
     return PoseStamped(header=Header(stamp=to_time(stamp_s), frame_id=frame_id), pose=pose)
 
 
-def plan_to_markers(stops: Sequence[Stop], dwell_s: float, stamp_s: float, frame_id: str = FRAME) -> MarkerArray:
-    """Markers of the stops, with order, name and dwell; they replace the earlier markers.
+def plan_to_markers(
+    stops: Sequence[Stop], dwell_s: float, ruled_out: Polygons, stamp_s: float, frame_id: str = FRAME
+) -> MarkerArray:
+    """Markers of the stops, with order, name and dwell, and of areas; they replace the earlier markers.
 
     :param stops: the stops ahead, the next one first
     :param dwell_s: expected dwell at each stop [s]
+    :param ruled_out: corners of the areas in which no stop is chosen [m]
     :param stamp_s: time of the plan [s since 1970-01-01 UTC]
     :param frame_id: frame of the places
     """
@@ -57,6 +62,10 @@ def plan_to_markers(stops: Sequence[Stop], dwell_s: float, stamp_s: float, frame
         line = _marker(header, "way", 0, Marker.LINE_STRIP, _LATER, _LINE_M)
         line.points = [_point(stop.x_m, stop.y_m) for stop in stops]
         markers.append(line)
+    for number, corners in enumerate(ruled_out):
+        border = _marker(header, "ruled_out", number, Marker.LINE_STRIP, _RULED_OUT, _LINE_M)
+        border.points = [_point(*corner) for corner in (*corners, corners[0])]
+        markers.append(border)
     for number, stop in enumerate(stops):
         colour = _LATER if number else _NEXT
         place = _marker(header, "stops", number, Marker.CYLINDER, colour, _STOP_M)

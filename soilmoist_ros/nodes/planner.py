@@ -5,18 +5,16 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Final
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from std_srvs.srv import Trigger
 
 from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission
-from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
+from soilmoist_ros.exploration.mission.types import Verb
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
@@ -30,6 +28,7 @@ from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_c
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.planner import PARAMETERS, explorer_settings, mission_rules
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.wiring.planner_commands import PlannerCommands
 from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
@@ -84,8 +83,7 @@ class Planner(Node):
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
         self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others, properties)
-        for verb in TRIGGERS:
-            self.create_service(Trigger, f"planner/{verb}", partial(self._command, verb))
+        self._commands = PlannerCommands(self, self._control, self._values, self._stay)
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.
         self.create_timer(MISSION_TICK_S, self._control.tick)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -115,11 +113,8 @@ class Planner(Node):
         kind = action_class(text("action_type"))
         return GotoNodeNavigator(self, text("action_name"), kind, text("feedback_topic"), client, report)
 
-    def _command(self, verb: Verb, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._autostart = self._autostart and verb is not Verb.ABORT
-        answer = self._control.command(verb)
-        response.success, response.message = answer.accepted, answer.message
-        return response
+    def _stay(self) -> None:
+        self._autostart = False
 
     # Time ----------------------------------------------------------------------------------------------------
 

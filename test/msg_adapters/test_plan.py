@@ -13,6 +13,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 
 METRES = st.floats(-1e4, 1e4)
 STOPS = st.lists(st.builds(Stop, st.text("abc", min_size=1), METRES, METRES), max_size=6)
+AREAS = st.lists(st.lists(st.tuples(METRES, METRES), min_size=3, max_size=5).map(tuple), max_size=2).map(tuple)
 
 
 @given(STOPS)
@@ -24,17 +25,21 @@ def test_places_come_back_in_order(stops):
 
 
 @pytest.mark.slow
-@given(STOPS)
-def test_markers_replace_all_before_and_name_each_stop(stops):
-    array = deserialize_message(serialize_message(plan_to_markers(stops, 400.4, 1e9)), MarkerArray)
+@given(STOPS, AREAS)
+def test_markers_replace_all_before_and_name_each_stop_and_area(stops, areas):
+    array = deserialize_message(serialize_message(plan_to_markers(stops, 400.4, areas, 1e9)), MarkerArray)
     assert array.markers[0].action == Marker.DELETEALL
     texts = [marker.text for marker in array.markers if marker.type == Marker.TEXT_VIEW_FACING and marker.text]
     assert texts == [f"{number}: {stop.name}, 400 s" for number, stop in enumerate(stops, 1)]
     keys = [(marker.ns, marker.id) for marker in array.markers[1:]]
     assert len(set(keys)) == len(keys), "no marker replaces another"
     assert all(marker.pose.orientation.w == 1.0 and marker.color.a > 0 for marker in array.markers[1:])
-    lines = [marker for marker in array.markers if marker.type == Marker.LINE_STRIP]
-    assert [len(line.points) for line in lines] == ([len(stops)] if len(stops) > 1 else [])
+    lines = {marker.ns: [] for marker in array.markers}
+    for marker in array.markers:
+        if marker.type == Marker.LINE_STRIP:
+            lines[marker.ns].append(len(marker.points))
+    assert lines.get("way", []) == ([len(stops)] if len(stops) > 1 else [])
+    assert lines.get("ruled_out", []) == [len(area) + 1 for area in areas], "closed lines"
 
 
 def test_a_pose_takes_numbers_of_any_kind():

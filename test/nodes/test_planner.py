@@ -93,7 +93,7 @@ def test_a_whole_mission_by_itself(ros, tmp_path):
 def test_every_visit_is_published_and_recorded_as_the_mission_had_it(ros, tmp_path):
     from soilmoist_msgs.msg import Visit as VisitMessage
 
-    from msg_adapters.visits import visit_from_message
+    from msg_adapters.soilmoist.visits import visit_from_message
 
     recorder = ros.start("recorder", params={"out": str(tmp_path), "name": "bag"}, namespace="/robot_1")
     published = ros.collect(VisitMessage, "/robot_1/visits", VISITS)
@@ -133,7 +133,12 @@ def test_without_its_message_type_the_planner_logs_the_visits_only(ros, tmp_path
     with World(ros) as world, VirtualNavigation(ros, world):
         planning = Planning(ros, tmp_path, autostart=True, exit_when_finished=True)
         assert planning.process.wait() == 0
-    assert planning.process.output().count("visits are not published: soilmoist_msgs is not installed") == 1
+    assert (
+        planning.process.output().count(
+            "visits and mission_state are not published: soilmoist_msgs is not installed"
+        )
+        == 1
+    )
     assert planning.process.output().count("visit: ") == planning.status.samples >= 2
 
 

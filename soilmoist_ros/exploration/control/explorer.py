@@ -16,7 +16,7 @@ from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spr
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
-from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
@@ -127,6 +127,8 @@ class Explorer:
         if request.blacklisted:
             ruled_out = set(request.blacklisted)
             free &= np.array([stop.name not in ruled_out for stop in self.stops], bool)
+        if request.ruled_out:
+            free &= ~inside_any(request.ruled_out, self._xy)
         kept = np.flatnonzero(free)
         candidates, candidates_xy, home_s = self.stops, self._xy, self._home_s
         if len(kept) < len(candidates):

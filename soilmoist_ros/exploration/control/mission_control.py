@@ -20,7 +20,19 @@ import numpy as np
 from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
+from soilmoist_ros.exploration.control.mission_setup import (
+    ExplorerSettings,
+    FieldAccess,
+    changed_settings,
+    make_explorer,
+)
+from soilmoist_ros.exploration.control.operator_request import (
+    OperatorRequest,
+    Reply,
+    ReplyCode,
+    RequestError,
+    Requests,
+)
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.mission.journal import MissionJournal
@@ -31,6 +43,7 @@ from soilmoist_ros.exploration.mission.types import (
     CancelGoal,
     ClockStepped,
     Command,
+    EmergencyStop,
     Finish,
     GoalFailed,
     GoTo,
@@ -66,6 +79,9 @@ RECORD_STAMP = "record_stamp_s"
 """Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
 RECORD_OLD_S = 60.0
 """A record older than this is one, too [s]."""
+
+_DECISIONS = (Verb.START, Verb.RESUME, Verb.ABORT, Verb.SKIP, Verb.RETURN)
+"""Commands after which a mission that was interrupted is an ordinary one again."""
 
 _log = logging.getLogger(__name__)
 
@@ -148,7 +164,7 @@ class MissionControl:
         self._queue_lock = Lock()
         self._pool = executor or ThreadPoolExecutor(1, "planning")
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
-        self._explorer: tuple[float | None, FieldAccess, Explorer] | None = None  # of the pool's thread
+        self._explorer: tuple[tuple[object, ...], Explorer] | None = None  # of the pool's thread
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
         self._record_stamp_s = self._shown_stamp_s = -math.inf
@@ -171,7 +187,7 @@ class MissionControl:
         self._start(mission)
         self._clock.go_on_from(mission.state)
         now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)
-        self._feed.command(now_s, Verb.PAUSE)
+        self._feed.command(Command(now_s, Verb.PAUSE))
         if mission.state.goal is not None:
             self.navigator.cancel(mission.state.goal.goal_id)  # the robot may still be driving there
 
@@ -237,17 +253,53 @@ class MissionControl:
         return tuple(what for what, lacks in missing.items() if lacks)
 
     def command(self, verb: Verb) -> Answer:
-        """The operator asks for something."""
+        """The operator asks for something that needs no details."""
+        return self._command(Command(self._clock.now_s(), verb))
+
+    def request(self, request: OperatorRequest) -> Reply:
+        """An operator, known by name, asks for something; what cannot be used changes nothing."""
+        mission = self._mission
+        requests = Requests(self._field.frame, self._access, self._settings, mission.current_rules, mission.state)
+        try:
+            answer = self._command(requests.command(request, self._clock.now_s()))
+        except RequestError as error:
+            return Reply(error.code, str(error))
+        return Reply(ReplyCode.ACCEPTED if answer.accepted else ReplyCode.REFUSED, answer.message)
+
+    def _command(self, command: Command) -> Answer:
+        verb = command.verb
         sets_off = verb is Verb.RESUME or (verb is Verb.START and not self.under_way)
         if sets_off and (missing := self.missing()):
             return Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
         if sets_off and (refusal := self._use_part_of_robot()):
             return Answer(verb, False, refusal)
-        answer = self._feed.command(self._clock.now_s(), verb)
-        if answer.accepted and verb is not Verb.PAUSE:
+        answer = self._feed.command(command)
+        if answer.accepted and verb in _DECISIONS:
             self._interrupted, self._resume_when_ready = "", False
+        if answer.accepted and verb is not Verb.PAUSE:
             self.show()
         return answer
+
+    def emergency(self, pressed: bool, source: str) -> None:
+        """An emergency stop is pressed or released; a release moves nothing."""
+        if pressed:
+            self._resume_when_ready = False
+        self._feed.give(EmergencyStop(self._clock.now_s(), pressed, source))
+
+    @property
+    def settings(self) -> dict[str, str | float]:
+        """The settings that an operator may change, as they are now, by the names of the parameters."""
+        mission = self._mission
+        rules, changes = mission.current_rules, mission.state.changes
+        explorer = changed_settings(self._settings, rules, changes)
+        home = rules.home.name if rules.home is not None else self._home
+        return {
+            "hours": round(rules.budget_s / 3600, 9),
+            "dwell": str(rules.dwell),
+            "strategy": explorer.strategy,
+            "target": "rate" if explorer.curve is None else "vwc",
+            "home": home,
+        }
 
     def fix(self, place: tuple[float, float]) -> None:
         """The robot is here [m]."""
@@ -363,9 +415,10 @@ class MissionControl:
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
             status = replace(status, reason=f"{self._interrupted}; resume or abort", needs_operator=True)
         target, choice = status.target, self._choice
-        ahead: tuple[Stop, ...] = () if target is None else (target,)
+        requested = tuple(queued.stop for queued in self._mission.state.queue)
+        ahead = requested if target is None else (target, *requested)
         if choice is not None and choice.stop == target:
-            ahead = (choice.stop, *choice.ahead)
+            ahead = (choice.stop, *requested, *choice.ahead)
         self._shown_stamp_s = self._record_stamp_s
         more = {
             "on_the_way": self.navigator.on_the_way,
@@ -458,23 +511,26 @@ class MissionControl:
             if job is not None:
                 for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():
                     _log.warning(fault)
-                self._pool.submit(self._plan, job, self._mission.state.started_s)
+                rules, state = self._mission.current_rules, self._mission.state
+                settings = changed_settings(self._settings, rules, state.changes)
+                self._pool.submit(self._plan, job, state.started_s, settings, rules)
 
-    def _plan(self, job: PlanJob, started_s: float | None) -> None:
+    def _plan(
+        self, job: PlanJob, started_s: float | None, settings: ExplorerSettings, rules: MissionRules
+    ) -> None:
         """In the pool's thread: choose a stop.
 
-        Strategies remember what they planned, so each mission has its own.
+        Strategies remember what they planned, so each mission has its own, and one whose settings were changed.
         """
         try:
             access = self._access
             assert access is not None, "a mission does not start before it knows where the robot may go"
-            held = self._explorer
-            if held is None or held[0] != started_s or held[1] is not access:
-                explorer = make_explorer(access, self._settings, self._mission.rules)
-                held = self._explorer = (started_s, access, explorer)
+            held, made_for = self._explorer, (started_s, access, settings, rules.home)
+            if held is None or held[0] != made_for:
+                held = self._explorer = (made_for, make_explorer(access, settings, rules))
             if job.late:
                 _log.warning("choosing the next stop without what was measured last: the mapper is late")
-            event = answer(held[2], job, self._settings.needs_map)
+            event = answer(held[1], job, settings.needs_map)
         except Exception as error:
             _log.exception("planning failed")
             event = PlanFailed(0.0, job.request.plan_id, f"{type(error).__name__}: {error}")

@@ -18,7 +18,6 @@ from soilmoist_ros.exploration.mission.types import (
     GoalReached,
     Moved,
     RecordArrived,
-    Verb,
 )
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.sensing.records import CountRecord
@@ -69,11 +68,11 @@ class MissionFeed:
             finally:
                 self._busy = False
 
-    def command(self, now_s: float, verb: Verb) -> Answer:
+    def command(self, command: Command) -> Answer:
         """Ask the mission for something."""
         with self._lock:
             self._answers.clear()
-            self.give(Command(now_s, verb))
+            self.give(command)
             return self._answers[0]
 
     def fix(self, now_s: float, place: tuple[float, float]) -> None:

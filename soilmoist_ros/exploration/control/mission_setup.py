@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
-from soilmoist_ros.exploration.mission.types import MissionRules
+from soilmoist_ros.exploration.mission.types import Changes, MissionRules
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
@@ -56,6 +56,7 @@ class ExplorerSettings:
     :param motion: how the robot moves
     :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
     :param access: where the robot may drive
+    :param calibration: calibration that is there for an operator who asks for the map of the moisture
     """
 
     strategy: str
@@ -65,6 +66,7 @@ class ExplorerSettings:
     motion: RobotMotion
     curve: CalibrationCurve | None = None
     access: AccessRules = NO_MARGIN
+    calibration: CalibrationCurve | None = None
 
     @property
     def needs_map(self) -> bool:
@@ -75,6 +77,22 @@ class ExplorerSettings:
     def warm_up_stops(self) -> int:
         """Samples to take before the map guides."""
         return warm_up(self.strategy, self.preset)[0]
+
+
+def changed_settings(settings: ExplorerSettings, rules: MissionRules, changes: Changes | None) -> ExplorerSettings:
+    """How stops are chosen after an operator's changes.
+
+    :param settings: those of the start
+    :param rules: those of now
+    :param changes: what was changed
+    """
+    if changes is None:
+        return settings
+    curve = settings.curve
+    if changes.target is not None:
+        curve = settings.calibration if changes.target == "vwc" else None
+    strategy = settings.strategy if changes.strategy is None else changes.strategy
+    return replace(settings, strategy=strategy, dwell=rules.dwell, curve=curve)
 
 
 class FieldAccess:

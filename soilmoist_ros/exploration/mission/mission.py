@@ -20,7 +20,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import fields
 from typing import assert_never
 
@@ -68,7 +68,7 @@ from soilmoist_ros.exploration.mission.types import (
     Verb,
 )
 from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -205,7 +205,7 @@ class _Turn(Moves):
         if choice is None:
             reason = "nothing is left that is worth measuring or can be reached" + after_colon(event.reason)
             self.end(MissionEnd.NOTHING_LEFT, reason)
-        elif choice.stop.name in blacklisted(self.state) or in_any(self.state.ruled_out, xy(choice.stop)):
+        elif choice.stop.name in blacklisted(self.state) or inside_any(self.state.ruled_out, xy(choice.stop))[0]:
             self.fail(Todo.PLAN, f"the planner chose {choice.stop.name}, which is ruled out for now")
         else:
             travel_s = event.travel_s
@@ -390,7 +390,7 @@ class _Turn(Moves):
             return False, f"no mission is measuring: {self.state.reason}"
         if stop.name in {queued.stop.name for queued in self.state.queue}:
             return False, f"{stop.name} is in the queue already"
-        if in_any(self.state.ruled_out, xy(stop)):
+        if inside_any(self.state.ruled_out, xy(stop))[0]:
             return False, f"{stop.name} lies in an area that is ruled out"
         dwell = ""
         if command.dwell_s is not None:
@@ -409,10 +409,10 @@ class _Turn(Moves):
         if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
             return False, f"an area needs at least three corners in metres, got {len(corners)}"
         self.state = replace(self.state, ruled_out=(*self.state.ruled_out, corners))
-        kept = tuple(queued for queued in self.state.queue if not in_any([corners], xy(queued.stop)))
+        kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop))[0])
         self.state = replace(self.state, queue=kept)
         target = self.state.target
-        if target is not None and in_any([corners], xy(target.stop)):
+        if target is not None and inside_any([corners], xy(target.stop))[0]:
             self.leave_for_good(target.stop, f"{target.stop.name} is ruled out by {command.by}")
         elif self.state.phase is Phase.PLANNING:
             self.plan(f"an area is ruled out by {command.by}")
@@ -461,15 +461,6 @@ class _Turn(Moves):
         else:
             self.end(MissionEnd.RETURNED, f"sent home by {command.by}")
         return True, self.state.reason
-
-
-def in_any(polygons: Sequence[Sequence[tuple[float, float]]], place: tuple[float, float]) -> bool:
-    """Whether a place lies in one of some polygons, given by their corners [m]."""
-    if not polygons:
-        return False
-    import shapely
-
-    return any(bool(shapely.intersects_xy(shapely.Polygon(corners), *place)) for corners in polygons)
 
 
 def _usable(record: CountRecord) -> bool:

@@ -24,6 +24,7 @@ from soilmoist_ros.exploration.mission.types import (
     MissionRules,
     MissionStatus,
     Phase,
+    Polygons,
 )
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_dwell
@@ -208,7 +209,7 @@ class MissionState:
     alarms: tuple[Alarm, ...] = ()
     emergency: tuple[str, ...] = ()
     queue: tuple[QueuedStop, ...] = ()
-    ruled_out: tuple[tuple[tuple[float, float], ...], ...] = ()
+    ruled_out: Polygons = ()
     changes: Changes | None = None
 
     @property
@@ -287,6 +288,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         queue=tuple(queued.stop.name for queued in state.queue),
         strategy=(state.changes and state.changes.strategy) or "",
         clock_offset_s=state.stamp_offset_s,
+        ruled_out=state.ruled_out,
     )
 
 

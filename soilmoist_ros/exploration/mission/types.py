@@ -15,6 +15,10 @@ from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing.records import CountRecord
 
+Polygon = tuple[tuple[float, float], ...]
+Polygons = tuple[Polygon, ...]
+"""Corners of areas: metres east and north of the field's datum."""
+
 
 class Phase(StrEnum):
     """What the mission is doing."""
@@ -233,7 +237,7 @@ class Command:
     who: str = ""
     stop: Stop | None = None
     dwell_s: float | None = None
-    polygon: tuple[tuple[float, float], ...] = ()
+    polygon: Polygon = ()
     stops: tuple[str, ...] = ()
     changes: Changes | None = None
 
@@ -428,7 +432,7 @@ class RequestPlan:
     blacklisted: tuple[str, ...]
     time_left_s: float
     budget_left_s: float
-    ruled_out: tuple[tuple[tuple[float, float], ...], ...] = ()
+    ruled_out: Polygons = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -504,6 +508,7 @@ class MissionStatus:
     :param queue: names of the stops that an operator has asked for
     :param strategy: how stops are chosen, if an operator has changed it
     :param clock_offset_s: how far the clock that stamps the records has been set since the start [s]
+    :param ruled_out: areas in which no stop is chosen
     """
 
     now_s: float
@@ -531,6 +536,7 @@ class MissionStatus:
     queue: tuple[str, ...] = ()
     strategy: str = ""
     clock_offset_s: float = 0.0
+    ruled_out: Polygons = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -29,3 +29,18 @@ def stops_xy(stops: Sequence[Stop]) -> Array:
     """Places of stops, shape (k, 2) [m]."""
     # Two lists of numbers convert faster than thousands of pairs.
     return np.ascontiguousarray(np.array([[stop.x_m for stop in stops], [stop.y_m for stop in stops]], float).T)
+
+
+def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_]:
+    """Whether each place lies in one of some polygons, shape (k,).
+
+    :param polygons: corners of each, shape (c, 2) [m]
+    :param xy: places, shape (k, 2) or (2,) [m]
+    """
+    places = np.asarray(xy, float).reshape(-1, 2)
+    if not len(polygons):
+        return np.zeros(len(places), bool)
+    import shapely
+
+    area = shapely.union_all([shapely.Polygon(np.asarray(corners, float)) for corners in polygons])
+    return np.asarray(shapely.intersects_xy(area, places[:, 0], places[:, 1]), bool)

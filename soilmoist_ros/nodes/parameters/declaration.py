@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.validate_namespace import validate_namespace
 
 from soilmoist_ros.foundation.errors import InputError
@@ -27,7 +29,9 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
 
 
 class Parameters:
-    """The checked and declared parameters of a node, read by type. They cannot change while the node runs.
+    """The checked and declared parameters of a node, read by type, as they were at the start.
+
+    Only live ones can change while the node runs, see :meth:`watch`.
 
     :param node: the node; no parameter of the table may be declared yet
     :param table: rows of the parameters
@@ -35,7 +39,8 @@ class Parameters:
     """
 
     def __init__(self, node: Node, table: Sequence[Parameter]) -> None:
-        rows = {row.name: row for row in table}
+        rows = self._rows = {row.name: row for row in table}
+        self._node = node
         overrides = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
         given, warnings, twice = current_names(rows, overrides)
         self._values, mistakes = check_values(rows, given, known=tuple(node._parameters))
@@ -45,6 +50,33 @@ class Parameters:
             node.get_logger().warning(warning)
         for name, value in self._values.items():
             node.declare_parameter(name, value, rows[name].descriptor(), ignore_override=True)
+
+    def watch(self, change: Callable[[Mapping[str, Value]], str]) -> None:
+        """Let live parameters be set from now on.
+
+        :param change: called with new values that are allowed; returns why they are refused, or an empty text
+        """
+
+        def on_set(given: Sequence[RosParameter]) -> SetParametersResult:
+            values = {}
+            for parameter in given:
+                row = self._rows.get(parameter.name)
+                if row is None or not row.live:
+                    continue
+                try:
+                    values[row.name] = row.checked(parameter.value)
+                except ValueError as error:
+                    return SetParametersResult(successful=False, reason=f"{row.name} {error}")
+            reason = change(values) if values else ""
+            return SetParametersResult(successful=not reason, reason=reason)
+
+        self._node.add_on_set_parameters_callback(on_set)
+
+    def show(self, values: Mapping[str, Value]) -> None:
+        """Show the present values of live parameters; :meth:`watch` passes those that differ to its function."""
+        shown = {name: self._node.get_parameter(name).value for name in values}
+        new = [RosParameter(name, value=value) for name, value in values.items() if value != shown[name]]
+        self._node.set_parameters(new)
 
     def text(self, name: str) -> str:
         """Value of a text parameter."""

@@ -32,6 +32,7 @@ class Parameter:
     :param high: largest value allowed
     :param choices: texts allowed, any if empty
     :param old_names: earlier names, accepted for one release with a warning
+    :param live: whether ``ros2 param set`` may change it while the node runs
     """
 
     name: str
@@ -42,6 +43,7 @@ class Parameter:
     high: float | None = None
     choices: tuple[str, ...] = ()
     old_names: tuple[str, ...] = ()
+    live: bool = False
 
     @property
     def kind(self) -> str:
@@ -90,7 +92,9 @@ class Parameter:
     def descriptor(self) -> ParameterDescriptor:
         """Descriptor for tools such as ``ros2 param describe``."""
         unit = f" [{self.unit}]" if self.unit else ""
-        descriptor = ParameterDescriptor(name=self.name, description=f"{self.description}{unit}", read_only=True)
+        descriptor = ParameterDescriptor(
+            name=self.name, description=f"{self.description}{unit}", read_only=not self.live
+        )
         if self.choices:
             descriptor.additional_constraints = f"one of: {', '.join(self.choices)}"
         limited = self.low is not None or self.high is not None

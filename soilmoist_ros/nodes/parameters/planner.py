@@ -18,21 +18,27 @@ from soilmoist_ros.sensing.moisture.site import load_site
 
 
 def _row(
-    name: str, default: Value, text: str, unit: str = "", low: float | None = None, choices: tuple[str, ...] = ()
+    name: str,
+    default: Value,
+    text: str,
+    unit: str = "",
+    low: float | None = None,
+    choices: tuple[str, ...] = (),
+    live: bool = False,
 ) -> Parameter:
-    return Parameter(name=name, default=default, description=text, unit=unit, low=low, choices=choices)
+    return Parameter(name=name, default=default, description=text, unit=unit, low=low, choices=choices, live=live)
 
 
 PARAMETERS: Final = (
     _row("field", "", "field file, or name of a shipped one"),
-    of_setting("strategy", description="how the next stop is chosen"),
+    of_setting("strategy", description="how the next stop is chosen", live=True),
     of_setting("preset", description="constants of the strategies"),
     of_setting("seed", default=0, description="seed of the strategies' randomness"),
-    of_setting("dwell", description="time at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
-    of_setting("target"),
+    of_setting("dwell", description="time at a stop: fmi:SECONDS, ami:THRESHOLD or optimal", live=True),
+    of_setting("target", live=True),
     _row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     _row("longest_dwell_s", 3600.0, "longest time at a stop", "s", 1.0),
-    of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01),
+    of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01, live=True),
     _row(
         "others",
         [],
@@ -45,7 +51,7 @@ PARAMETERS: Final = (
         "namespaces in which further properties of the field are mapped, to be known as well as the first: "
         "NAMESPACE or NAMESPACE:WEIGHT, the weight of the first being 1; one without a map is left out",
     ),
-    _row("home", "", "stop to return to at the end; the robot stays where it is if empty"),
+    _row("home", "", "stop to return to at the end; the robot stays where it is if empty", live=True),
     _row(
         "graph",
         "topic",
@@ -113,21 +119,22 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
     """
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
+    calibration = load_site(text("site")).curve if text("site") else None
     return ExplorerSettings(
         strategy=text("strategy"),
         preset=text("preset"),
         seed=parameters.whole("seed"),
         dwell=parse_dwell(text("dwell"), number("longest_dwell_s")),
         motion=RobotMotion(number("speed_mps"), number("stop_overhead_s")),
-        curve=_curve(text("site")) if text("target") == "vwc" else None,
+        curve=_required(calibration) if text("target") == "vwc" else None,
+        calibration=calibration,
     )
 
 
-def _curve(site: str) -> CalibrationCurve:
-    curve = load_site(site).curve if site else None
-    if curve is None:
+def _required(calibration: CalibrationCurve | None) -> CalibrationCurve:
+    if calibration is None:
         raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
-    return curve
+    return calibration
 
 
 def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:

@@ -16,7 +16,7 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.plan import plan_to_markers, plan_to_path
-from soilmoist_ros.exploration.mission.types import Finish, MissionStatus
+from soilmoist_ros.exploration.mission.types import Finish, MissionStatus, Polygons
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
@@ -39,12 +39,12 @@ class PlannerOutputs:
         self._mission = node.create_publisher(DiagnosticStatus, "mission", LATCHED)
         self._path = node.create_publisher(Path, "plan", LATCHED)
         self._markers = node.create_publisher(MarkerArray, "plan_markers", LATCHED)
-        self._publish_visit = self._visit_publisher()
+        self._publish_visit, self._publish_state = self._typed_publishers()
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         services = ("mapper/save", *(f"{name}/mapper/save" for name in properties))
         self._saves = [node.create_client(Trigger, service) for service in services]
         self._planned = node.create_guard_condition(hand_on)
-        self._shown: tuple[tuple[Stop, ...], float] | None = None
+        self._shown: tuple[tuple[Stop, ...], float, Polygons] | None = None
         self._reason = ""
         self._saving: list[Future] = []
         self._leave_by_s: float | None = None
@@ -66,10 +66,12 @@ class PlannerOutputs:
             self._reason = status.reason
             self._node.get_logger().info(f"{status.phase}: {status.reason}")
         self._mission.publish(mission_to_message(status, more))
-        if (ahead, status.planned_dwell_s) != self._shown:
-            self._shown = ahead, status.planned_dwell_s
+        self._publish_state(status)
+        shown = ahead, status.planned_dwell_s, status.ruled_out
+        if shown != self._shown:
+            self._shown = shown
             self._path.publish(plan_to_path(ahead, self.now_s()))
-            self._markers.publish(plan_to_markers(ahead, status.planned_dwell_s, self.now_s()))
+            self._markers.publish(plan_to_markers(*shown, self.now_s()))
 
     def visit(self, visit: Visit) -> None:
         """Log a visit, and publish it."""
@@ -100,21 +102,27 @@ class PlannerOutputs:
         """Make the executor pass plans to the mission."""
         self._planned.trigger()
 
-    def _visit_publisher(self) -> Callable[[Visit], None]:
-        """Function that publishes visits if their message type is built."""
+    def _typed_publishers(self) -> tuple[Callable[[Visit], None], Callable[[MissionStatus], None]]:
+        """Functions that publish visits and the state of the mission if their message types are built."""
         try:
+            from soilmoist_msgs.msg import Mission as MissionMessage
             from soilmoist_msgs.msg import Visit as VisitMessage
 
-            from msg_adapters.visits import visit_to_message
+            from msg_adapters.soilmoist.mission_state import mission_state_to_message
+            from msg_adapters.soilmoist.visits import visit_to_message
         except ImportError:
             self._node.get_logger().warning(
-                "visits are not published: soilmoist_msgs is not installed (build interfaces/soilmoist_msgs); "
-                "they are in the log and the journal"
+                "visits and mission_state are not published: soilmoist_msgs is not installed (build "
+                "interfaces/soilmoist_msgs); visits are in the log and the journal"
             )
-            return lambda visit: None
-        publisher = self._node.create_publisher(VisitMessage, "visits", VISITS)
+            return lambda visit: None, lambda status: None
+        visits = self._node.create_publisher(VisitMessage, "visits", VISITS)
+        states = self._node.create_publisher(MissionMessage, "mission_state", LATCHED)
         robot = self._node.get_namespace().strip("/")
-        return lambda visit: publisher.publish(visit_to_message(visit, robot))
+        return (
+            lambda visit: visits.publish(visit_to_message(visit, robot)),
+            lambda status: states.publish(mission_state_to_message(status, self.now_s(), robot)),
+        )
 
     def _on_saved(self, future: Future) -> None:
         answer = future.result()

@@ -8,6 +8,7 @@ import pytest
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionFeed
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
+    Command,
     GoTo,
     MissionRules,
     Moved,
@@ -53,7 +54,7 @@ class Watched:
 def test_an_event_from_within_an_action_waits_for_the_others():
     watched = Watched()
     watched.feed.fix(1.0, (0.0, 0.0))
-    answer = watched.feed.command(2.0, Verb.START)
+    answer = watched.feed.command(Command(2.0, Verb.START))
     assert answer.accepted
     assert watched.shown[-1] is Phase.TRAVELLING, "the status shown last is the newest"
 
@@ -61,13 +62,13 @@ def test_an_event_from_within_an_action_waits_for_the_others():
 def test_a_broken_action_does_not_stop_the_others(caplog):
     watched = Watched(broken=(GoTo,))
     watched.feed.fix(1.0, (0.0, 0.0))
-    watched.feed.command(2.0, Verb.START)
+    watched.feed.command(Command(2.0, Verb.START))
     assert isinstance(watched.actions[-1], Publish)
     assert "a mistake" in caplog.text
 
 
 def test_a_command_says_why_not():
-    answer = Watched().feed.command(1.0, Verb.START)
+    answer = Watched().feed.command(Command(1.0, Verb.START))
     assert not answer.accepted
     assert "wait for a fix" in answer.message
 
@@ -75,7 +76,7 @@ def test_a_command_says_why_not():
 def test_success_is_handed_on_with_the_robots_own_position():
     watched = Watched()
     watched.feed.fix(1.0, (0.0, 0.0))
-    watched.feed.command(2.0, Verb.START)
+    watched.feed.command(Command(2.0, Verb.START))
     goal_id = watched.mission.state.goal.goal_id
     watched.feed.ended(3.0, Ended(goal_id, Outcome.SUCCEEDED, ""))
     assert "30.0 m away" in watched.mission.state.reason
@@ -85,7 +86,7 @@ def test_success_is_handed_on_with_the_robots_own_position():
 def test_other_ends_are_failures(outcome):
     watched = Watched()
     watched.feed.fix(1.0, (30.0, 0.0))
-    watched.feed.command(2.0, Verb.START)
+    watched.feed.command(Command(2.0, Verb.START))
     watched.feed.ended(3.0, Ended(watched.mission.state.goal.goal_id, outcome, "blocked"))
     assert "blocked" in watched.mission.state.reason
 

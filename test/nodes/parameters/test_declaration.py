@@ -69,6 +69,28 @@ def test_no_parameter_may_change_while_the_node_runs(ros):
     assert node.get_parameter("speed_mps").value == parameters.number("speed_mps") == 0.6
 
 
+def test_a_live_parameter_is_set_if_its_value_is_allowed_and_used(ros):
+    node, given = make(ros), []
+    rows = (*TABLE, Parameter(name="hours", default=4.0, description="hours", low=0.01, live=True))
+    parameters = Parameters(node, rows)
+    parameters.watch(lambda values: given.append(values) or ("" if values["hours"] < 9 else "too long"))
+
+    def put(**values):
+        results = node.set_parameters([RosParameter(name, value=value) for name, value in values.items()])
+        return [result.reason for result in results if not result.successful]
+
+    assert not node.describe_parameter("hours").read_only
+    assert put(hours=1.5) == []
+    assert put(hours=10.0) == ["too long"]
+    (reason,) = put(hours=0.001)
+    assert "hours" in reason
+    assert "read-only parameter: field" in put(field="x")[0]
+    assert given == [{"hours": 1.5}, {"hours": 10.0}]
+    parameters.show({"hours": 2.0, "field": ""})
+    assert node.get_parameter("hours").value == 2.0
+    assert parameters.number("hours") == 4.0, "that of the start"
+
+
 def test_old_names_are_read_with_a_warning(ros, capfd):
     parameters = Parameters(make(ros, pace=2.0, topic="x"), TABLE)
     assert parameters.number("speed_mps") == 2.0

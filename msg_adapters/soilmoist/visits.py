@@ -1,7 +1,4 @@
-"""``visits``: each visit as a soilmoist_msgs/Visit.
-
-The import of this module fails if soilmoist_msgs is not built.
-"""
+"""``visits``: each visit as a soilmoist_msgs/Visit."""
 
 from __future__ import annotations
 

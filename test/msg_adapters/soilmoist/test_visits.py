@@ -9,7 +9,7 @@ if platform.machine() != "x86_64":
     pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
 pytest.importorskip("soilmoist_msgs")
 
-from msg_adapters.visits import visit_from_message, visit_to_message
+from msg_adapters.soilmoist.visits import visit_from_message, visit_to_message
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 
 places = st.floats(-5e4, 5e4)

@@ -1,0 +1,55 @@
+"""``planner/command``: an operator's request and its reply as a soilmoist_msgs/Command."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import Point32
+from soilmoist_msgs.srv import Command
+
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
+
+
+def request_to_message(request: OperatorRequest) -> Command.Request:
+    """Message of a request; corners of the polygon are rounded to 32 bits."""
+    return Command.Request(
+        verb=request.verb,
+        who=request.who,
+        place=[float(value) for value in request.place],
+        geographic_place=[float(value) for value in request.geographic_place],
+        dwell=request.dwell,
+        polygon=[Point32(x=float(x_m), y=float(y_m)) for x_m, y_m in request.polygon],
+        stops=list(request.stops),
+        hours=float(request.hours),
+        strategy=request.strategy,
+        target=request.target,
+        home=request.home,
+    )
+
+
+def request_from_message(message: Command.Request) -> OperatorRequest:
+    """Request of a message, unchecked."""
+    return OperatorRequest(
+        verb=message.verb,
+        who=message.who,
+        place=tuple(float(value) for value in message.place),
+        geographic_place=tuple(float(value) for value in message.geographic_place),
+        dwell=message.dwell,
+        polygon=tuple((float(corner.x), float(corner.y)) for corner in message.polygon),
+        stops=tuple(message.stops),
+        hours=float(message.hours),
+        strategy=message.strategy,
+        target=message.target,
+        home=message.home,
+    )
+
+
+def reply_to_message(reply: Reply) -> Command.Response:
+    """Message of a reply."""
+    return Command.Response(accepted=bool(reply.accepted), code=str(reply.code), message=reply.message)
+
+
+def reply_from_message(message: Command.Response) -> Reply:
+    """Reply of a message.
+
+    :raises ValueError: if its code is not known
+    """
+    return Reply(ReplyCode(message.code), message.message)

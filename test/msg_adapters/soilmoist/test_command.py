@@ -1,0 +1,60 @@
+"""An operator's request and its reply as messages."""
+
+import platform
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+if platform.machine() != "x86_64":
+    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
+pytest.importorskip("soilmoist_msgs")
+from rclpy.serialization import deserialize_message, serialize_message
+from soilmoist_msgs.srv import Command
+
+from msg_adapters.soilmoist.command import (
+    reply_from_message,
+    reply_to_message,
+    request_from_message,
+    request_to_message,
+)
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
+from soilmoist_ros.exploration.mission.types import Verb
+
+words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)
+numbers = st.floats(allow_nan=False)
+corners = st.floats(-5e4, 5e4, width=32)
+requests = st.builds(
+    OperatorRequest, verb=words, who=words, place=st.lists(numbers, max_size=3).map(tuple),
+    geographic_place=st.lists(numbers, max_size=3).map(tuple), dwell=words,
+    polygon=st.lists(st.tuples(corners, corners), max_size=5).map(tuple),
+    stops=st.lists(words, max_size=4).map(tuple), hours=numbers, strategy=words, target=words, home=words,
+)  # fmt: skip
+
+
+@given(requests)
+def test_a_request_comes_back(request):
+    message = deserialize_message(serialize_message(request_to_message(request)), Command.Request)
+    assert request_from_message(message) == request
+
+
+@given(st.builds(Reply, st.sampled_from(ReplyCode), words))
+def test_a_reply_comes_back(reply):
+    message = deserialize_message(serialize_message(reply_to_message(reply)), Command.Response)
+    assert reply_from_message(message) == reply
+    assert message.accepted is (reply.code is ReplyCode.ACCEPTED)
+
+
+def test_numbers_of_other_types_are_sent_as_they_are():
+    message = request_to_message(OperatorRequest("measure", place=(1, 2), hours=3))
+    sent = deserialize_message(serialize_message(message), Command.Request)
+    assert (list(sent.place), sent.hours) == ([1.0, 2.0], 3.0)
+
+
+def test_what_is_left_out_is_not_given():
+    assert request_from_message(Command.Request(verb="pause")) == OperatorRequest("pause")
+
+
+def test_the_message_names_every_verb():
+    constants = {name for name in dir(Command.Request) if name.isupper()} - {"SLOT_TYPES"}
+    assert {str(getattr(Command.Request, name)) for name in constants} == {str(verb) for verb in Verb}
