@@ -11,7 +11,7 @@ from soilmoist_ros.exploration.mission.moves import Moves, xy
 from soilmoist_ros.exploration.mission.state import MissionState, QueuedStop, Todo, changed_rules, replace
 from soilmoist_ros.exploration.mission.types import Changes, Command, MissionEnd, Phase, Response, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.exploration.travel.stop import Stop, inside_any
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
 from soilmoist_ros.foundation.errors import InputError
 
 
@@ -123,7 +123,7 @@ class Commands(Moves):
             return False, f"no mission is measuring: {self.state.reason}"
         if stop.name in {queued.stop.name for queued in self.state.queue}:
             return False, f"{stop.name} is in the queue already"
-        if inside_any(self.state.ruled_out, xy(stop)):
+        if inside_any(self.state.ruled_out, xy(stop))[0]:
             return False, f"{stop.name} lies in an area that is ruled out"
         dwell = ""
         if command.dwell_s is not None:
@@ -142,11 +142,13 @@ class Commands(Moves):
         corners = command.polygon
         if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
             return False, f"an area needs at least three corners in metres, got {len(corners)}"
+        if not is_polygon(corners):
+            return False, "the border of the area crosses itself or encloses nothing: give the corners in order"
         self.state = replace(self.state, ruled_out=(*self.state.ruled_out, corners))
-        kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop)))
+        kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop))[0])
         self.state = replace(self.state, queue=kept)
         target = self.state.target
-        if target is not None and inside_any([corners], xy(target.stop)):
+        if target is not None and inside_any([corners], xy(target.stop))[0]:
             self.leave_for_good(target.stop, f"{target.stop.name} is ruled out by {command.by}")
         elif self.state.phase is Phase.PLANNING:
             self.plan(f"an area is ruled out by {command.by}")
