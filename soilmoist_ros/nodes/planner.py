@@ -123,6 +123,7 @@ class Planner(Node):
 
     def _tick(self) -> None:
         self._control.tick()
+        self._control.check()
         if self._autostart and not self._control.missing():
             self._autostart = not self._control.command(Verb.START).accepted
         self.finished = self._outputs.all_done and self._values.flag("exit_when_finished")

@@ -35,6 +35,9 @@ from soilmoist_ros.exploration.control.operator_request import (
 )
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
+from soilmoist_ros.exploration.control.watching import Watching
+from soilmoist_ros.exploration.guard.place_filter import PlaceFix
+from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
@@ -129,6 +132,12 @@ class MissionControl:
         own is 1
     :param clock: mission time; ROS time if ``None``
     :param executor: where stops are chosen; its own thread if ``None``
+    :param watch: what is watched, by which limits; the default if ``None``
+
+    Attributes
+    ----------
+    watch : Watch
+        causes that others find are reported to it
     """
 
     def __init__(
@@ -144,7 +153,10 @@ class MissionControl:
         properties: Mapping[str, float] = MappingProxyType({}),
         executor: Executor | None = None,
         clock: MissionClock | None = None,
+        watch: Watch | None = None,
     ) -> None:
+        self.watch = watch or Watch()
+        self._watching = Watching(self.watch)
         self._field = field
         self._settings = settings
         self._home = home
@@ -173,7 +185,9 @@ class MissionControl:
     def _start(self, mission: Mission) -> None:
         self._journal.keep(mission)
         self._mission = mission
-        self._feed = MissionFeed(mission, self._carry_out, lambda event: self._journal.note(mission, event))
+        self._feed = MissionFeed(
+            mission, self._carry_out, lambda event: self._journal.note(mission, event), self.watch.fix
+        )
 
     def take_up(self, mission: Mission, auto: bool) -> None:
         """Go on with a mission that was interrupted; the robot does not move before somebody resumes it.
@@ -187,6 +201,7 @@ class MissionControl:
         self._start(mission)
         self._clock.go_on_from(mission.state)
         now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)
+        self.watch.adopt((alarm.cause for alarm in mission.state.alarms), now_s)
         self._feed.command(Command(now_s, Verb.PAUSE))
         if mission.state.goal is not None:
             self.navigator.cancel(mission.state.goal.goal_id)  # the robot may still be driving there
@@ -212,6 +227,7 @@ class MissionControl:
             _log.warning(access.warning)
         self._mission.rules = replace(self._mission.rules, home=access.home)
         self._access, self._graph = access, graph
+        self._watching.use(access)
 
     def _use_part_of_robot(self) -> str:
         """Use the part of the map where the robot stands; returns why that is not possible, empty if it is."""
@@ -301,21 +317,35 @@ class MissionControl:
             "home": home,
         }
 
-    def fix(self, place: tuple[float, float]) -> None:
-        """The robot is here [m]."""
+    def fix(self, place: tuple[float, float], sd_m: float = math.nan, stamp_s: float = math.nan) -> None:
+        """The receiver reports a place [m]; one that is not plausible is ignored.
+
+        :param place: where
+        :param sd_m: standard deviation of each coordinate [m], NaN if unknown
+        :param stamp_s: when it was measured [s], NaN if unknown
+        """
         now_s = self._clock.now_s()
-        self._feed.fix(now_s, place)
-        if self._feed.place is not None:
-            self.navigator.moved(self._feed.place, now_s)
+        if self._feed.fix(PlaceFix(now_s, *place, sd_m, stamp_s)):
+            self._moved(now_s)
+
+    def _moved(self, now_s: float) -> None:
+        assert self._feed.place is not None
+        self._watching.moved(self._feed.place)
+        self.navigator.moved(self._feed.place, now_s)
+
+    def battery(self, charge: float, voltage_v: float) -> None:
+        """The state of the robot's battery: charge [0..1] and voltage [V], NaN if unknown."""
+        self.watch.battery(self._clock.now_s(), charge, voltage_v)
 
     def records(self, records: Sequence[CountRecord], name: str = "") -> None:
-        """Records of a property have come.
+        """Records of a property have come; those with an impossible stamp are ignored.
 
         The mission counts those of the robot's own namespace. Others are written down, so that their map survives.
 
         :param name: namespace of the property
         """
         now_s = self._clock.now_s()
+        records = self._watching.stamped(records, self._outputs.now_s())
         if records:
             with self._queue_lock:
                 self._queue.take_factor(name, correction_factor(records[-1]))
@@ -326,9 +356,10 @@ class MissionControl:
             return
         self._record_stamp_s = max((record.stamp_s for record in records), default=self._record_stamp_s)
         before_s = self._feed.place_s
+        self._watching.records(records, now_s)
         self._feed.records(now_s, records)
-        if self._feed.place is not None and self._feed.place_s != before_s:
-            self.navigator.moved(self._feed.place, now_s)
+        if self._feed.place_s != before_s:
+            self._moved(now_s)
         if self._mission.state.phase is Phase.COUNTING and self._shown_stamp_s != self._record_stamp_s:
             self.show()  # a simulated clock waits until each record has been received
 
@@ -336,6 +367,8 @@ class MissionControl:
         """The merged samples of a property have come."""
         with self._queue_lock:
             self._queue.take_samples(name, samples, stamp_s)
+        if not name:
+            self.watch.map(self._clock.now_s(), stamp_s)
         self._plan_if_due()
 
     def fit(self, fit: VariogramFit | None, stamp_s: float, name: str = "", cell_m: float | None = None) -> None:
@@ -377,6 +410,7 @@ class MissionControl:
         self.navigator.tick()
         if self._clock.now_s() > 0:
             for event in self._clock.events(self._mission.state):
+                self._watching.clock(event)
                 if isinstance(event, ClockStepped):
                     _log.warning("the clock was set by %+.1f s; the mission goes on in its own time", event.step_s)
                 self._feed.give(event)
@@ -384,6 +418,14 @@ class MissionControl:
         if self._resume_when_ready and self._mission.state.phase is Phase.PAUSED and not self.missing():
             self.command(Verb.RESUME)
         self._plan_if_due()
+
+    def check(self) -> None:
+        """Let the watch judge; to be called several times a second of steady time."""
+        now_s = self._clock.now_s()
+        if now_s > 0:
+            doing = self._watching.doing(self._mission, self.navigator.waiting_for)
+            for event in self.watch.check(now_s, doing):
+                self._feed.give(event)
 
     def hand_on(self) -> None:
         """Hand the plans that are ready to the mission."""
@@ -446,6 +488,7 @@ class MissionControl:
             there,
             self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),
             self._age("records", now_s - self._feed.record_s, RECORD_OLD_S),
+            self.watch.health(now_s),
         ]
 
     @property

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from threading import RLock
 
+from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
     Action,
@@ -28,6 +29,10 @@ FIX_SILENCE_S = 5.0
 _log = logging.getLogger(__name__)
 
 
+def _anywhere(fix: PlaceFix) -> tuple[float, float] | None:
+    return fix.xy if math.isfinite(fix.x_m) and math.isfinite(fix.y_m) else None
+
+
 class MissionFeed:
     """Passes events into a mission, one after the other.
 
@@ -37,10 +42,15 @@ class MissionFeed:
     :param mission: the mission
     :param carry_out: carries out an action; :class:`Answer` is left out, :meth:`command` gives it
     :param note: called with each event before it is acted on, for a journal
+    :param locate: the robot's place by a measured one, ``None`` if that is not plausible; all are if left out
     """
 
     def __init__(
-        self, mission: Mission, carry_out: Callable[[Action], None], note: Callable[[Event], None] | None = None
+        self,
+        mission: Mission,
+        carry_out: Callable[[Action], None],
+        note: Callable[[Event], None] | None = None,
+        locate: Callable[[PlaceFix], tuple[float, float] | None] = _anywhere,
     ) -> None:
         self.mission = mission
         self.place: tuple[float, float] | None = None
@@ -50,6 +60,7 @@ class MissionFeed:
         self._fix_s = -math.inf
         self._carry_out = carry_out
         self._note = note
+        self._locate = locate
         self._events: deque[Event] = deque()
         self._answers: list[Answer] = []
         self._lock = RLock()
@@ -75,12 +86,14 @@ class MissionFeed:
             self.give(command)
             return self._answers[0]
 
-    def fix(self, now_s: float, place: tuple[float, float]) -> None:
-        """The robot is here [m]."""
-        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
-            return
-        self._fix_s = now_s
-        self._moved(now_s, place)
+    def fix(self, fix: PlaceFix) -> bool:
+        """The robot may be here; whether that is its place now."""
+        place = self._locate(fix)
+        if place is None:
+            return False
+        self._fix_s = fix.now_s
+        self._moved(fix.now_s, place)
+        return True
 
     def records(self, now_s: float, records: Sequence[CountRecord]) -> None:
         """Records have come; one without a position is only counted."""
@@ -90,7 +103,10 @@ class MissionFeed:
                 self.records_without_place += 1
                 continue
             if now_s - self._fix_s > FIX_SILENCE_S:
-                self._moved(now_s, (record.x_m, record.y_m))
+                middle_s = record.stamp_s - record.exposure_s / 2
+                place = self._locate(PlaceFix(now_s, record.x_m, record.y_m, stamp_s=middle_s))
+                if place is not None:
+                    self._moved(now_s, place)
             self.give(RecordArrived(now_s, record))
 
     def ended(self, now_s: float, ended: Ended) -> None:

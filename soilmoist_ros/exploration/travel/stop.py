@@ -10,9 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-PLACE_DIGITS = 4
-"""Decimals of the coordinates in metres of a node in a topological map."""
-
 
 @dataclass(frozen=True, slots=True)
 class Stop:
@@ -47,11 +44,3 @@ def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_
 
     area = shapely.union_all([shapely.Polygon(np.asarray(corners, float)) for corners in polygons])
     return np.asarray(shapely.intersects_xy(area, places[:, 0], places[:, 1]), bool)
-
-
-def is_polygon(corners: ArrayLike) -> bool:
-    """Whether corners, shape (c, 2) [m], enclose an area without crossing their own border."""
-    import shapely
-
-    polygon = shapely.Polygon(np.asarray(corners, float))
-    return bool(polygon.is_valid and polygon.area > 0)

@@ -125,6 +125,7 @@ class PlannerProcess:
         self._later.run_due(self._world.time_s)
         self.control.hand_on()
         self.control.tick()
+        self.control.check()
         self.control.show()
 
     # Outputs

@@ -9,6 +9,8 @@ import pytest
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.guard.place_filter import PlaceLimits
+from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -21,6 +23,11 @@ from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.records import CountRecord
+
+
+def one_fix():
+    """A watch for which one fix makes a place."""
+    return Watch(WatchLimits(place=PlaceLimits(first_fixes=1)))
 
 
 class Around:
@@ -57,6 +64,7 @@ class Around:
             self,
             properties=dict(properties),
             clock=MissionClock(self.now_s, steady, "boot"),
+            watch=one_fix(),
         )
 
     def navigator(self, report):
@@ -204,11 +212,11 @@ def test_a_map_that_does_not_fit_is_what_is_missing():
 def test_health_is_graver_in_mid_mission():
     around = Around()
     before = {part.name: part.level for part in around.control.health()}
-    assert before == {"navigation": Level.OK, "position": Level.WARN, "records": Level.WARN}
+    assert before == {"navigation": Level.OK, "position": Level.WARN, "records": Level.WARN, "guard": Level.OK}
     around.begin()
     around.time_s += 100.0
     after = {part.name: part.level for part in around.control.health()}
-    assert after == {"navigation": Level.OK, "position": Level.ERROR, "records": Level.ERROR}
+    assert after == {"navigation": Level.OK, "position": Level.ERROR, "records": Level.ERROR, "guard": Level.OK}
 
 
 def test_closing_stops_the_robot_and_nothing_follows():
@@ -352,8 +360,8 @@ def test_a_clock_that_is_set_changes_nothing_but_the_stamps(step_s):
     )
     assert after.time_used_s == pytest.approx(before.time_used_s + 1.0)
     assert after.estimated_end_s == pytest.approx(before.estimated_end_s + step_s), "people see their own time"
-    around.arrive()
     steady[0] += 30.0
+    around.arrive()
     for _ in range(3):
         steady[0] += 10.0
         around.count(1)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionFeed
+from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
     Command,
@@ -53,7 +54,7 @@ class Watched:
 
 def test_an_event_from_within_an_action_waits_for_the_others():
     watched = Watched()
-    watched.feed.fix(1.0, (0.0, 0.0))
+    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
     answer = watched.feed.command(Command(2.0, Verb.START))
     assert answer.accepted
     assert watched.shown[-1] is Phase.TRAVELLING, "the status shown last is the newest"
@@ -61,7 +62,7 @@ def test_an_event_from_within_an_action_waits_for_the_others():
 
 def test_a_broken_action_does_not_stop_the_others(caplog):
     watched = Watched(broken=(GoTo,))
-    watched.feed.fix(1.0, (0.0, 0.0))
+    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
     watched.feed.command(Command(2.0, Verb.START))
     assert isinstance(watched.actions[-1], Publish)
     assert "a mistake" in caplog.text
@@ -75,7 +76,7 @@ def test_a_command_says_why_not():
 
 def test_success_is_handed_on_with_the_robots_own_position():
     watched = Watched()
-    watched.feed.fix(1.0, (0.0, 0.0))
+    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
     watched.feed.command(Command(2.0, Verb.START))
     goal_id = watched.mission.state.goal.goal_id
     watched.feed.ended(3.0, Ended(goal_id, Outcome.SUCCEEDED, ""))
@@ -85,7 +86,7 @@ def test_success_is_handed_on_with_the_robots_own_position():
 @pytest.mark.parametrize("outcome", [Outcome.FAILED, Outcome.CANCELED])
 def test_other_ends_are_failures(outcome):
     watched = Watched()
-    watched.feed.fix(1.0, (30.0, 0.0))
+    watched.feed.fix(PlaceFix(1.0, 30.0, 0.0))
     watched.feed.command(Command(2.0, Verb.START))
     watched.feed.ended(3.0, Ended(watched.mission.state.goal.goal_id, outcome, "blocked"))
     assert "blocked" in watched.mission.state.reason
@@ -95,7 +96,7 @@ def test_positions_of_records_serve_only_without_fixes():
     watched = Watched()
     watched.feed.records(10.0, [RECORD])
     assert watched.feed.place == (1.0, 2.0)
-    watched.feed.fix(11.0, (5.0, 5.0))
+    watched.feed.fix(PlaceFix(11.0, 5.0, 5.0))
     watched.feed.records(11.0 + FIX_SILENCE_S, [replace(RECORD, stamp_s=15.0)])
     assert watched.feed.place == (5.0, 5.0)
     watched.feed.records(12.0 + FIX_SILENCE_S, [replace(RECORD, stamp_s=16.0)])
@@ -105,7 +106,7 @@ def test_positions_of_records_serve_only_without_fixes():
 def test_records_and_fixes_without_a_place_are_only_counted():
     watched = Watched()
     watched.feed.records(10.0, [replace(RECORD, x_m=math.nan)])
-    watched.feed.fix(10.0, (math.nan, 0.0))
+    watched.feed.fix(PlaceFix(10.0, math.nan, 0.0))
     assert watched.feed.records_without_place == 1
     assert not watched.events
     watched.feed.records(10.0, [RECORD])

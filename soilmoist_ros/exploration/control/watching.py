@@ -1,0 +1,95 @@
+"""What a watch needs to know of a mission: where the robot is, what it does, and how long its way home takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from soilmoist_ros.exploration.control.mission_setup import FieldAccess
+from soilmoist_ros.exploration.guard.failsafes import Cause
+from soilmoist_ros.exploration.guard.watch import Doing, Watch
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import ClockStepped, Event, Phase
+from soilmoist_ros.sensing.records import CountRecord
+
+STEP_S: Final = 1.0
+"""Smaller steps of the clock are the work of a time service [s]."""
+_MOVED_M: Final = 2.0
+"""Distance from which the way home is computed anew [m]."""
+
+
+class Watching:
+    """Feeds a watch with the robot's surroundings.
+
+    :param watch: the watch
+    """
+
+    def __init__(self, watch: Watch) -> None:
+        self._watch = watch
+        self._access: FieldAccess | None = None
+        self._way_home: tuple[tuple[float, float], float] | None = None  # from where, and how long [s]
+
+    def use(self, access: FieldAccess) -> None:
+        """Where the robot may go from now on."""
+        self._access, self._way_home = access, None
+
+    def moved(self, place: tuple[float, float]) -> None:
+        """The robot is here [m]."""
+        if self._access is not None:
+            self._watch.outside(self._access.fence.outside_m(place))
+
+    def stamped(self, records: Sequence[CountRecord], clock_s: float) -> list[CountRecord]:
+        """The records whose stamps are possible; the others are reported.
+
+        :param clock_s: time of the clock that stamps records [s]
+        """
+        usable = []
+        for record in records:
+            if fault := self._watch.limits.stamps.fault(record.stamp_s, clock_s):
+                self._watch.note(Cause.COUNTS_STAMP, fault)
+            else:
+                usable.append(record)
+        return usable
+
+    def records(self, records: Sequence[CountRecord], now_s: float) -> None:
+        """Records have come that the mission counts and the map should have."""
+        for record in records:
+            place = (record.x_m, record.y_m)
+            inside = self._access is not None and bool(self._access.fence.contains(place)[0])
+            self._watch.record(now_s, record.stamp_s, inside)
+
+    def clock(self, event: Event) -> None:
+        """The mission clock has something to say; only steps are of interest."""
+        if isinstance(event, ClockStepped) and abs(event.step_s) >= STEP_S:
+            way = "forward" if event.step_s > 0 else "back"
+            self._watch.note(Cause.CLOCK_STEP, f"the clock was set {way} by {abs(event.step_s):.0f} s")
+
+    def doing(self, mission: Mission, waiting_for: str) -> Doing:
+        """What a mission does now.
+
+        :param mission: the mission
+        :param waiting_for: what is missing of the navigation
+        """
+        state, rules = mission.state, mission.rules
+        place = state.position
+        return Doing(
+            under_way=state.under_way,
+            driving=state.goal is not None,
+            going_home=state.ended is not None or state.phase is Phase.RETURNING,
+            waiting_for=waiting_for,
+            time_left_s=max(0.0, rules.budget_s - state.time_used_s),
+            way_home_s=0.0 if place is None or not state.under_way else self._way_home_s(mission, place),
+        )
+
+    def _way_home_s(self, mission: Mission, place: tuple[float, float]) -> float:
+        """Time of the way home along the real route [s]; 0 without a home, or at home."""
+        home, rules = mission.rules.home, mission.rules
+        if home is None or self._access is None or rules.is_at(place, home):
+            return 0.0
+        if self._way_home is None or math.dist(place, self._way_home[0]) > _MOVED_M:
+            time_s = float(self._access.travel.travel_s(place, [home])[0])
+            if not math.isfinite(time_s):  # no route: the straight distance is the best guess
+                time_s = rules.travel_s(place, (home.x_m, home.y_m))
+            self._way_home = place, time_s
+        return self._way_home[1]
