@@ -85,7 +85,7 @@ class StampLimits:
         :param stamp_s: the stamp [s]
         :param clock_s: time of the clock that stamps records [s]; nothing is impossible while that is 0
         """
-        if not (math.isfinite(stamp_s) and stamp_s > 0):
+        if not (math.isfinite(stamp_s) and stamp_s):
             return "a record without a stamp"
         ahead_s = stamp_s - clock_s
         if clock_s > 0 and 0 < self.max_ahead_s < ahead_s:
