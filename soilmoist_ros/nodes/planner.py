@@ -15,6 +15,7 @@ from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_i
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.types import Verb
+from soilmoist_ros.exploration.navigation.framed import FramedNavigator
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
@@ -29,6 +30,7 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.planner import PARAMETERS, explorer_settings, mission_rules
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.planner_commands import PlannerCommands
+from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
@@ -57,14 +59,15 @@ class Planner(Node):
             self.get_logger().warning(problem)
         self._journal = Journal.open(Path(folder)) if folder else None
         properties = property_weights(self._values.texts("properties"))
-        self._outputs = PlannerOutputs(self, self._hand_on, properties)
+        self._outputs = PlannerOutputs(self, self._hand_on, properties, self._values.text("frame"))
+        self._frames = PlannerFrames(self, self._values, self._field)
         self._control = MissionControl(
             self._field,
             settings,
             rules,
             self._values.text("home"),
             self._values.number("map_wait_s"),
-            self._navigator,
+            lambda report: FramedNavigator(self._navigator(report), self._frames.robot),
             self._outputs,
             MissionJournal(self._journal),
             properties,
@@ -78,11 +81,13 @@ class Planner(Node):
             self._control.take_up(mission, resume == "auto")
             self._autostart = False
         graph = self._values.text("graph")
-        if graph != "topic":
-            self._control.use_graph(None if graph == "free" else read_topological_map(Path(graph)).graph)
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
-        self._inputs = PlannerInputs(self, self._control, self._field.frame, map_topic, others, properties)
+        self._inputs = PlannerInputs(self, self._control, self._frames, map_topic, others, properties)
+        if graph == "free":
+            self._control.use_graph(None)
+        elif graph != "topic":
+            self._inputs.use_map(read_topological_map(Path(graph)))
         self._commands = PlannerCommands(self, self._control, self._values, self._stay)
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.
         self.create_timer(MISSION_TICK_S, self._control.tick)
@@ -129,8 +134,9 @@ class Planner(Node):
         self.finished = self._outputs.all_done and self._values.flag("exit_when_finished")
 
     def _show(self) -> None:
+        self._inputs.tick()
         self._control.show()
-        self._outputs.diagnose(self._control.health())
+        self._outputs.diagnose([*self._control.health(), self._frames.health()])
 
 
 def main() -> None:

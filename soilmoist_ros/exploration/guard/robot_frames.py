@@ -104,12 +104,14 @@ class RobotFrames:
         self._check = FrameCheck(field.frame, settings.limit_m, self.move)
         self._track = Track(max_positions=_KEPT_FIXES)
         self._map_fault = ""
+        self._unchecked = ""
+        self._compared = False
 
     @property
     def waiting_for(self) -> str:
-        """What is missing to know the frame of the navigation; empty if it is known."""
+        """What is missing to know the frame of the navigation, and to trust it; empty if nothing is."""
         if self.move is not None:
-            return ""
+            return self._unchecked
         if self._settings.datum == MAP:
             return self._map_fault or "a map of the navigation with a datum"
         return f"the navigation's datum: a datum service, or {BASE_M:.0f} m driven by hand with TF and fixes"
@@ -141,6 +143,8 @@ class RobotFrames:
             self._check.add(now_s, place, (tf.x_m, tf.y_m))
             if self.move is None and self._settings.datum == ROBOT and (found := self._check.fitted()) is not None:
                 self._use(found)
+            self._compared = self._compared or self._check.verdict(now_s).agreement is not Agreement.UNKNOWN
+        self._unchecked = "" if tf is None or self._compared else "the first comparison of TF and fixes"
         return RobotPose(place, yaw_rad, fix.covariance_m2)
 
     def take_map_datum(self, datum: LocalFrame | None) -> None:

@@ -12,6 +12,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, of_setting
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.site import load_site
@@ -62,6 +63,29 @@ PARAMETERS: Final = (
     _row("action_name", "topological_navigation", "name of the navigation's action"),
     _row("action_type", "topological_navigation_msgs/action/GotoNode", "type of the navigation's action"),
     _row("feedback_topic", "topological_navigation/feedback", "plain topic of the navigation's feedback"),
+    _row("frame", "map", "frame of plan, markers, visits and records: east, north, up about the field's datum"),
+    _row("navigation_frame", "", "frame of the navigation's map and goals; empty if it is the same as frame"),
+    _row(
+        "navigation_datum",
+        "field",
+        "origin of the navigation's frame: field (the field's datum), LAT,LON[,YAW] in degrees (YAW: its x axis, "
+        "counter-clockwise from east), map (named in the navigation's map), or robot (its datum service, else TF "
+        "and fixes of a drive)",
+    ),
+    _row(
+        "datum_service",
+        "toLL",
+        "service of the robot that converts places of its map, for navigation_datum: robot",
+    ),
+    _row("base_frame", "base_link", "frame of the robot's base in TF"),
+    _row(
+        "frame_limit_m",
+        2.0,
+        "largest distance between the robot's place by TF and by its fix; the robot must not drive beyond it",
+        "m",
+        0.1,
+    ),
+    *ANTENNA,
     of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
     of_setting("stop_overhead_s"),
     _row("arrival_radius_m", 3.0, "the robot is at a stop within this distance", "m", 0.01),

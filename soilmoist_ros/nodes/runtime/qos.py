@@ -31,5 +31,16 @@ VISITS: Final = QoSProfile(
 DEFAULT: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """``/diagnostics`` and goal poses: other tools expect this profile."""
 
+TF: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""``/tf``: the profile of tf2; several nodes publish parts of the tree at high rates."""
+
+TF_STATIC: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""``/tf_static``: each publisher sends its transforms once."""
+
 CLOCK: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Simulated time: only the latest matters."""

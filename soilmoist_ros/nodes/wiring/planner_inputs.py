@@ -16,11 +16,11 @@ from msg_adapters.model import model_from_message
 from msg_adapters.samples import samples_from_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
+from soilmoist_ros.exploration.travel.topological_map import TopologicalMap, parse_topological_map
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.nodes.parameters.declaration import other_namespaces
 from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR
+from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 
 
 class PlannerInputs:
@@ -28,7 +28,7 @@ class PlannerInputs:
 
     :param node: node of the subscriptions
     :param control: receives the inputs
-    :param frame: the field's plane
+    :param frames: frames of the robot and of its navigation
     :param map_topic: topic of the navigation's map; empty for no subscription
     :param others: namespaces of the planners of other robots on the field; this node's namespace is ignored
     :param properties: namespaces of the mappers of further properties
@@ -38,14 +38,15 @@ class PlannerInputs:
         self,
         node: Node,
         control: MissionControl,
-        frame: LocalFrame,
+        frames: PlannerFrames,
         map_topic: str,
         others: Sequence[str] = (),
         properties: Iterable[str] = (),
     ) -> None:
         self._node = node
         self._control = control
-        self._frame = frame
+        self._frames = frames
+        self._map: TopologicalMap | None = None
         self._faults: dict[str, str] = {}
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
         for name in ("", *properties):
@@ -63,9 +64,9 @@ class PlannerInputs:
             node.create_subscription(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name), LATCHED)
 
     def _on_fix(self, message: NavSatFix) -> None:
-        if message.status.status >= 0:
-            x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
-            self._control.fix((float(x_m), float(y_m)))
+        place = self._frames.place(message)
+        if place is not None:
+            self._control.fix(place)
 
     def _on_counts(self, name: str, message: PointCloud2) -> None:
         try:
@@ -97,9 +98,29 @@ class PlannerInputs:
             self._node.get_logger().warning("a new map of the navigation came in mid-mission: the old one is kept")
             return
         try:
-            self._control.use_graph(parse_topological_map(message.data).graph)
+            self.use_map(parse_topological_map(message.data))
         except InputError as error:
             self._ignore("the map of the navigation", error)
+
+    def use_map(self, found: TopologicalMap) -> None:
+        """Use the travel graph of the navigation's map, as soon as the navigation's datum is known.
+
+        :raises InputError: if it does not fit the field
+        """
+        self._frames.robot.take_map_datum(found.datum)
+        move = self._frames.robot.move
+        self._map = found if move is None else None
+        if move is not None:
+            self._control.use_graph(found.graph.moved(move.inverse))
+
+    def tick(self) -> None:
+        """Use a map that waits for the navigation's datum; to be called every second."""
+        self._frames.tick()
+        if self._map is not None and self._frames.robot.move is not None:
+            try:
+                self.use_map(self._map)
+            except InputError as error:
+                self._ignore("the map of the navigation", error)
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()

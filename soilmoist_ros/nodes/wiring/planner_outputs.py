@@ -16,6 +16,7 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.plan import plan_to_markers, plan_to_path
+from msg_adapters.point_cloud import FRAME
 from soilmoist_ros.exploration.mission.types import Finish, MissionStatus, Polygons
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -32,10 +33,14 @@ class PlannerOutputs:
     :param node: the node that publishes
     :param hand_on: passes plans to the mission; the executor calls it after :meth:`wake`
     :param properties: namespaces of mappers of further properties
+    :param frame: frame of the published places
     """
 
-    def __init__(self, node: Node, hand_on: Callable[[], None], properties: Iterable[str] = ()) -> None:
+    def __init__(
+        self, node: Node, hand_on: Callable[[], None], properties: Iterable[str] = (), frame: str = FRAME
+    ) -> None:
         self._node = node
+        self._frame = frame
         self._mission = node.create_publisher(DiagnosticStatus, "mission", LATCHED)
         self._path = node.create_publisher(Path, "plan", LATCHED)
         self._markers = node.create_publisher(MarkerArray, "plan_markers", LATCHED)
@@ -70,8 +75,8 @@ class PlannerOutputs:
         shown = ahead, status.planned_dwell_s, status.ruled_out
         if shown != self._shown:
             self._shown = shown
-            self._path.publish(plan_to_path(ahead, self.now_s()))
-            self._markers.publish(plan_to_markers(*shown, self.now_s()))
+            self._path.publish(plan_to_path(ahead, self.now_s(), self._frame))
+            self._markers.publish(plan_to_markers(*shown, self.now_s(), self._frame))
 
     def visit(self, visit: Visit) -> None:
         """Log a visit, and publish it."""
@@ -120,8 +125,8 @@ class PlannerOutputs:
         states = self._node.create_publisher(MissionMessage, "mission_state", LATCHED)
         robot = self._node.get_namespace().strip("/")
         return (
-            lambda visit: visits.publish(visit_to_message(visit, robot)),
-            lambda status: states.publish(mission_state_to_message(status, self.now_s(), robot)),
+            lambda visit: visits.publish(visit_to_message(visit, robot, self._frame)),
+            lambda status: states.publish(mission_state_to_message(status, self.now_s(), robot, self._frame)),
         )
 
     def _on_saved(self, future: Future) -> None:

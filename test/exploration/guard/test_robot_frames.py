@@ -69,8 +69,10 @@ def test_a_shifted_navigation_is_a_fault_with_numbers():
 
 def test_the_same_frame_agrees():
     robot = frames()
-    _, now_s = drive(robot)
-    assert robot.fault(now_s) == ""
+    drive(robot, steps=3)
+    assert robot.waiting_for == "the first comparison of TF and fixes"
+    _, now_s = drive(robot, start_s=3.0)
+    assert robot.fault(now_s) == robot.waiting_for == ""
     assert robot.health(now_s).message.startswith("TF and fix agree within 0.0 m")
     assert robot.health(now_s).level is Level.OK
 

@@ -1,0 +1,129 @@
+"""Frames of the planner: TF and the datum service come in, the robot's pose in the plane of the field goes out."""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+from geometry_msgs.msg import Point, PoseWithCovarianceStamped
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import NavSatFix
+
+from msg_adapters.environment import fix_from_message
+from msg_adapters.transforms import pose_to_message, transforms_from_message
+from soilmoist_ros.exploration.guard.robot_frames import ASKED_M, ROBOT, FrameSettings, RobotFrames
+from soilmoist_ros.foundation.health import Health
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.runtime.qos import DEFAULT, TF, TF_STATIC
+from soilmoist_ros.sensing.position.lever_arms import LeverArms
+
+ASK_AGAIN_S: Final = 5.0
+DATUM_TYPE: Final = ("robot_localization.srv", "ToLL")
+"""Service of navsat_transform that gives the latitude and longitude of a place in the frame of the navigation."""
+
+
+class PlannerFrames:
+    """Subscribes to TF if its message type is installed, and publishes ``robot_pose`` with each fix.
+
+    :param node: the planner
+    :param values: its parameters
+    :param field: the field
+    :raises InputError: if the navigation's datum is invalid
+
+    Attributes
+    ----------
+    robot : RobotFrames
+        the frames
+    """
+
+    def __init__(self, node: Node, values: Parameters, field: Field) -> None:
+        self._node = node
+        self.settings = frame_settings(values)
+        self.robot = RobotFrames(field, self.settings)
+        self._poses = node.create_publisher(PoseWithCovarianceStamped, "robot_pose", DEFAULT)
+        self._ask = self._datum_client(values.text("datum_service"))
+        try:
+            kind = importlib.import_module("tf2_msgs.msg").TFMessage
+        except ImportError:
+            node.get_logger().warning("the frames are not checked: tf2_msgs is not installed")
+        else:
+            node.create_subscription(kind, "/tf", partial(self._on_tf, False), TF)
+            node.create_subscription(kind, "/tf_static", partial(self._on_tf, True), TF_STATIC)
+
+    def place(self, message: NavSatFix) -> tuple[float, float] | None:
+        """Place of the robot's base by a fix of its antenna [m], ``None`` without a fix; publishes the pose."""
+        fix = fix_from_message(message)
+        now_s = self._now_s()
+        pose = self.robot.take_fix(fix, now_s)
+        if pose is None:
+            return None
+        stamp_s = fix.stamp_s if fix.stamp_s > 0 else now_s
+        frame = self.settings.frame
+        self._poses.publish(pose_to_message(pose.place_m, pose.yaw_rad, pose.covariance_m2, stamp_s, frame))
+        return pose.place_m
+
+    def health(self) -> Health:
+        """State of the frames."""
+        return self.robot.health(self._now_s())
+
+    def tick(self) -> None:
+        """Ask for the datum until it is known; to be called every second."""
+        self._ask()
+
+    def _on_tf(self, static: bool, message: Any) -> None:
+        self.robot.take_transforms(transforms_from_message(message, static), self._now_s())
+
+    def _now_s(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def _datum_client(self, service: str) -> Callable[[], None]:
+        """Function that asks the robot's datum service, if the datum comes from the robot."""
+        if self.settings.datum != ROBOT:
+            return lambda: None
+        try:
+            kind = getattr(importlib.import_module(DATUM_TYPE[0]), DATUM_TYPE[1])
+        except (ImportError, AttributeError):
+            self._node.get_logger().warning(
+                f"{'.'.join(DATUM_TYPE)} is not installed, so the datum of the navigation is found from a drive"
+            )
+            return lambda: None
+        client = self._node.create_client(kind, service)
+        asked: list[tuple[float, list[Future]]] = []
+
+        def ask() -> None:
+            if asked and all(future.done() for future in asked[0][1]):
+                answers = [future.result() for _, futures in asked for future in futures]
+                asked.clear()
+                if all(answer is not None for answer in answers):
+                    self.robot.take_datum_answers([_position(answer) for answer in answers])
+            if asked and time.monotonic() - asked[0][0] > ASK_AGAIN_S:
+                for future in asked.pop()[1]:
+                    client.remove_pending_request(future)
+            if self.robot.move is None and not asked and client.service_is_ready():
+                places = (ASKED_M + self.robot.ask_about_m).tolist()
+                questions = [kind.Request(map_point=Point(x=float(x), y=float(y))) for x, y in places]
+                asked.append((time.monotonic(), [client.call_async(question) for question in questions]))
+
+        return ask
+
+
+def frame_settings(values: Parameters) -> FrameSettings:
+    """Frames that the parameters of the planner name."""
+    frame = values.text("frame")
+    return FrameSettings(
+        frame=frame,
+        navigation_frame=values.text("navigation_frame") or frame,
+        base_frame=values.text("base_frame"),
+        datum=values.text("navigation_datum"),
+        limit_m=values.number("frame_limit_m"),
+        arms=LeverArms.of(values.as_dict()),
+    )
+
+
+def _position(answer: Any) -> tuple[float, float]:
+    return float(answer.ll_point.latitude), float(answer.ll_point.longitude)
