@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from functools import partial
 from typing import Any, Protocol
 
+from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.mission.journal import Journal, MissionJournal, interrupted_mission
@@ -19,6 +20,7 @@ from soilmoist_ros.exploration.navigation.pose_client import PoseClient
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.clients import ActionNavigator, PoseNavigator
 from soilmoist_ros.simulation.rehearsal.faults import Fault
@@ -34,19 +36,39 @@ THINKING_S = {False: 1.0, True: 120.0}
 """Time to choose a stop, and when the planner is slow [s]."""
 
 
-class Store(Protocol):
-    """What survives the processes: the planner's journal, and all that was recorded."""
+class MapStore(Protocol):
+    """Brings records into the map of one mapper process."""
 
-    def open(self) -> tuple[Journal, str | None, Iterable[Mapping[str, Any]]]:
-        """The journal, its last snapshot, and the events after it."""
+    def received(self, records: Sequence[CountRecord]) -> None:
+        """Records have come as a message."""
+        ...
+
+    def second(self, age_s: float) -> None:
+        """A second has passed; the process is so old [s]."""
         ...
 
     def close(self) -> None:
-        """Its process has been killed."""
+        """The process has been killed."""
         ...
 
-    def records(self, published: Iterable[CountRecord]) -> list[CountRecord]:
-        """What a mapper that comes back starts from; ``published`` is what a recorder has heard."""
+
+class Store(Protocol):
+    """The disk, which survives all processes."""
+
+    def open_journal(self) -> tuple[Journal, str | None, Iterable[Mapping[str, Any]]]:
+        """The planner's journal, its last snapshot, and the events after it."""
+        ...
+
+    def close_journal(self) -> None:
+        """The planner has been killed."""
+        ...
+
+    def publish(self, record: CountRecord) -> None:
+        """The driver publishes a record."""
+        ...
+
+    def open_map(self, field_map: FieldMap) -> MapStore:
+        """A mapper has started, with an empty map."""
         ...
 
 
@@ -67,7 +89,7 @@ class PlannerProcess:
         self.status: MissionStatus | None = None
         self.visits = 0
         self.finished = False
-        journal, snapshot, events = store.open()
+        journal, snapshot, events = store.open_journal()
         settings = ExplorerSettings(
             strategy=case.strategy,
             preset="paper",
@@ -95,6 +117,7 @@ class PlannerProcess:
             self,
             MissionJournal(journal),
             executor=self._later,
+            clock=MissionClock(self.now_s, lambda: world.time_s, "this computer"),
         )
         mission = interrupted_mission(rules, snapshot, events)
         if mission is not None:

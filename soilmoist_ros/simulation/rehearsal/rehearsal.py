@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from soilmoist_ros.exploration.mission.types import Phase, Verb
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
 from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind, Violation
 from soilmoist_ros.simulation.rehearsal.planner import PlannerProcess, Store
@@ -63,7 +64,7 @@ def rehearse(case: Case, store: Store) -> Outcome:
         rehearsal.judge.blame(Kind.CRASH, rehearsal.world.time_s, f"{type(error).__name__}: {error}")
     finally:
         log.removeHandler(rehearsal.crashes)
-        store.close()
+        rehearsal.close()
     return rehearsal.outcome()
 
 
@@ -79,6 +80,25 @@ class _Crashes(logging.Handler):
             self._blame(f"{record.getMessage()}: {record.exc_info[1]!r}")
 
 
+class MapperProcess:
+    """The mapper, as far as the map is concerned.
+
+    :param world: where it runs
+    :param store: where records are stored
+    """
+
+    def __init__(self, world: World, store: Store) -> None:
+        self.map = FieldMap(world.case.ground.field.grid())
+        self.store = store.open_map(self.map)
+        self._world, self._begun_s = world, world.time_s
+
+    def second(self, record: CountRecord | None) -> None:
+        """Let a second pass, in which a record may have come."""
+        if record is not None:
+            self.store.received([record])
+        self.store.second(self._world.time_s - self._begun_s)
+
+
 class _Rehearsal:
     """The world, the processes in it, and the operator."""
 
@@ -88,7 +108,7 @@ class _Rehearsal:
         self.judge = Judge(case.ground, case.budget_s)
         self.crashes = _Crashes(lambda what: self.judge.blame(Kind.CRASH, self.world.time_s, what))
         self.planner: PlannerProcess | None = None
-        self.mapper: FieldMap | None = FieldMap(case.ground.field.grid())
+        self.mapper: MapperProcess | None = MapperProcess(self.world, store)
         self._back_s = {Fault.KILL_PLANNER: math.inf, Fault.KILL_MAPPER: math.inf}
         self._commands: list[tuple[float, Verb]] = []
         self._asked_s = math.inf
@@ -108,10 +128,16 @@ class _Rehearsal:
             if self._second():
                 end_s = min(end_s, self.world.time_s + AFTERWARDS_S)
         if self.mapper is not None:
-            whole = FieldMap(self.mapper.grid)
-            for record in self.world.published:
+            whole = FieldMap(self.mapper.map.grid)
+            for record in sorted(self.world.published, key=lambda record: record.stamp_s):
                 whole.add(record)
-            self.judge.mapped(self.world.time_s, self.mapper.samples, whole.samples)
+            self.judge.mapped(self.world.time_s, self.mapper.map.samples, whole.samples)
+
+    def close(self) -> None:
+        """End all processes."""
+        if self.mapper is not None:
+            self.mapper.store.close()
+        self.store.close_journal()
 
     def outcome(self) -> Outcome:
         """How it went so far."""
@@ -135,8 +161,10 @@ class _Rehearsal:
             self._begin(span)
         self._come_back()
         fix, record = world.fix(), world.record()
-        if self.mapper is not None and record is not None:
-            self.mapper.add(record)
+        if record is not None:
+            self.store.publish(record)
+        if self.mapper is not None:
+            self.mapper.second(record)
         if self.planner is None:
             return False
         for reply in replies:
@@ -160,10 +188,11 @@ class _Rehearsal:
             case Fault.KILL_PLANNER if self.planner is not None:
                 self._visits += self.planner.visits
                 self.planner = None
-                self.store.close()
+                self.store.close_journal()
                 self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
                 self._kills += 1
-            case Fault.KILL_MAPPER:
+            case Fault.KILL_MAPPER if self.mapper is not None:
+                self.mapper.store.close()
                 self.mapper = None
                 self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
                 self._kills += 1
@@ -185,9 +214,7 @@ class _Rehearsal:
             if process is Fault.KILL_PLANNER:
                 self.planner = PlannerProcess(self.world, self.store, self.judge)
             else:
-                self.mapper = FieldMap(self.case.ground.field.grid())
-                for record in self.store.records(self.world.published):
-                    self.mapper.add(record)
+                self.mapper = MapperProcess(self.world, self.store)
             self._map()
 
     def _map(self) -> None:
@@ -195,10 +222,11 @@ class _Rehearsal:
         silent = self.world.faults.on(Fault.MAPPER_SILENT, self.world.time_s)
         if self.mapper is None or self.planner is None or silent:
             return
-        state, control, status = self.mapper.state, self.planner.control, self.planner.status
+        field_map, control, status = self.mapper.map, self.planner.control, self.planner.status
+        state = field_map.state
         control.samples(state.samples, state.stamp_s)
         if status is None or status.phase is Phase.PLANNING:
-            control.fit(self.mapper.fit(state), state.stamp_s, cell_m=self.mapper.grid.cell_m)
+            control.fit(field_map.fit(state), state.stamp_s, cell_m=field_map.grid.cell_m)
 
     def _operate(self, planner: PlannerProcess) -> None:
         """The operator: gives the commands of the case, and resumes when the mission asks."""
