@@ -60,6 +60,14 @@ class Fault(StrEnum):
     """The operator aborts."""
     SKIP = "skip"
     """The operator skips a stop."""
+    RETURN = "return_home"
+    """The operator sends the robot home."""
+    MEASURE = "measure"
+    """The operator asks for a measurement anywhere, also outside the field."""
+    RULE_OUT = "rule_out"
+    """The operator rules out an area anywhere."""
+    CHANGE = "change"
+    """The operator changes strategy and time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +141,8 @@ def random_faults(rng: np.random.Generator, first: Fault | None, more: int, unti
         for_s = float(np.exp(rng.uniform(0.0, np.log(150.0))))
         span = Span(kind, float(rng.uniform(15, until_s)), for_s, float(rng.uniform()))
         spans.append(span)
+        if kind in (Fault.PAUSE, Fault.EMERGENCY) and rng.uniform() < 0.4:  # it must survive a kill
+            spans.append(Span(Fault.KILL_PLANNER, span.at_s + float(rng.uniform(0, for_s)), 1.0, 0.0))
         if kind in _AT_A_STOP and rng.uniform() < 0.6:
             stop = _STOPPING[int(rng.integers(len(_STOPPING)))]
             at_s = span.at_s + float(rng.uniform(0, min(for_s, 20.0)))

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.mission.journal import Journal, MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.types import Finish, MissionRules, MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -32,6 +32,7 @@ Place = tuple[float, float]
 
 STOP_OVERHEAD_S = 5.0
 ARRIVAL_RADIUS_M = 3.0
+ROBOT_RADIUS_M = 0.5
 THINKING_S = {False: 1.0, True: 120.0}
 """Time to choose a stop, and when the planner is slow [s]."""
 
@@ -96,6 +97,7 @@ class PlannerProcess:
             seed=case.seed,
             dwell=parse_dwell("fmi:60", 240.0),
             motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
+            access=AccessRules(robot_radius_m=ROBOT_RADIUS_M, by_name=world.by_name),
         )
         rules = MissionRules(
             budget_s=case.budget_s,

@@ -6,7 +6,9 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import Phase, Verb
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
@@ -20,6 +22,9 @@ BACK_AFTER_S = 8.0
 """A killed process is back after this time [s]."""
 ANSWER_S = 30.0
 """Time that the operator takes to answer [s]."""
+AFTER_RELEASE_S = 15.0
+"""Time between the release of the emergency stop and the resume [s]."""
+BUTTON = "button"
 OVERTIME_S = 900.0
 """A rehearsal ends this long after the budget at the latest [s]."""
 AFTERWARDS_S = 30.0
@@ -110,7 +115,8 @@ class _Rehearsal:
         self.planner: PlannerProcess | None = None
         self.mapper: MapperProcess | None = MapperProcess(self.world, store)
         self._back_s = {Fault.KILL_PLANNER: math.inf, Fault.KILL_MAPPER: math.inf}
-        self._commands: list[tuple[float, Verb]] = []
+        self._todo: list[tuple[float, Callable[[PlannerProcess], None]]] = []
+        self._pressed: bool | None = None
         self._asked_s = math.inf
         self._started = False
         self._visits = self._kills = self._alarms = 0
@@ -196,12 +202,19 @@ class _Rehearsal:
                 self.mapper = None
                 self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
                 self._kills += 1
+            case Fault.EMERGENCY:
+                self._press(True)
+                self._todo += [
+                    (self.world.time_s + 2.0, self._resume),  # refused: it is still pressed
+                    (span.end_s, lambda planner: self._press(False)),
+                    (span.end_s + AFTER_RELEASE_S, self._resume),
+                ]
             case Fault.PAUSE:
-                self._commands += [(span.at_s, Verb.PAUSE), (span.end_s, Verb.RESUME)]
+                self._todo += [(span.at_s, partial(self._stop, Verb.PAUSE)), (span.end_s, self._resume)]
             case Fault.ABORT:
-                self._commands.append((span.at_s, Verb.ABORT))
-            case Fault.SKIP:
-                self._commands.append((span.at_s, Verb.SKIP))
+                self._todo.append((span.at_s, partial(self._stop, Verb.ABORT)))
+            case Fault.SKIP | Fault.RETURN | Fault.MEASURE | Fault.RULE_OUT | Fault.CHANGE:
+                self._todo.append((span.at_s, partial(self._ask, span)))
             case _:
                 pass
 
@@ -213,6 +226,8 @@ class _Rehearsal:
             self._back_s[process] = math.inf
             if process is Fault.KILL_PLANNER:
                 self.planner = PlannerProcess(self.world, self.store, self.judge)
+                if self._pressed is not None:
+                    self.planner.control.emergency(self._pressed, BUTTON)  # the topic is latched
             else:
                 self.mapper = MapperProcess(self.world, self.store)
             self._map()
@@ -228,20 +243,48 @@ class _Rehearsal:
         if status is None or status.phase is Phase.PLANNING:
             control.fit(field_map.fit(state), state.stamp_s, cell_m=field_map.grid.cell_m)
 
+    # People
+
     def _operate(self, planner: PlannerProcess) -> None:
-        """The operator: gives the commands of the case, and resumes when the mission asks."""
+        """What people do now: as the case says, and resume when the mission asks."""
         now_s = self.world.time_s
         if not self._started:
             self._started = self.judge.resumes(now_s, lambda: planner.control.command(Verb.START).accepted)
-        due = [verb for at_s, verb in self._commands if at_s <= now_s]
-        self._commands = [(at_s, verb) for at_s, verb in self._commands if at_s > now_s]
+        due = [do for at_s, do in self._todo if at_s <= now_s]
+        self._todo = [(at_s, do) for at_s, do in self._todo if at_s > now_s]
         asked = planner.status is not None and planner.status.needs_operator
         self._asked_s = min(self._asked_s, now_s) if asked else math.inf
         if now_s > self._asked_s + ANSWER_S:
-            due.append(Verb.RESUME)
+            due.append(self._resume)
             self._asked_s = math.inf
-        for verb in due:
-            if verb is Verb.RESUME:
-                self.judge.resumes(now_s, lambda: planner.control.command(Verb.RESUME).accepted)
-            elif planner.control.command(verb).accepted and verb in (Verb.PAUSE, Verb.ABORT):
-                self.judge.stopped(now_s, verb)
+        for do in due:
+            do(planner)
+
+    def _press(self, pressed: bool) -> None:
+        """Press or release the emergency stop; a planner that is not there hears of it later."""
+        self._pressed = pressed
+        if pressed:
+            self.judge.stopped(self.world.time_s, "an emergency stop")
+        if self.planner is not None:
+            self.planner.control.emergency(pressed, BUTTON)
+
+    def _resume(self, planner: PlannerProcess) -> None:
+        self.judge.resumes(self.world.time_s, lambda: planner.control.command(Verb.RESUME).accepted)
+
+    def _stop(self, verb: Verb, planner: PlannerProcess) -> None:
+        if planner.control.command(verb).accepted:
+            self.judge.stopped(self.world.time_s, verb)
+
+    def _ask(self, span: Span, planner: PlannerProcess) -> None:
+        """A request at a place that has nothing to do with the fence."""
+        low, high = (
+            self.case.ground.field.polygon.min(axis=0) - 10,
+            self.case.ground.field.polygon.max(axis=0) + 10,
+        )
+        x, y = (low + (high - low) * ((7 * span.size) % 1, (31 * span.size) % 1)).tolist()
+        requests = {
+            Fault.MEASURE: OperatorRequest("measure", place=(x, y), dwell="30"),
+            Fault.RULE_OUT: OperatorRequest("rule_out", polygon=((x, y), (x + 25, y), (x, y + 25))),
+            Fault.CHANGE: OperatorRequest("change", strategy="random", hours=self.case.budget_s / 4000),
+        }
+        planner.control.request(requests.get(span.fault, OperatorRequest(span.fault)))
