@@ -1,6 +1,6 @@
-"""The rules by which a client of topological navigation has to live, without the messages.
+"""The rules of a client of a navigation that is a ROS action, without the messages.
 
-The navigation is a ROS action whose answers cannot all be believed:
+The answers of such a navigation cannot all be believed:
 
 * Cancelling looks rejected, and the goal then ends as aborted; newer versions end it as cancelled. So any end
   is taken for the end, and the answer to the cancellation says nothing, unless it says that there is no such goal.
@@ -9,6 +9,9 @@ The navigation is a ROS action whose answers cannot all be believed:
 * Goals share their state in the server. So a goal is sent only after the end of the one before is known.
 * The server may come late, die in mid-goal, or not answer. So everything has a time limit, and a goal whose end
   was never heard of is cancelled again until the server says that it is over or unknown.
+
+A goal of the mission may have way points. Each of them is a goal for the server, sent after the arrival at the one
+before. The robot passes every way point closely: a turn begun early would cut the corner of a no-go area.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
 
 CANCEL_AGAIN_S = 2.0
@@ -41,10 +45,10 @@ class CancelAnswer(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
-    """Send this goal; tell :meth:`GoalClient.answered` and :meth:`GoalClient.ended`."""
+    """Send the robot there; the answers go to :meth:`GoalClient.answered` and :meth:`GoalClient.ended`."""
 
     goal_id: int
-    stop: Stop
+    point: WayPoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +95,7 @@ class _Step(Enum):
 @dataclass
 class _Goal:
     goal_id: int
-    stop: Stop | None
+    ahead: tuple[WayPoint, ...]  # the next one first; empty for goals of another process
     step: _Step
     since_s: float
     cancel: bool = False
@@ -116,19 +120,31 @@ class GoalClient:
         self._server_seen_s = -math.inf
         self._out: list[Request] = []
 
-    def go(self, goal_id: int, stop: Stop, now_s: float) -> tuple[Request, ...]:
-        """A new goal; it is sent when the server is there and the end of all others is known."""
+    def go(
+        self, goal_id: int, ahead: tuple[WayPoint, ...], now_s: float, there: bool = False
+    ) -> tuple[Request, ...]:
+        """A new goal; it is sent when the server is there and the end of all others is known.
+
+        :param goal_id: id of the goal
+        :param ahead: way points, the last of them the stop
+        :param now_s: time [s]
+        :param there: whether the robot stands at the stop, so that nothing needs to be sent
+        """
         for goal in list(self._goals.values()):
             if not goal.reported:
                 self._give_up(goal, Outcome.CANCELED, "replaced by another goal", now_s)
-        self._goals[goal_id] = _Goal(goal_id, stop, _Step.WAITING, now_s)
+        goal = _Goal(goal_id, ahead, _Step.WAITING, now_s)
+        if there and not self._goals:
+            self._report(goal, Outcome.SUCCEEDED, f"already at {ahead[-1].stop.name}")
+        else:
+            self._goals[goal_id] = goal
         return self._go_on(now_s)
 
     def cancel(self, goal_id: int, now_s: float) -> tuple[Request, ...]:
         """Cancel a goal; its end is reported when the server reports it."""
         goal = self._goals.get(goal_id)
         if goal is None:
-            goal = self._goals[goal_id] = _Goal(goal_id, None, _Step.ACTIVE, now_s)
+            goal = self._goals[goal_id] = _Goal(goal_id, (), _Step.ACTIVE, now_s)
         goal.cancel = True
         if goal.step is _Step.WAITING:
             self._over(goal, Outcome.CANCELED, "cancelled before it was sent")
@@ -140,7 +156,7 @@ class GoalClient:
         """The server has accepted or rejected a goal."""
         goal = self._goals.get(goal_id)
         if goal is None:  # given up long ago; it must not run on unnoticed
-            goal = _Goal(goal_id, None, _Step.SENT, now_s, cancel=True, reported=True)
+            goal = _Goal(goal_id, (), _Step.SENT, now_s, cancel=True, reported=True)
             self._goals[goal_id] = goal
         if accepted:
             goal.step, goal.since_s = _Step.ACTIVE, now_s
@@ -148,17 +164,26 @@ class GoalClient:
             self._over(goal, Outcome.FAILED, "the navigation rejected the goal")
         return self._go_on(now_s)
 
-    def ended(self, goal_id: int, status: int, success: bool, now_s: float) -> tuple[Request, ...]:
-        """The server has reported the end of a goal: a status as action_msgs numbers it, and the result."""
+    def ended(
+        self, goal_id: int, status: int, success: bool, now_s: float, why: str = ""
+    ) -> tuple[Request, ...]:
+        """The server has reported the end of a goal.
+
+        :param goal_id: id of the goal
+        :param status: final status, as action_msgs numbers it
+        :param success: whether the result says so
+        :param now_s: time [s]
+        :param why: what the result says about a failure, for operators
+        """
         goal = self._goals.get(goal_id)
         if goal is None:
             return self._go_on(now_s)
         if goal.cancel:
-            self._over(goal, Outcome.CANCELED, f"cancelled; the navigation {_said(status, success)}")
+            self._over(goal, Outcome.CANCELED, f"cancelled; the navigation {_said(status, success, '')}")
         elif status == Status.SUCCEEDED and success:
             goal.step, goal.since_s = _Step.CHECKING, now_s
         else:
-            self._over(goal, Outcome.FAILED, f"the navigation {_said(status, success)}")
+            self._over(goal, Outcome.FAILED, f"the navigation {_said(status, success, why)}")
         return self._go_on(now_s)
 
     def cancel_answered(self, goal_id: int, code: int, now_s: float) -> tuple[Request, ...]:
@@ -173,11 +198,12 @@ class GoalClient:
     def moved(self, place: tuple[float, float], now_s: float) -> tuple[Request, ...]:
         """The robot is here [m]."""
         for goal in list(self._goals.values()):
-            if goal.step is _Step.CHECKING and goal.stop is not None:
-                goal.away_m = math.dist(place, (goal.stop.x_m, goal.stop.y_m))
+            if goal.step is _Step.CHECKING and goal.ahead:
+                stop = goal.ahead[0].stop
+                goal.away_m = math.dist(place, (stop.x_m, stop.y_m))
                 goal.positions += 1
                 if goal.away_m <= self._radius_m:
-                    self._over(goal, Outcome.SUCCEEDED, f"{goal.away_m:.1f} m from {goal.stop.name}")
+                    self._arrived(goal, stop, now_s)
         return self._go_on(now_s)
 
     def tick(self, server_there: bool, now_s: float) -> tuple[Request, ...]:
@@ -189,6 +215,13 @@ class GoalClient:
 
     # What follows --------------------------------------------------------------------------------------------
 
+    def _arrived(self, goal: _Goal, stop: Stop, now_s: float) -> None:
+        if len(goal.ahead) == 1:
+            self._over(goal, Outcome.SUCCEEDED, f"{goal.away_m:.1f} m from {stop.name}")
+        else:
+            goal.ahead, goal.step, goal.since_s = goal.ahead[1:], _Step.WAITING, now_s
+            goal.away_m, goal.positions = math.nan, 0
+
     def _go_on(self, now_s: float) -> tuple[Request, ...]:
         for goal in list(self._goals.values()):
             self._meet_limits(goal, now_s)
@@ -196,12 +229,12 @@ class GoalClient:
             known = goal.step is _Step.ACTIVE or (goal.step is _Step.SENT and goal.reported)
             if goal.cancel and known and self._server_there and now_s - goal.asked_s >= CANCEL_AGAIN_S:
                 goal.asked_s = now_s
-                self._out.append(CancelSent(goal.goal_id, goal.stop is not None))
+                self._out.append(CancelSent(goal.goal_id, bool(goal.ahead)))
         if self._server_there and len(self._goals) == 1:
             goal = next(iter(self._goals.values()))
-            if goal.step is _Step.WAITING and goal.stop is not None:
+            if goal.step is _Step.WAITING:
                 goal.step, goal.since_s = _Step.SENT, now_s
-                self._out.append(SendGoal(goal.goal_id, goal.stop))
+                self._out.append(SendGoal(goal.goal_id, goal.ahead[0]))
         out, self._out = tuple(self._out), []
         return out
 
@@ -243,13 +276,14 @@ class GoalClient:
             self._out.append(Ended(goal.goal_id, outcome, reason))
 
 
-def _said(status: int, success: bool) -> str:
+def _said(status: int, success: bool, why: str) -> str:
+    because = f": {why}" if why else ""
     match status:
         case Status.SUCCEEDED:
-            return "reported the arrival" if success else "ended the goal without success"
+            return "reported the arrival" if success else f"ended the goal without success{because}"
         case Status.CANCELED:
             return "cancelled the goal"
         case Status.ABORTED:
-            return "aborted the goal (is the stop on its map, and the way free?)"
+            return f"aborted the goal{because}"
         case _:
             return f"ended the goal with the unknown status {status}"

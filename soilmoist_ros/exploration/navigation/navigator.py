@@ -1,4 +1,4 @@
-"""What a navigator is: it takes the robot to one stop at a time, and says how that ended."""
+"""What a navigator is: it takes the robot to one stop at a time, and reports how each goal ended."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """A goal has ended; said once for each.
+    """A goal has ended; reported once for each goal.
 
     :param goal_id: the mission's id of the goal
     :param outcome: how it ended; ``SUCCEEDED`` only if the robot's own position agrees
@@ -42,16 +42,26 @@ class Navigator(Protocol):
 
     @property
     def on_the_way(self) -> str:
-        """What the navigation says about the way, for displays; empty if nothing."""
+        """What the navigation reports about the way, for displays; empty if nothing."""
+        ...
+
+    @property
+    def caution(self) -> str:
+        """What the navigation cannot do now although the mission relies on it; empty if nothing."""
+        ...
+
+    @property
+    def feedback_age_s(self) -> float:
+        """Time since the last feedback about the goal in progress [s]; nan without a goal or any feedback."""
         ...
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """Take the robot to a stop.
 
         :param goal_id: the mission's id of the goal
-        :param stop: where to
-        :param way: the route, allowed by the fence: poses go to its corners as way points,
-            names are sent as in ``way.nodes``, one after the other
+        :param stop: the stop
+        :param way: the route, allowed by the fence: poses go to its corners as way points, names are sent as in
+            ``way.nodes``, one after the other
         """
         ...
 
@@ -60,9 +70,12 @@ class Navigator(Protocol):
         ...
 
     def moved(self, place: tuple[float, float], now_s: float) -> None:
-        """The robot is at this place [m] at this time [s]."""
+        """The robot is at this place [m] at this time of the mission [s]."""
         ...
 
-    def tick(self) -> None:
-        """Look after the navigation; to be called several times a second."""
+    def tick(self, now_s: float) -> None:
+        """Check the navigation and its time limits; to be called several times a second.
+
+        :param now_s: time of the mission [s]
+        """
         ...

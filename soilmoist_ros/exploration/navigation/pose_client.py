@@ -1,86 +1,161 @@
-"""Goals that are only poses: nothing answers, so arrival and standstill are judged by the robot's positions."""
+"""Goals that are only poses: nothing answers, so arrival and standstill are judged by the robot's positions.
+
+Poses cannot stop a robot. The only pose that comes close is the place where the robot is, and a wrong place drives
+it away. So a stop is asked for through the action of the navigation where it has one; else the pose is a place that
+several recent positions agree on, and without one nothing is published.
+"""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.navigation.track import STILL_SHARE, Place, Track
+from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
 
-_STILL_SHARE = 1 / 3
-"""A robot that stays within this share of the arrival radius stands still."""
+STOP_AGAIN_S = 2.0
+"""Time after which a robot that does not stand is stopped again [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SendPose:
-    """Send the robot to this place [m]."""
+    """Send the robot to this place [m], heading anticlockwise from east [rad]."""
 
     x_m: float
     y_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class CancelAll:
+    """Cancel all goals of the navigation's action."""
+
+
+Request = SendPose | CancelAll | Ended
+"""What a client asks for, and what it reports."""
+
+
+@dataclass
+class _Goal:
+    goal_id: int
+    ahead: tuple[WayPoint, ...]  # empty: it is being cancelled
+    since_s: float  # standstill counts from here
 
 
 class PoseClient:
-    """Takes goals one at a time. Each method gives what is to be done now, in order.
+    """Takes goals one at a time. Each method returns what is to be done now, in order.
 
     How long a goal or a cancellation may take is for the mission to say: it cancels, or goes on without.
 
-    :param radius_m: the robot is at a stop within this distance [m]
+    :param radius_m: the robot is at a stop within this distance; positions may be this far off [m]
     :param settle_s: it has arrived or stopped when it has stood still for this time [s]
+    :param speed_mps: expected speed of the robot [m/s]
     """
 
-    def __init__(self, radius_m: float, settle_s: float) -> None:
+    def __init__(self, radius_m: float, settle_s: float, speed_mps: float) -> None:
         self._radius_m = radius_m
         self._settle_s = settle_s
-        self._track: deque[tuple[float, tuple[float, float]]] = deque()
-        self._goal: tuple[int, Stop | None] | None = None  # without a stop: it is being cancelled
-        self._stay_at_next = False
+        self._track = Track(speed_mps, radius_m)
+        self._goal: _Goal | None = None
+        self._cancels = False
+        self._asked_s = -math.inf
+        self._kept: Place | None = None  # the place that was published to stop the robot
 
-    def go(self, goal_id: int, stop: Stop) -> tuple[SendPose | Ended, ...]:
-        """A new goal; a pose replaces the one before at once."""
+    @property
+    def caution(self) -> str:
+        """Why the robot cannot be stopped now; empty if it can, or if there is nothing to stop."""
+        if self._goal is None or self._cancels or self._track.place is not None:
+            return ""
+        what = "is not asked to stop" if self._cancelling else "could not be stopped"
+        return f"the robot {what}: its recent positions do not agree on a place"
+
+    def go(self, goal_id: int, ahead: tuple[WayPoint, ...]) -> tuple[Request, ...]:
+        """A new goal; its first pose replaces the one before at once.
+
+        :param goal_id: id of the goal
+        :param ahead: way points, the last of them the stop
+        """
         replaced = self._end(Outcome.CANCELED, "replaced by another goal")
-        self._goal = (goal_id, stop)
-        self._track.clear()
-        self._stay_at_next = False
-        return *replaced, SendPose(stop.x_m, stop.y_m)
+        self._kept = None
+        if not replaced and self._track.standing_at(ahead[-1].stop, self._still_m):
+            return (Ended(goal_id, Outcome.SUCCEEDED, f"already at {ahead[-1].stop.name}"),)
+        self._goal = _Goal(goal_id, ahead, self._track.now_s)
+        return *replaced, self._pose(ahead[0])
 
-    def cancel(self, goal_id: int) -> tuple[SendPose | Ended, ...]:
-        """Let the robot stay where it is."""
-        replaced = self._end(Outcome.CANCELED, "cancelled") if self._goal and self._goal[0] != goal_id else ()
-        self._goal = (goal_id, None)
-        self._stay_at_next = not self._track
-        if self._stay_at_next:
-            return replaced
-        place = self._track[-1][1]
-        self._track.clear()
-        return *replaced, SendPose(*place)
+    def cancel(self, goal_id: int) -> tuple[Request, ...]:
+        """Stop the robot; it is repeated until the robot stands."""
+        goal, replaced = self._goal, tuple[Ended, ...]()
+        if goal is None or goal.goal_id != goal_id:
+            replaced = self._end(Outcome.CANCELED, "cancelled")
+            goal = _Goal(goal_id, (), self._track.now_s)
+        if goal.ahead or goal is not self._goal:
+            goal.ahead, goal.since_s = (), math.inf
+            self._asked_s, self._kept = -math.inf, None
+        self._goal = goal
+        return *replaced, *self._stop()
 
-    def moved(self, place: tuple[float, float], now_s: float) -> tuple[SendPose | Ended, ...]:
-        """The robot is here [m]."""
-        self._track.append((now_s, place))
-        while len(self._track) > 1 and self._track[1][0] <= now_s - self._settle_s:
-            self._track.popleft()
-        if self._goal is None:
+    def moved(self, place: Place, now_s: float) -> tuple[Request, ...]:
+        """The robot is at a place [m] at a time [s]."""
+        plausible = self._track.moved(place, now_s)
+        goal = self._goal
+        if goal is None or not plausible:
             return ()
-        stop = self._goal[1]
-        if stop is None:
-            if self._stay_at_next:
-                self._stay_at_next = False
-                return (SendPose(*place),)
-            return self._end(Outcome.CANCELED, "cancelled; the robot stands") if self._stands(place, now_s) else ()
-        away_m = math.dist(place, (stop.x_m, stop.y_m))
-        if away_m <= self._radius_m and self._stands(place, now_s):
-            return self._end(Outcome.SUCCEEDED, f"standing {away_m:.1f} m from {stop.name}")
-        return ()
+        if not goal.ahead:
+            stopped = self._stands_since(goal.since_s)
+            return self._end(Outcome.CANCELED, "cancelled; the robot stands") if stopped else self._stop()
+        here, stop = self._track.place, goal.ahead[0].stop
+        if here is None:
+            return ()
+        away_m = math.dist(here, (stop.x_m, stop.y_m))
+        standing = away_m <= self._radius_m and self._stands_since(goal.since_s)
+        if len(goal.ahead) > 1 and (standing or away_m <= self._still_m):
+            goal.ahead, goal.since_s = goal.ahead[1:], now_s
+            return (self._pose(goal.ahead[0]),)
+        return self._end(Outcome.SUCCEEDED, f"standing {away_m:.1f} m from {stop.name}") if standing else ()
 
-    def _stands(self, place: tuple[float, float], now_s: float) -> bool:
-        near_m = self._radius_m * _STILL_SHARE
-        since_s = self._track[0][0]
-        return now_s - since_s >= self._settle_s and all(math.dist(at, place) <= near_m for _, at in self._track)
+    def tick(self, cancels: bool, now_s: float) -> tuple[Request, ...]:
+        """Time has passed.
+
+        :param cancels: whether the navigation has an action whose goals can be cancelled
+        :param now_s: time [s]
+        """
+        self._cancels = cancels
+        self._track.tick(now_s)
+        return self._stop() if self._cancelling else ()
+
+    # What follows --------------------------------------------------------------------------------------------
+
+    @property
+    def _cancelling(self) -> bool:
+        return self._goal is not None and not self._goal.ahead
+
+    @property
+    def _still_m(self) -> float:
+        return self._radius_m * STILL_SHARE
+
+    def _stop(self) -> tuple[Request, ...]:
+        """Stop the robot if it may still be driving."""
+        goal, now_s, here = self._goal, self._track.now_s, self._track.place
+        assert goal is not None
+        stays = here is not None and self._kept is not None and math.dist(here, self._kept) <= self._radius_m
+        if now_s - self._asked_s < STOP_AGAIN_S or (not self._cancels and (here is None or stays)):
+            return ()
+        self._asked_s, goal.since_s = now_s, min(goal.since_s, now_s)
+        if self._cancels or here is None:
+            return (CancelAll(),)
+        self._kept = here
+        return (SendPose(*here, self._track.heading_rad or 0.0),)
+
+    def _pose(self, point: WayPoint) -> SendPose:
+        return SendPose(point.stop.x_m, point.stop.y_m, point.heading_rad)
+
+    def _stands_since(self, since_s: float) -> bool:
+        return self._track.stands(self._settle_s, self._still_m, since_s)
 
     def _end(self, outcome: Outcome, reason: str) -> tuple[Ended, ...]:
         if self._goal is None:
             return ()
-        goal_id, self._goal = self._goal[0], None
+        goal_id, self._goal = self._goal.goal_id, None
         return (Ended(goal_id, outcome, reason),)

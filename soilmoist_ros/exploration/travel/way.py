@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.travel.stop import Stop
+
 Array = NDArray[np.float64]
 
 
@@ -21,4 +23,4 @@ class Way:
     """
 
     corners: Array
-    nodes: tuple[str, ...] = ()
+    nodes: tuple[Stop, ...] = ()

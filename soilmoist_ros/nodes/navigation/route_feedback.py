@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import time
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
@@ -21,10 +22,12 @@ class RouteFeedback:
     :param node: node of the subscriptions
     :param topic: plain topic of the feedback
     :param kind: class of the action
+    :param on_topic: called with each message of the plain topic; passes it to :meth:`heard`
     """
 
-    def __init__(self, node: Node, topic: str, kind: Any) -> None:
+    def __init__(self, node: Node, topic: str, kind: Any, on_topic: Callable[[Any], None]) -> None:
         self.route = ""
+        self._on_topic = on_topic
         self._node = node
         self._topic = node.resolve_topic_name(topic)
         self._kind = kind
@@ -60,7 +63,7 @@ class RouteFeedback:
             self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
             return
         profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
-        self._subscription = self._node.create_subscription(message_class, self._topic, self.heard, profile)
+        self._subscription = self._node.create_subscription(message_class, self._topic, self._on_topic, profile)
 
     def _message_class(self, name: str) -> Any:
         package, folder, kind = name.split("/")

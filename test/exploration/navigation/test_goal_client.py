@@ -6,16 +6,17 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, GoalLimits, SendGoal
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
 
-A, B = Stop("a", 0.0, 0.0), Stop("b", 20.0, 0.0)
+A, B = WayPoint(Stop("a", 0.0, 0.0)), WayPoint(Stop("b", 20.0, 0.0))
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 
 
 def client_with_goal(**limits):
     client = GoalClient(3.0, GoalLimits(**limits))
     client.tick(True, 0.0)
-    assert client.go(1, A, 0.0) == (SendGoal(1, A),)
+    assert client.go(1, (A,), 0.0) == (SendGoal(1, A),)
     assert client.answered(1, True, 0.1) == ()
     return client
 
@@ -71,7 +72,7 @@ def test_a_goal_that_the_server_does_not_know_any_more_has_ended(code):
 
 def test_a_goal_is_not_sent_before_the_end_of_the_one_before_is_known():
     client = client_with_goal()
-    assert client.go(2, B, 1.0) == (Ended(1, Outcome.CANCELED, "replaced by another goal"), CancelSent(1, True))
+    assert client.go(2, (B,), 1.0) == (Ended(1, Outcome.CANCELED, "replaced by another goal"), CancelSent(1, True))
     assert client.tick(True, 2.0) == ()
     assert client.tick(True, 3.5) == (CancelSent(1, True),), "cancelled again while it does not end"
     assert client.ended(1, ABORTED, False, 4.0) == (SendGoal(2, B),)
@@ -79,16 +80,16 @@ def test_a_goal_is_not_sent_before_the_end_of_the_one_before_is_known():
 
 def test_it_does_not_wait_for_that_for_ever():
     client = client_with_goal(start_s=5.0)
-    client.go(2, B, 1.0)
+    client.go(2, (B,), 1.0)
     assert outcomes(client.tick(True, 6.5)) == [Outcome.FAILED]
-    assert SendGoal(3, B) not in client.go(3, B, 7.0), "the server is still at work"
+    assert SendGoal(3, B) not in client.go(3, (B,), 7.0), "the server is still at work"
 
 
 def test_a_restarted_server_is_asked_before_the_next_goal():
     client = client_with_goal(lost_s=5.0)
     assert client.tick(False, 4.0) == ()
     assert outcomes(client.tick(False, 10.0)) == [Outcome.FAILED]
-    assert client.go(2, B, 11.0) == ()
+    assert client.go(2, (B,), 11.0) == ()
     assert client.tick(True, 12.0) == (CancelSent(1, True),)
     assert client.cancel_answered(1, 2, 12.1) == (SendGoal(2, B),)
 
@@ -96,7 +97,7 @@ def test_a_restarted_server_is_asked_before_the_next_goal():
 def test_an_acceptance_that_comes_too_late_is_cancelled():
     client = GoalClient(3.0, GoalLimits(answer_s=2.0))
     client.tick(True, 0.0)
-    client.go(1, A, 0.0)
+    client.go(1, (A,), 0.0)
     given_up = client.tick(True, 3.0)
     assert outcomes(given_up) == [Outcome.FAILED]
     assert CancelSent(1, True) in given_up
@@ -106,13 +107,61 @@ def test_an_acceptance_that_comes_too_late_is_cancelled():
 
 def test_cancelled_before_it_was_sent():
     client = GoalClient(3.0)
-    assert client.go(1, A, 0.0) == ()
+    assert client.go(1, (A,), 0.0) == ()
     assert outcomes(client.cancel(1, 1.0)) == [Outcome.CANCELED]
     assert client.tick(True, 2.0) == ()
 
 
+def test_already_there_needs_no_goal_unless_another_one_may_still_drive():
+    client = GoalClient(3.0)
+    client.tick(True, 0.0)
+    assert client.go(1, (A,), 0.0, True) == (Ended(1, Outcome.SUCCEEDED, "already at a"),)
+    assert client.go(2, (B,), 1.0) == (SendGoal(2, B),)
+    client.answered(2, True, 1.1)
+    assert client.go(3, (A,), 2.0, True)[-1] == CancelSent(2, True)
+    assert client.ended(2, CANCELED, False, 3.0) == (SendGoal(3, A),)
+
+
+def test_way_points_are_goals_one_after_the_other():
+    client = GoalClient(3.0)
+    client.tick(True, 0.0)
+    assert client.go(1, (A, B), 0.0) == (SendGoal(1, A),)
+    client.answered(1, True, 0.1)
+    assert client.ended(1, SUCCEEDED, True, 5.0) == (), "the position has not agreed yet"
+    assert client.moved((1.0, 0.0), 5.5) == (SendGoal(1, B),)
+    client.answered(1, True, 5.6)
+    client.ended(1, SUCCEEDED, True, 20.0)
+    assert outcomes(client.moved((19.0, 0.0), 20.5)) == [Outcome.SUCCEEDED]
+
+
+@pytest.mark.parametrize("at", ["driving", "checking"])
+def test_after_a_cancellation_no_further_way_point_is_sent(at):
+    client = GoalClient(3.0)
+    client.tick(True, 0.0)
+    client.go(1, (A, B), 0.0)
+    client.answered(1, True, 0.1)
+    if at == "checking":
+        client.ended(1, SUCCEEDED, True, 1.0)
+        assert outcomes(client.cancel(1, 1.1)) == [Outcome.CANCELED]
+    else:
+        assert client.cancel(1, 1.0) == (CancelSent(1, True),)
+        assert outcomes(client.ended(1, SUCCEEDED, True, 1.1)) == [Outcome.CANCELED]
+    assert client.moved((0.0, 0.0), 2.0) == ()
+    assert client.tick(True, 3.0) == ()
+
+
+def test_a_way_point_that_fails_ends_the_goal():
+    client = GoalClient(3.0)
+    client.tick(True, 0.0)
+    client.go(1, (A, B), 0.0)
+    client.answered(1, True, 0.1)
+    (end,) = client.ended(1, ABORTED, False, 5.0, "no valid path (code 208)")
+    assert (end.outcome, end.reason) == (Outcome.FAILED, "the navigation aborted the goal: no valid path (code 208)")
+    assert client.moved((0.0, 0.0), 6.0) == ()
+
+
 EVENTS = st.one_of(
-    st.tuples(st.just("go")),
+    st.tuples(st.just("go"), st.integers(1, 3), st.booleans()),
     st.tuples(st.just("cancel")),
     st.tuples(st.just("answered"), st.booleans()),
     st.tuples(st.just("ended"), st.sampled_from([0, 4, 5, 6]), st.booleans()),
@@ -122,43 +171,58 @@ EVENTS = st.one_of(
 )
 
 
+class Server:
+    """What the requests of a client make a server do; a request that breaks a rule fails the test."""
+
+    def __init__(self):
+        self.asked, self.running, self.accepted = 0, 0, False
+        self.cancelled, self.ended = set(), []
+
+    def take(self, requests):
+        for request in requests:
+            if isinstance(request, SendGoal):
+                assert not self.running, "another goal may still be at work"
+                assert request.goal_id == self.asked
+                assert request.goal_id not in self.cancelled
+                assert request.goal_id not in self.ended
+                self.running, self.accepted = request.goal_id, False
+            elif isinstance(request, Ended):
+                assert request.goal_id not in self.ended, "an end is reported once"
+                self.ended.append(request.goal_id)
+
+    def can(self, kind):
+        """Whether the server may say this now: it answers a goal once, and then ends it once."""
+        return kind not in ("answered", "ended", "cancel_answered") or (
+            self.running > 0 and self.accepted != (kind == "answered")
+        )
+
+    def said(self, kind, value):
+        over = {"answered": not value, "ended": True, "cancel_answered": value in (2, 3)}
+        if kind == "answered":
+            self.accepted = bool(value)
+        if over.get(kind):
+            self.running = 0
+
+
 @given(st.lists(st.tuples(EVENTS, st.floats(0, 4)), max_size=60))
 @settings(deadline=None)
 def test_whatever_happens_every_goal_ends_once_and_one_runs_at_a_time(events):
-    client, now_s = GoalClient(3.0, GoalLimits()), 0.0
-    asked, open_goals, accepted, asked_to_cancel = 0, [], set(), []
-
-    def take(requests):
-        for request in requests:
-            if isinstance(request, SendGoal):
-                assert not open_goals, "another goal may still be at work"
-                assert request.goal_id == asked
-                assert request.goal_id not in asked_to_cancel
-                open_goals.append(request.goal_id)
-            elif isinstance(request, Ended):
-                assert request.goal_id not in asked_to_cancel
-                asked_to_cancel.append(request.goal_id)
-
+    client, server, now_s = GoalClient(3.0, GoalLimits()), Server(), 0.0
     for (kind, *values), pause_s in events:
         now_s += pause_s
         if kind == "go":
-            asked += 1
-            values = [asked, (A, B)[asked % 2]]
+            server.asked += 1
+            points, there = values
+            server.take(client.go(server.asked, (A, B, A)[:points], now_s, there))
         elif kind == "cancel":
-            if asked in asked_to_cancel or not asked:
-                continue
-            values = [asked]
-        elif kind in ("answered", "ended", "cancel_answered"):
-            # what the server may say: it answers a goal once, and then ends it once
-            if not open_goals or (kind == "answered") == (open_goals[0] in accepted):
-                continue
-            values = [open_goals[0], *values]
-            if kind == "answered" and values[1]:
-                accepted.add(open_goals[0])
-            elif kind != "cancel_answered" or values[1] in (2, 3):
-                open_goals.clear()
-        take(getattr(client, kind)(*values, now_s))
+            if server.asked and server.asked not in server.ended:
+                server.cancelled.add(server.asked)
+                server.take(client.cancel(server.asked, now_s))
+        elif server.can(kind):
+            about = () if kind in ("moved", "tick") else (server.running,)
+            server.said(kind, values[0])
+            server.take(getattr(client, kind)(*about, *values, now_s))
     for _ in range(200):
         now_s += 1.0
-        take(client.tick(False, now_s))
-    assert sorted(asked_to_cancel) == list(range(1, asked + 1))
+        server.take(client.tick(False, now_s))
+    assert sorted(server.ended) == list(range(1, server.asked + 1))
