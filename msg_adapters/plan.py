@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -39,9 +40,12 @@ def path_to_places(path: Path) -> list[tuple[float, float]]:
     return [(float(pose.pose.position.x), float(pose.pose.position.y)) for pose in path.poses]
 
 
-def pose_stamped(x_m: float, y_m: float, stamp_s: float, frame_id: str = FRAME) -> PoseStamped:
-    """Pose at a place [m], heading east: the sensor has no heading."""
-    pose = Pose(position=_point(x_m, y_m), orientation=Quaternion(w=1.0))
+def pose_stamped(
+    x_m: float, y_m: float, stamp_s: float, frame_id: str = FRAME, heading_rad: float = 0.0
+) -> PoseStamped:
+    """Pose at a place [m], heading anticlockwise from east [rad]."""
+    turn = Quaternion(z=math.sin(heading_rad / 2), w=math.cos(heading_rad / 2))
+    pose = Pose(position=_point(x_m, y_m), orientation=turn)
     return PoseStamped(header=Header(stamp=to_time(stamp_s), frame_id=frame_id), pose=pose)
 
 

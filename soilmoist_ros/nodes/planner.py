@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -16,16 +15,11 @@ from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.types import Verb
 from soilmoist_ros.exploration.navigation.framed import FramedNavigator
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
-from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
-from soilmoist_ros.exploration.navigation.pose_client import PoseClient
 from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.exploration.travel.topological_map import read_topological_map
 from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
-from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_class
+from soilmoist_ros.nodes.navigation.choice import make_navigator
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.planner import PARAMETERS, explorer_settings, mission_rules
 from soilmoist_ros.nodes.runtime.run import run
@@ -67,7 +61,7 @@ class Planner(Node):
             rules,
             self._values.text("home"),
             self._values.number("map_wait_s"),
-            lambda report: FramedNavigator(self._navigator(report), self._frames.robot),
+            lambda report: FramedNavigator(make_navigator(self, self._values, report), self._frames.robot),
             self._outputs,
             MissionJournal(self._journal),
             properties,
@@ -104,19 +98,6 @@ class Planner(Node):
     def _mission_clock(self) -> MissionClock:
         simulated = self.get_parameter("use_sim_time").value
         return MissionClock(self._outputs.now_s, None if simulated else time.monotonic, boot_id())
-
-    def _navigator(self, report: Callable[[Ended], None]) -> Navigator:
-        text, number = self._values.text, self._values.number
-        radius_m = number("arrival_radius_m")
-        if text("navigator") == "goal_pose":
-            return GoalPoseNavigator(self, PoseClient(radius_m, number("settle_s")), report)
-        if text("graph") == "free":
-            raise InputError(
-                "goto_node goes to nodes of a map, but graph is free", "set graph: topic, or a map file"
-            )
-        client = GoalClient(radius_m, GoalLimits(start_s=number("navigation_wait_s")))
-        kind = action_class(text("action_type"))
-        return GotoNodeNavigator(self, text("action_name"), kind, text("feedback_topic"), client, report)
 
     def _stay(self) -> None:
         self._autostart = False

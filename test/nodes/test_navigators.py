@@ -1,5 +1,6 @@
-"""The navigators (goto_node.py, route_feedback.py, goal_pose.py) against a virtual robot and its faults."""
+"""The navigators (action_navigator.py, goto_node.py, navigate_to_pose.py, goal_pose.py) and a faulty robot."""
 
+import math
 import threading
 import time
 
@@ -8,23 +9,28 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
-from virtual_navigation import STOPS, VirtualNavigation, World
+from virtual_navigation import SPEED_MPS, STOPS, VirtualNavigation, World
 
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
+from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.navigation.action_navigator import action_class
 from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
-from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator, action_class
+from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 FAR, OTHER = STOPS[-1], STOPS[0]
+START = (-10.0, 5.0)
 WAY = Way(np.empty((0, 2)))
 LIMITS = GoalLimits(start_s=20.0, answer_s=10.0, lost_s=1.0, position_s=1.0)
 
@@ -46,8 +52,9 @@ class Driver:
     def run(self):
         while self.running:
             time.sleep(0.02)
-            self.navigator.tick()
-            self.navigator.moved(self.world.place, self.world.now_s)
+            now_s, place = self.world.now_s, self.world.place
+            self.navigator.tick(now_s)
+            self.navigator.moved(place, now_s)
 
     def end_of(self, goal_id):
         return self.ros.wait_for(lambda: self.ends.get(goal_id), message=f"the end of goal {goal_id}")
@@ -61,15 +68,19 @@ def world(ros):
 
 @pytest.fixture
 def drive(ros, world):
-    drivers = []
+    drivers, tracks = [], {}
 
     def start(limits=LIMITS):
         def make(report):
             client = GoalClient(2.0, limits)
             feedback = "topological_navigation/feedback"
-            return GotoNodeNavigator(ros.node, "topological_navigation", GotoNode, feedback, client, report)
+            track = tracks[report] = Track(SPEED_MPS, 2.0)
+            return GotoNodeNavigator(
+                ros.node, "topological_navigation", GotoNode, feedback, client, track, 2.0, report
+            )
 
         drivers.append(Driver(ros, world, make))
+        drivers[-1].track = tracks[drivers[-1].report]
         return drivers[-1]
 
     yield start
@@ -190,14 +201,33 @@ def test_the_server_may_die_in_mid_goal_and_come_back(ros, world, drive):
 
 
 def test_the_action_type_must_exist():
-    assert action_class("topological_navigation_msgs/action/GotoNode") is GotoNode
+    assert action_class("topological_navigation_msgs/action/GotoNode", "target") is GotoNode
     for name, said in [
         ("topological_navigation_msgs/action/GotoNod", "did you mean 'GotoNode'"),
-        ("no_such_package/action/GotoNode", "goal_pose"),
+        ("no_such_package/action/GotoNode", "another navigator"),
         ("GotoNode", "PACKAGE/action/NAME"),
     ]:
         with pytest.raises(InputError, match=said):
-            action_class(name)
+            action_class(name, "target")
+    with pytest.raises(InputError, match="have no field 'pose'"):
+        action_class("topological_navigation_msgs/action/GotoNode", "pose")
+
+
+def test_a_robot_at_its_node_needs_no_goal(ros, world, navigation, drive):
+    """The real server aborts a goal whose node is the closest one."""
+    world.place = (FAR.x_m, FAR.y_m)
+    driver = drive()
+    ros.wait_for(lambda: driver.track.standing_at(FAR, 2.0), message="standstill")
+    driver.navigator.go(1, FAR, WAY)
+    assert driver.end_of(1).reason == f"already at {FAR.name}"
+    assert navigation.goals == []
+
+
+def test_nodes_on_the_way_are_goals_one_after_the_other(world, navigation, drive):
+    driver = drive()
+    driver.navigator.go(1, FAR, Way(np.empty((0, 2)), (OTHER, FAR)))
+    assert driver.end_of(1).outcome is Outcome.SUCCEEDED
+    assert navigation.goals == [OTHER.name, FAR.name]
 
 
 @pytest.fixture
@@ -205,11 +235,13 @@ def posing(ros, world):
     poses = []
 
     def take(message):
-        poses.append((message.pose.position.x, message.pose.position.y))
-        world.goal = poses[-1]
+        turn = message.pose.orientation
+        poses.append((message.pose.position.x, message.pose.position.y, 2 * math.atan2(turn.z, turn.w)))
+        world.goal = poses[-1][:2]
 
     ros.node.create_subscription(PoseStamped, "goal_pose", take, 10)
-    driver = Driver(ros, world, lambda report: GoalPoseNavigator(ros.node, PoseClient(2.0, 5.0), report))
+    client = PoseClient(2.0, 5.0, SPEED_MPS)
+    driver = Driver(ros, world, lambda report: GoalPoseNavigator(ros.node, "nav", ["bag*"], client, report))
     ros.wait_for(lambda: not driver.navigator.waiting_for)
     driver.poses = poses
     yield driver
@@ -218,17 +250,60 @@ def posing(ros, world):
 
 
 def test_poses_arrive_when_the_robot_stands_there(world, posing):
-    posing.navigator.go(1, FAR, WAY)
+    corner = (FAR.x_m, 5.0)
+    posing.navigator.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
     assert posing.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
-    assert posing.poses == [(FAR.x_m, FAR.y_m)]
+    assert posing.poses == [(*corner, 0.0), (FAR.x_m, FAR.y_m, pytest.approx(math.pi / 2))]
 
 
 def test_poses_are_cancelled_by_staying(ros, world, posing):
     world.rate = 10.0
     posing.navigator.go(1, FAR, WAY)
+    ros.wait_for(lambda: world.goal is not None and world.place != START)
+    posing.navigator.cancel(1)
+    assert posing.end_of(1).outcome is Outcome.CANCELED
+    assert posing.poses[-1][:2] != (FAR.x_m, FAR.y_m)
+    assert world.goal is None
+
+
+def test_one_bad_fix_before_a_stop_does_not_send_the_robot_away(ros, world, posing):
+    world.rate = 10.0
+    posing.navigator.go(1, FAR, WAY)
+    ros.wait_for(lambda: math.dist(world.place, START) > 3.0)
+    posing.running = False
+    posing.thread.join(5)
+    posing.navigator.moved((1984.8, 25.4), world.now_s)
+    posing.navigator.cancel(1)
+    ros.wait_for(lambda: len(posing.poses) == 2, message="the pose that stops the robot")
+    assert math.dist(posing.poses[-1][:2], world.place) < 10.0
+
+
+def test_an_action_of_the_navigation_stops_the_robot_instead_of_a_pose(ros, world, posing):
+    asked = []
+
+    def answer(request, response):
+        asked.append(request)
+        world.goal = None
+        return response
+
+    ros.node.create_service(CancelGoal, "nav/_action/cancel_goal", answer)
+    ros.wait_for(lambda: "cancels the action" in posing.navigator.on_the_way)
+    posing.navigator.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
     posing.navigator.cancel(1)
     assert posing.end_of(1).outcome is Outcome.CANCELED
-    assert posing.poses[-1] != (FAR.x_m, FAR.y_m)
-    assert world.goal is None
+    assert len(posing.poses) == 1
+    assert asked
+    assert not any(asked[0].goal_info.goal_id.uuid)
+
+
+def test_a_recorder_is_no_navigation(ros, world):
+    recorder = Node("recorder_2", context=ros.context)
+    recorder.create_subscription(PoseStamped, "goal_pose", lambda _: None, 10)
+    client = PoseClient(2.0, 5.0, SPEED_MPS)
+    navigator = GoalPoseNavigator(ros.node, "nav", ["recorder*"], client, lambda _: None)
+    ros.wait_for(lambda: "recorder_2 drive no robot" in navigator.waiting_for, message="the recorder")
+    ros.node.create_subscription(PoseStamped, "goal_pose", lambda _: None, 10)
+    ros.wait_for(lambda: not navigator.waiting_for, message="the navigation")
+    recorder.destroy_node()

@@ -407,7 +407,7 @@ class MissionControl:
 
     def tick(self) -> None:
         """Time has passed; to be called several times a second."""
-        self.navigator.tick()
+        self.navigator.tick(self._clock.now_s())
         if self._clock.now_s() > 0:
             for event in self._clock.events(self._mission.state):
                 self._watching.clock(event)
@@ -476,6 +476,8 @@ class MissionControl:
         there = Health("navigation", Level.OK, self.navigator.on_the_way or "there")
         if navigation:
             there = Health("navigation", self._severity, f"waiting for {navigation}")
+        elif self.navigator.caution:
+            there = Health("navigation", self._severity, self.navigator.caution)
         problem = self._journal.problem
         with self._queue_lock:
             faults, weighed = self._queue.faults, ", ".join(self._queue.weighed)

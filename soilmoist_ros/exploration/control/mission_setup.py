@@ -171,8 +171,9 @@ class FieldAccess:
         if self._fenced is None:
             return Way(corners)
         if not self._rules.by_name:
-            return Way(corners, (stop.name,))
-        return Way(corners, self._fenced.nodes_to_send(place, stop, self._rules.entry_m))
+            return Way(corners, (stop,))
+        names = self._fenced.nodes_to_send(place, stop, self._rules.entry_m)
+        return Way(corners, tuple(map(self.stop, names)))
 
     def stop(self, name: str) -> Stop:
         """The stop of this name, also one outside the field.

@@ -32,12 +32,22 @@ class FramedNavigator:
         """See :class:`Navigator`."""
         return self._navigator.on_the_way
 
+    @property
+    def caution(self) -> str:
+        """See :class:`Navigator`."""
+        return self._navigator.caution
+
+    @property
+    def feedback_age_s(self) -> float:
+        """See :class:`Navigator`."""
+        return self._navigator.feedback_age_s
+
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         move = self._move
-        x_m, y_m = move.place((stop.x_m, stop.y_m))
         corners = move.places(way.corners) if len(way.corners) else way.corners
-        self._navigator.go(goal_id, replace(stop, x_m=x_m, y_m=y_m), replace(way, corners=corners))
+        nodes = tuple(_moved(node, move) for node in way.nodes)
+        self._navigator.go(goal_id, _moved(stop, move), replace(way, corners=corners, nodes=nodes))
 
     def cancel(self, goal_id: int) -> None:
         """See :class:`Navigator`."""
@@ -48,11 +58,16 @@ class FramedNavigator:
         if self._frames.move is not None:
             self._navigator.moved(self._frames.move.place(place), now_s)
 
-    def tick(self) -> None:
+    def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""
-        self._navigator.tick()
+        self._navigator.tick(now_s)
 
     @property
     def _move(self) -> PlaneMove:
         assert self._frames.move is not None, "no mission starts before the frame of the navigation is known"
         return self._frames.move
+
+
+def _moved(stop: Stop, move: PlaneMove) -> Stop:
+    x_m, y_m = move.place((stop.x_m, stop.y_m))
+    return replace(stop, x_m=x_m, y_m=y_m)

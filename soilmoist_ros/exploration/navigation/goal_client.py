@@ -164,9 +164,7 @@ class GoalClient:
             self._over(goal, Outcome.FAILED, "the navigation rejected the goal")
         return self._go_on(now_s)
 
-    def ended(
-        self, goal_id: int, status: int, success: bool, now_s: float, why: str = ""
-    ) -> tuple[Request, ...]:
+    def ended(self, goal_id: int, status: int, success: bool, now_s: float, why: str = "") -> tuple[Request, ...]:
         """The server has reported the end of a goal.
 
         :param goal_id: id of the goal

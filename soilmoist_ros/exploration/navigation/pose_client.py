@@ -1,19 +1,20 @@
 """Goals that are only poses: nothing answers, so arrival and standstill are judged by the robot's positions.
 
-Poses cannot stop a robot. The only pose that comes close is the place where the robot is, and a wrong place drives
-it away. So a stop is asked for through the action of the navigation where it has one; else the pose is a place that
-several recent positions agree on, and without one nothing is published.
+Poses cannot stop a robot. The only pose that comes close is the place where the robot is; a wrong place drives it
+away. So a stop cancels the action of the navigation where there is one. Elsewhere the pose is a place that several
+recent positions agree on, and without such a place nothing is published.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.navigation.track import STILL_SHARE, Place, Track
+from soilmoist_ros.exploration.navigation.track import Place, Track
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
-from soilmoist_ros.exploration.travel.stop import Stop
 
 STOP_AGAIN_S = 2.0
 """Time after which a robot that does not stand is stopped again [s]."""
@@ -35,6 +36,17 @@ class CancelAll:
 
 Request = SendPose | CancelAll | Ended
 """What a client asks for, and what it reports."""
+
+
+def drivers(nodes: Iterable[str], observers: Sequence[str]) -> list[str]:
+    """The nodes that may drive a robot to a pose that they receive.
+
+    :param nodes: names of the nodes that subscribe to poses
+    :param observers: patterns of names of nodes that only record or show poses
+    """
+    # discovery shows a subscription before the name of its node
+    known = [name for name in nodes if name and "UNKNOWN" not in name]
+    return [name for name in known if not any(fnmatchcase(name, pattern) for pattern in observers)]
 
 
 @dataclass
@@ -79,7 +91,7 @@ class PoseClient:
         """
         replaced = self._end(Outcome.CANCELED, "replaced by another goal")
         self._kept = None
-        if not replaced and self._track.standing_at(ahead[-1].stop, self._still_m):
+        if not replaced and self._track.standing_at(ahead[-1].stop, self._track.still_m):
             return (Ended(goal_id, Outcome.SUCCEEDED, f"already at {ahead[-1].stop.name}"),)
         self._goal = _Goal(goal_id, ahead, self._track.now_s)
         return *replaced, self._pose(ahead[0])
@@ -110,7 +122,7 @@ class PoseClient:
             return ()
         away_m = math.dist(here, (stop.x_m, stop.y_m))
         standing = away_m <= self._radius_m and self._stands_since(goal.since_s)
-        if len(goal.ahead) > 1 and (standing or away_m <= self._still_m):
+        if len(goal.ahead) > 1 and (standing or away_m <= self._track.still_m):
             goal.ahead, goal.since_s = goal.ahead[1:], now_s
             return (self._pose(goal.ahead[0]),)
         return self._end(Outcome.SUCCEEDED, f"standing {away_m:.1f} m from {stop.name}") if standing else ()
@@ -131,10 +143,6 @@ class PoseClient:
     def _cancelling(self) -> bool:
         return self._goal is not None and not self._goal.ahead
 
-    @property
-    def _still_m(self) -> float:
-        return self._radius_m * STILL_SHARE
-
     def _stop(self) -> tuple[Request, ...]:
         """Stop the robot if it may still be driving."""
         goal, now_s, here = self._goal, self._track.now_s, self._track.place
@@ -152,7 +160,7 @@ class PoseClient:
         return SendPose(point.stop.x_m, point.stop.y_m, point.heading_rad)
 
     def _stands_since(self, since_s: float) -> bool:
-        return self._track.stands(self._settle_s, self._still_m, since_s)
+        return self._track.stands(self._settle_s, since_s)
 
     def _end(self, outcome: Outcome, reason: str) -> tuple[Ended, ...]:
         if self._goal is None:

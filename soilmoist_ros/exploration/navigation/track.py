@@ -7,12 +7,12 @@ from collections import deque
 
 from soilmoist_ros.exploration.travel.stop import Stop
 
-MIN_AGREEING = 3
-"""Number of agreeing positions that make a place plausible."""
+MIN_AGREEING, AMONG = 3, 5
+"""As many agreeing positions among the newest ones make a place plausible."""
 MAX_AGE_S = 3.0
 """Highest age of the newest of them [s] ..."""
-MAX_SPAN_S = 10.0
-"""... and of the oldest of them [s]."""
+MAX_SPAN_S = 45.0
+"""... and of the oldest of them [s]; without fixes there are only the places of records, one in 10 s."""
 SPEED_FACTOR = 3.0
 """The robot may be this many times as fast as its expected speed."""
 KEPT_S = 60.0
@@ -36,42 +36,46 @@ class Track:
         self._max_speed_mps = SPEED_FACTOR * speed_mps
         self._noise_m = noise_m
         self._newest: deque[tuple[float, Place]] = deque(maxlen=MIN_AGREEING)
+        self._verdicts: deque[bool] = deque(maxlen=AMONG)
         self._places: deque[tuple[float, Place]] = deque()
         self.now_s = -math.inf
 
     def tick(self, now_s: float) -> None:
-        """Time has passed [s]; a clock that goes back starts a new track."""
-        if now_s < self.now_s:
-            self._newest.clear()
-            self._places.clear()
-        self.now_s = now_s
+        """Time has passed [s]; a clock that goes back far starts a new track."""
+        if now_s < self.now_s - KEPT_S:
+            for kept in (self._newest, self._verdicts, self._places):
+                kept.clear()
+            self.now_s = now_s
+        self.now_s = max(now_s, self.now_s)  # threads may call in another order than they read the clock
 
     def moved(self, place: Place, now_s: float) -> bool:
         """Process a position [m]; returns whether it is plausible."""
         self.tick(now_s)
+        now_s = self.now_s
         self._newest.append((now_s, place))
         if self._places:
-            if not all(self._agree(at, self._newest[-1]) for at in self._places):
-                return False
-            self._places.append((now_s, place))
+            plausible = all(self._agree(at, self._newest[-1]) for at in self._places)
+            self._places.extend([self._newest[-1]] if plausible else [])
+            self._verdicts.append(plausible)
         elif len(self._newest) == MIN_AGREEING and all(self._agree(at, self._newest[-1]) for at in self._newest):
             self._places.extend(self._newest)
+            self._verdicts.extend([True] * MIN_AGREEING)
         while len(self._places) > MIN_AGREEING and self._places[0][0] < now_s - KEPT_S:
             self._places.popleft()
-        return bool(self._places)
+        return bool(self._verdicts) and self._verdicts[-1]
+
+    @property
+    def still_m(self) -> float:
+        """Motion that counts as none [m]."""
+        return self._noise_m * STILL_SHARE
 
     @property
     def place(self) -> Place | None:
         """Where the robot is [m], if several recent positions agree."""
         newest = list(self._places)[-MIN_AGREEING:]
-        if len(newest) < MIN_AGREEING or self.now_s - newest[-1][0] > MAX_AGE_S:
+        if sum(self._verdicts) < MIN_AGREEING or self.now_s - newest[-1][0] > MAX_AGE_S:
             return None
         return newest[-1][1] if self.now_s - newest[0][0] <= MAX_SPAN_S else None
-
-    @property
-    def last_s(self) -> float:
-        """Time of the last plausible place [s]; -inf without one."""
-        return self._places[-1][0] if self._places else -math.inf
 
     @property
     def heading_rad(self) -> float | None:
@@ -82,26 +86,26 @@ class Track:
                 return math.atan2(here[1] - before[1], here[0] - before[0])
         return None
 
-    def stands(self, for_s: float, within_m: float, since_s: float = -math.inf) -> bool:
+    def stands(self, for_s: float, since_s: float = -math.inf) -> bool:
         """Whether the robot stands still.
 
         :param for_s: for how long [s]
-        :param within_m: distance that counts as none [m]
         :param since_s: only places after this time count [s]
         """
         here = self.place
         if here is None:
             return False
         begin_s = self.now_s - for_s
-        before = [at for at in self._places if at[0] <= begin_s and at[0] >= since_s][-1:]
-        after = [at for at in self._places if at[0] > begin_s and at[0] >= since_s]
-        return bool(before) and all(math.dist(at, here) <= within_m for _, at in [*before, *after])
+        counted = [at for at in list(self._places) if at[0] >= since_s]
+        before = [at for at in counted if at[0] <= begin_s][-1:]
+        after = [at for at in counted if at[0] > begin_s]
+        return bool(before) and all(math.dist(at, here) <= self.still_m for _, at in [*before, *after])
 
     def standing_at(self, stop: Stop, within_m: float) -> bool:
         """Whether the robot stands within this distance of a stop [m]."""
         here = self.place
         near = here is not None and math.dist(here, (stop.x_m, stop.y_m)) <= within_m
-        return near and self.stands(STILL_S, self._noise_m * STILL_SHARE)
+        return near and self.stands(STILL_S)
 
     def _agree(self, one: tuple[float, Place], other: tuple[float, Place]) -> bool:
         reach_m = self._max_speed_mps * abs(other[0] - one[0]) + self._noise_m

@@ -87,7 +87,8 @@ class ActionNavigator(ABC):
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         self._heard_s = math.nan
-        there = self._track.standing_at(stop, self._there_m)
+        with self._lock:
+            there = self._track.standing_at(stop, self._there_m)
         self._step(self._client.go, goal_id, self.goals(stop, way), then=(there,))
 
     def cancel(self, goal_id: int) -> None:
@@ -96,12 +97,14 @@ class ActionNavigator(ABC):
 
     def moved(self, place: tuple[float, float], now_s: float) -> None:
         """See :class:`Navigator`."""
-        self._track.moved(place, now_s)
+        with self._lock:
+            self._track.moved(place, now_s)
         self._step(self._client.moved, place)
 
     def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""
-        self._track.tick(now_s)
+        with self._lock:
+            self._track.tick(now_s)
         self._step(self._client.tick, self._actions.server_is_ready())
 
     # What the action's messages contain ----------------------------------------------------------------------
@@ -124,9 +127,7 @@ class ActionNavigator(ABC):
 
     # What the client asks for --------------------------------------------------------------------------------
 
-    def _step(
-        self, happened: Callable[..., tuple[Request, ...]], *values: Any, then: Sequence[Any] = ()
-    ) -> None:
+    def _step(self, happened: Callable[..., tuple[Request, ...]], *values: Any, then: Sequence[Any] = ()) -> None:
         # The limits apply to messages, so they use the computer's clock. Requests run without the lock, because a
         # report may call this method from another thread.
         with self._lock:

@@ -2,61 +2,93 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from threading import Lock
+from typing import Final
 
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from msg_adapters.plan import pose_stamped
 from soilmoist_ros.exploration.navigation.navigator import Ended
-from soilmoist_ros.exploration.navigation.pose_client import PoseClient, SendPose
+from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, Request, SendPose, drivers
+from soilmoist_ros.exploration.navigation.way_points import way_points
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 
-TOPIC = "goal_pose"
+TOPIC: Final = "goal_pose"
 
 
 class GoalPoseNavigator:
     """A :class:`Navigator` that publishes poses.
 
     :param node: the node that publishes
-    :param client: decides on arrival
+    :param action: name of the action by which the same navigation can be stopped, if it has one
+    :param observers: nodes that subscribe to poses but drive no robot, patterns of names
+    :param client: decides on arrival and stops
     :param report: called at the end of each goal
     """
 
-    def __init__(self, node: Node, client: PoseClient, report: Callable[[Ended], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        action: str,
+        observers: Sequence[str],
+        client: PoseClient,
+        report: Callable[[Ended], None],
+    ) -> None:
         self._node = node
+        self._observers = tuple(observers)
         self._client = client
         self._report = report
         self._lock = Lock()
         self._poses = node.create_publisher(PoseStamped, TOPIC, DEFAULT)
+        self._cancels = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+        node.get_logger().warning(
+            "goal_pose gives no answers. It can only stop the robot by a pose where the robot is, unless the "
+            f"navigation has the action {action}. Use navigate_to_pose or goto_node on a real robot"
+        )
 
     @property
     def waiting_for(self) -> str:
         """See :class:`Navigator`."""
-        return (
-            ""
-            if self._poses.get_subscription_count()
-            else f"a navigation that subscribes to {self._poses.topic_name}"
-        )
+        heard_by = [info.node_name for info in self._node.get_subscriptions_info_by_topic(self._poses.topic_name)]
+        if drivers(heard_by, self._observers):
+            return ""
+        only = f"; {', '.join(sorted(heard_by))} drive no robot" if heard_by else ""
+        return f"a navigation that subscribes to {self._poses.topic_name}{only}"
 
     @property
     def on_the_way(self) -> str:
-        """Always empty: there is no feedback."""
-        return ""
+        """How the robot can be stopped; there is no feedback."""
+        action = self._cancels.service_is_ready()
+        return f"no feedback; a stop {'cancels the action' if action else 'is a pose where the robot is'}"
+
+    @property
+    def caution(self) -> str:
+        """See :class:`Navigator`."""
+        with self._lock:
+            return self._client.caution
+
+    @property
+    def feedback_age_s(self) -> float:
+        """See :class:`Navigator`; there is no feedback."""
+        return float("nan")
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         with self._lock:
-            requests = self._client.go(goal_id, stop)
+            requests = self._client.go(goal_id, way_points(way.corners, stop))
         self._do(requests)
 
     def cancel(self, goal_id: int) -> None:
         """See :class:`Navigator`."""
         with self._lock:
             requests = self._client.cancel(goal_id)
+        if caution := self.caution:
+            self._node.get_logger().error(caution, throttle_duration_sec=5.0)
         self._do(requests)
 
     def moved(self, place: tuple[float, float], now_s: float) -> None:
@@ -65,13 +97,20 @@ class GoalPoseNavigator:
             requests = self._client.moved(place, now_s)
         self._do(requests)
 
-    def tick(self) -> None:
-        """Does nothing."""
+    def tick(self, now_s: float) -> None:
+        """See :class:`Navigator`."""
+        with self._lock:
+            requests = self._client.tick(self._cancels.service_is_ready(), now_s)
+        self._do(requests)
 
-    def _do(self, requests: Iterable[SendPose | Ended]) -> None:
+    def _do(self, requests: Iterable[Request]) -> None:
         for request in requests:
-            if isinstance(request, SendPose):
-                now_s = self._node.get_clock().now().nanoseconds * 1e-9
-                self._poses.publish(pose_stamped(request.x_m, request.y_m, now_s))
-            else:
-                self._report(request)
+            match request:
+                case SendPose():
+                    now_s = self._node.get_clock().now().nanoseconds * 1e-9
+                    place = (request.x_m, request.y_m)
+                    self._poses.publish(pose_stamped(*place, now_s, heading_rad=request.heading_rad))
+                case CancelAll():
+                    self._cancels.call_async(CancelGoal.Request())  # without an id it cancels all goals
+                case Ended():
+                    self._report(request)

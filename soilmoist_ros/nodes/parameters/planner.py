@@ -59,9 +59,29 @@ PARAMETERS: Final = (
         "where the robot may drive: topic (the navigation's map), free (straight lines), or a map file",
     ),
     _row("map_topic", "/topological_map_2", "topic of the navigation's map"),
-    _row("navigator", "goto_node", "how goals are sent", choices=("goto_node", "goal_pose")),
-    _row("action_name", "topological_navigation", "name of the navigation's action"),
-    _row("action_type", "topological_navigation_msgs/action/GotoNode", "type of the navigation's action"),
+    _row(
+        "navigator",
+        "goto_node",
+        "how goals are sent: to the nodes of a topological map (goto_node), to Nav2 (navigate_to_pose), or as "
+        "poses without any answer (goal_pose: a stop is then only a pose where the robot is)",
+        choices=("goto_node", "navigate_to_pose", "goal_pose"),
+    ),
+    _row(
+        "action_name",
+        "",
+        "name of the navigation's action; empty for topological_navigation (goto_node) or navigate_to_pose",
+    ),
+    _row(
+        "action_type",
+        "",
+        "type of the navigation's action; empty for topological_navigation_msgs/action/GotoNode (goto_node) or "
+        "nav2_msgs/action/NavigateToPose",
+    ),
+    _row(
+        "pose_observers",
+        ["recorder*", "rosbag2*", "_ros2cli*", "rviz*", "rqt*", "foxglove*", "rosbridge*", "plotjuggler*"],
+        "nodes that subscribe to goal_pose but drive no robot, as patterns; all others pass for a navigation",
+    ),
     _row("feedback_topic", "topological_navigation/feedback", "plain topic of the navigation's feedback"),
     _row("frame", "map", "frame of plan, markers, visits and records: east, north, up about the field's datum"),
     _row("navigation_frame", "", "frame of the navigation's map and goals; empty if it is the same as frame"),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import nan
 
 from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Request, SendGoal
 from soilmoist_ros.exploration.navigation.navigator import Ended
-from soilmoist_ros.exploration.navigation.pose_client import PoseClient, SendPose
+from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, SendPose
+from soilmoist_ros.exploration.navigation.way_points import WayPoint, way_points
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.simulation.rehearsal.servers import (
@@ -33,7 +35,8 @@ class ActionNavigator:
     :param sent: hears of each goal that is sent
     """
 
-    on_the_way = ""
+    on_the_way = caution = ""
+    feedback_age_s = nan
 
     def __init__(
         self,
@@ -55,7 +58,9 @@ class ActionNavigator:
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
-        self._do(self._client.go(goal_id, stop, self._time_s()))
+        nodes = tuple(map(WayPoint, way.nodes)) or (WayPoint(stop),)
+        ahead = nodes if self._by_name else way_points(way.corners, stop)
+        self._do(self._client.go(goal_id, ahead, self._time_s()))
 
     def cancel(self, goal_id: int) -> None:
         """See :class:`Navigator`."""
@@ -65,7 +70,7 @@ class ActionNavigator:
         """See :class:`Navigator`."""
         self._do(self._client.moved(place, self._time_s()))
 
-    def tick(self) -> None:
+    def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""
         self._do(self._client.tick(self._server.present(self._time_s()), self._time_s()))
 
@@ -88,7 +93,8 @@ class ActionNavigator:
     def _do(self, requests: Iterable[Request]) -> None:
         for request in requests:
             match request:
-                case SendGoal(goal_id=goal_id, stop=stop):
+                case SendGoal(goal_id=goal_id, point=point):
+                    stop = point.stop
                     place = (stop.x_m, stop.y_m)
                     self._sent(place, stop.name)
                     self._goals[goal_id] = self._server.send(stop.name if self._by_name else place, self._time_s())
@@ -109,7 +115,8 @@ class PoseNavigator:
     :param sent: hears of each pose that is sent
     """
 
-    on_the_way = ""
+    on_the_way = caution = ""
+    feedback_age_s = nan
 
     def __init__(
         self,
@@ -129,7 +136,7 @@ class PoseNavigator:
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
-        self._do(self._client.go(goal_id, stop))
+        self._do(self._client.go(goal_id, way_points(way.corners, stop)))
 
     def cancel(self, goal_id: int) -> None:
         """See :class:`Navigator`."""
@@ -139,16 +146,18 @@ class PoseNavigator:
         """See :class:`Navigator`."""
         self._do(self._client.moved(place, now_s))
 
-    def tick(self) -> None:
+    def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""
+        self._do(self._client.tick(False, now_s))
 
     def heard(self, reply: Reply) -> None:
         """Nothing answers."""
 
-    def _do(self, requests: Iterable[SendPose | Ended]) -> None:
+    def _do(self, requests: Iterable[SendPose | CancelAll | Ended]) -> None:
         for request in requests:
-            if isinstance(request, SendPose):
-                self._sent((request.x_m, request.y_m), "pose")
-                self._listener.send((request.x_m, request.y_m), self._time_s())
-            else:
-                self._report(request)
+            match request:
+                case SendPose():
+                    self._sent((request.x_m, request.y_m), "pose")
+                    self._listener.send((request.x_m, request.y_m), self._time_s())
+                case Ended():
+                    self._report(request)

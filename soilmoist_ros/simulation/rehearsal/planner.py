@@ -131,7 +131,7 @@ class PlannerProcess:
         world = self._world
         self.link: ActionNavigator | PoseNavigator
         if world.case.navigator == "goal_pose":
-            client = PoseClient(ARRIVAL_RADIUS_M, 5.0)
+            client = PoseClient(ARRIVAL_RADIUS_M, 5.0, SPEED_MPS)
             self.link = PoseNavigator(client, world.listener, lambda: world.time_s, report, self._sent)
         else:
             self.link = ActionNavigator(

@@ -156,7 +156,10 @@ def test_a_way_point_that_fails_ends_the_goal():
     client.go(1, (A, B), 0.0)
     client.answered(1, True, 0.1)
     (end,) = client.ended(1, ABORTED, False, 5.0, "no valid path (code 208)")
-    assert (end.outcome, end.reason) == (Outcome.FAILED, "the navigation aborted the goal: no valid path (code 208)")
+    assert (end.outcome, end.reason) == (
+        Outcome.FAILED,
+        "the navigation aborted the goal: no valid path (code 208)",
+    )
     assert client.moved((0.0, 0.0), 6.0) == ()
 
 

@@ -54,10 +54,10 @@ def test_a_clock_that_goes_back_starts_anew():
 def test_standing_and_heading():
     made = track(*[(0.0, 2.0 * y) for y in range(4)])
     assert made.heading_rad == math.pi / 2
-    assert not made.stands(2.0, 1.0)
+    assert not made.stands(2.0)
     for number in range(4):
         made.moved((0.0, 6.0), 4.0 + number)
-    assert made.stands(3.0, 1.0)
-    assert not made.stands(3.0, 1.0, since_s=6.0)
+    assert made.stands(3.0)
+    assert not made.stands(3.0, since_s=6.0)
     assert made.standing_at(Stop("a", 0.0, 7.0), 1.0)
     assert not made.standing_at(Stop("a", 0.0, 8.0), 1.0)
