@@ -1,0 +1,6 @@
+"""The robot and all around it of one test module serve others."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))

@@ -1,0 +1,405 @@
+"""Requests of an operator: what is refused and why, and what the others do in a whole planner without ROS."""
+
+import json
+import math
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_mission_control import Around
+
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.control.operator_request import (
+    OperatorRequest,
+    ReplyCode,
+    RequestError,
+    Requests,
+)
+from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import Command, MissionRules, Moved, Phase, Tick, Verb
+from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+FRAME = LocalFrame(53.0, 0.0)
+SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
+POND = np.array([[8, 8], [12, 8], [12, 12], [8, 12]], float)
+FIELD = Field("square", FRAME, SQUARE, (POND,), 2.0)
+MOTION = RobotMotion()
+SETTINGS = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=parse_dwell("fmi:30"), motion=MOTION)
+RULES = MissionRules(budget_s=3600.0, dwell=SETTINGS.dwell)
+FREE = FieldAccess(FIELD, MOTION, None)
+NODES = (Stop("gate", 2.0, 2.0), Stop("well", 18.0, 2.0), Stop("oak", 18.0, 18.0))
+
+
+def under_way(rules=RULES):
+    mission = Mission(rules)
+    for event in (Moved(1000.0, 1.0, 1.0), Command(1000.0, Verb.START), Tick(1360.0)):
+        mission.step(event)
+    return mission
+
+
+def requests(**given):
+    mission = under_way()
+    return Requests(
+        **{"frame": FRAME, "access": FREE, "settings": SETTINGS, "rules": RULES, "state": mission.state, **given}
+    )
+
+
+def refused(code, *words, access=FREE, **given):
+    with pytest.raises(RequestError) as caught:
+        requests(access=access).command(OperatorRequest(**given), 0.0)
+    assert caught.value.code is code
+    for word in (*words, "->"):  # what is wrong, and the remedy
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("verb", ["measur", "", "MEASURE", "stop"])
+def test_an_unknown_verb(verb):
+    refused(ReplyCode.UNKNOWN_VERB, "there is no verb", "return_home", verb=verb)
+
+
+@pytest.mark.parametrize(
+    ("values", "word"),
+    [
+        ({}, "one place"),
+        ({"place": (1.0, 2.0), "stops": ("r0c0",)}, "one place"),
+        ({"stops": ("r0c0", "r1c1")}, "one place"),
+        ({"place": (1.0,)}, "[x, y]"),
+        ({"place": (1.0, 2.0, 3.0)}, "[x, y]"),
+        ({"place": (math.nan, 2.0)}, "nan"),
+        ({"place": (math.inf, 2.0)}, "inf"),
+        ({"geographic_place": (53.0, math.nan)}, "latitude"),
+        ({"geographic_place": (100.0, 10.0)}, "latitude"),
+        ({"geographic_place": (54.0, 1.0)}, "outside the field"),
+        ({"place": (10.0, 10.0)}, "no-go area"),
+        ({"place": (25.0, 10.0)}, "5.0 m"),
+    ],
+)
+def test_a_place_that_cannot_be_measured_at(values, word):
+    refused(ReplyCode.BAD_PLACE, word, verb="measure", **values)
+
+
+def test_a_place_is_measured_at_for_the_time_that_is_given():
+    there = FRAME.to_geographic([(3.0, 4.0)])[0]
+    for values in ({"place": (3.0, 4.0)}, {"geographic_place": tuple(there.tolist())}):
+        command = requests().command(OperatorRequest("measure", "Ada ", dwell="120", **values), 7.0)
+        assert (command.now_s, command.verb, command.who, command.dwell_s) == (7.0, Verb.MEASURE, "Ada", 120.0)
+        assert (command.stop.x_m, command.stop.y_m) == pytest.approx((3.0, 4.0), abs=1e-3)
+    named = requests().command(OperatorRequest("measure", stops=("r0c0",), dwell="fmi:90"), 0.0)
+    assert (named.stop, named.dwell_s) == (FREE.stop("r0c0"), 90.0)
+    assert requests().command(OperatorRequest("measure", stops=("r0c0",)), 0.0).dwell_s is None
+
+
+def test_on_a_graph_places_are_nodes():
+    graph = TravelGraph.from_edges(NODES, [*permutations(("gate", "well", "oak"), 2)])
+    access = FieldAccess(FIELD, MOTION, graph)
+    command = requests(access=access).command(OperatorRequest("measure", place=(17.0, 3.0)), 0.0)
+    assert command.stop == NODES[1]
+    refused(ReplyCode.BAD_PLACE, "well", "stops: [well]", access=access, verb="measure", place=(15.0, 7.0))
+    refused(ReplyCode.UNKNOWN_STOP, "did you mean 'gate'", access=access, verb="measure", stops=("gat",))
+    refused(ReplyCode.REFUSED, "map of the navigation", access=None, verb="measure", place=(1.0, 1.0))
+
+
+@pytest.mark.parametrize("dwell", ["0", "-5", "nan", "99999", "often", "fmi:", "ami:0.02", "optimal"])
+def test_a_dwell_that_a_single_stop_cannot_have(dwell):
+    refused(ReplyCode.BAD_DWELL, verb="measure", place=(1.0, 1.0), dwell=dwell)
+
+
+@pytest.mark.parametrize(
+    "polygon",
+    [
+        (),
+        ((1.0, 1.0), (5.0, 1.0)),
+        ((1.0, 1.0), (5.0, 1.0), (1.0, 1.0)),
+        ((1.0, 1.0), (5.0, 1.0), (math.nan, 4.0)),
+        ((1.0, 1.0), (5.0, 5.0), (5.0, 1.0), (1.0, 5.0)),
+        ((1.0, 1.0), (5.0, 1.0), (9.0, 1.0)),
+        ((101.0, 1.0), (105.0, 1.0), (105.0, 9.0)),
+    ],
+)
+def test_a_polygon_that_is_no_area_of_the_field(polygon):
+    refused(ReplyCode.BAD_POLYGON, verb="rule_out", polygon=polygon)
+
+
+def test_a_closed_polygon_is_as_good_as_an_open_one():
+    corners = ((1.0, 1.0), (9.0, 1.0), (9.0, 9.0))
+    for polygon in (corners, (*corners, corners[0])):
+        assert requests().command(OperatorRequest("rule_out", polygon=polygon), 0.0).polygon == corners
+
+
+@pytest.mark.parametrize("stops", [("x",), ("r0c0", "r0c0")])
+def test_an_order_of_stops_that_are_not_in_the_queue(stops):
+    refused(ReplyCode.UNKNOWN_STOP, verb="order", stops=stops)
+
+
+@pytest.mark.parametrize(
+    ("code", "values", "word"),
+    [
+        (ReplyCode.BAD_SETTING, {}, "nothing to change"),
+        (ReplyCode.BAD_SETTING, {"hours": -1.0}, "above 0"),
+        (ReplyCode.BAD_SETTING, {"hours": math.nan}, "above 0"),
+        (ReplyCode.BAD_SETTING, {"hours": 0.1}, "0.10 h are used"),
+        (ReplyCode.BAD_SETTING, {"strategy": "gredy"}, "did you mean 'greedy'"),
+        (ReplyCode.BAD_SETTING, {"target": "water"}, "rate, vwc"),
+        (ReplyCode.BAD_SETTING, {"target": "vwc"}, "no calibration"),
+        (ReplyCode.BAD_DWELL, {"dwell": "often"}, "fmi"),
+        (ReplyCode.UNKNOWN_STOP, {"home": "r0c99"}, "r0c9"),
+        (ReplyCode.BAD_SETTING, {"hours": 2.0, "strategy": "none"}, "none"),
+    ],
+)
+def test_a_setting_that_cannot_be_used(code, values, word):
+    refused(code, word, verb="change", **values)
+
+
+def test_settings_that_can_be_used():
+    request = OperatorRequest("change", hours=2.0, dwell="ami:2.5%", strategy="random", target="vwc", home="r0c0")
+    settings = replace(SETTINGS, calibration=CalibrationCurve(5.0, 1.4))
+    changes = requests(settings=settings).command(request, 0.0).changes
+    assert (changes.budget_s, changes.dwell, changes.strategy) == (7200.0, "ami:0.025", "random")
+    assert (changes.target, changes.home, changes.warm_up_stops) == ("vwc", FREE.stop("r0c0"), 0)
+
+
+# In a whole planner ------------------------------------------------------------------------------------------
+
+
+def ask(around, verb, **values):
+    return around.control.request(OperatorRequest(verb, "Ada", **values))
+
+
+def measured(around):
+    """Arrive, count, and go on to the next stop."""
+    around.arrive()
+    around.count()
+    around.map()
+    around.planned()
+
+
+def test_a_requested_stop_comes_next_and_keeps_who_asked():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    reply = ask(around, "measure", place=(15.0, 5.0), dwell="20")
+    assert reply.accepted
+    assert around.status.queue == ("x15.0y5.0",)
+    assert around.shown[-1][1][1] == Stop("x15.0y5.0", 15.0, 5.0), "it is shown among the stops ahead"
+    measured(around)
+    assert around.goals[-1][1] == Stop("x15.0y5.0", 15.0, 5.0)
+    around.arrive()
+    around.count(2)
+    assert (around.visits[-1].reason, around.visits[-1].exposure_s) == ("requested by Ada", 20.0)
+    around.map()
+    around.planned()
+    assert around.status.phase is Phase.TRAVELLING, "the mission chooses by itself again"
+
+
+def test_no_stop_of_an_area_is_chosen_for_the_rest_of_the_mission():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    half = ((-1.0, -1.0), (14.0, -1.0), (14.0, 21.0), (-1.0, 21.0))
+    assert ask(around, "rule_out", polygon=half).accepted
+    goals = len(around.goals)
+    assert around.status.ruled_out == (half,)
+    if around.goals[-1][1] is None:  # the target lay in the area
+        around.control.ended(around_end(around))
+        around.planned()
+    for _ in range(6):
+        measured(around)
+    chosen = [stop for _, stop in around.goals[goals:] if stop is not None]
+    assert len(chosen) >= 6
+    assert all(stop.x_m > 14.0 for stop in chosen)
+    assert around.control.request(OperatorRequest("measure", place=(5.0, 5.0))).code is ReplyCode.REFUSED
+
+
+def around_end(around):
+    from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+
+    return Ended(around.goals[-1][0], Outcome.CANCELED, "")
+
+
+def test_the_queue_is_ordered_and_dropped():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    for x_m in (5.0, 10.0, 15.0):
+        assert ask(around, "measure", place=(x_m, 5.0)).accepted
+    assert not ask(around, "measure", place=(5.0, 5.0)).accepted, "it is in the queue already"
+    assert ask(around, "order", stops=("x15.0y5.0", "x5.0y5.0")).accepted
+    assert around.status.queue == ("x15.0y5.0", "x5.0y5.0")
+    assert ask(around, "order", stops=("x9.0y9.0",)).code is ReplyCode.UNKNOWN_STOP
+    assert ask(around, "order").accepted
+    assert around.status.queue == ()
+
+
+def test_changes_take_effect_at_the_next_plan():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    before = around.control.settings
+    assert before == {"hours": 1.0, "dwell": "fmi:30", "strategy": "greedy", "target": "rate", "home": ""}
+    reply = ask(around, "change", hours=1.5, dwell="fmi:20", strategy="ivr", home="r0c0")
+    assert reply.accepted
+    assert around.control.settings == {
+        "hours": 1.5, "dwell": "fmi:20", "strategy": "ivr", "target": "rate", "home": "r0c0",
+    }  # fmt: skip
+    assert around.status.time_left_s + around.status.time_used_s == 5400.0
+    around.arrive()
+    around.count(2)
+    assert around.visits[-1].exposure_s == 20.0
+    around.map()
+    around.planned()
+    assert "integrated" in around.status.reason or "variance" in around.status.reason
+    assert around.control._explorer[1].home.name == "r0c0"
+    assert ask(around, "return_home").accepted
+    around.control.ended(around_end(around))
+    assert around.status.phase is Phase.RETURNING
+    assert around.goals[-1][1].name == "r0c0"
+    around.arrive()
+    assert "sent home by Ada" in around.finished.reason
+    assert around.visits[-1].ended is VisitEnd.ENOUGH
+
+
+def test_what_is_refused_changes_nothing():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    state, settings = around.control._mission.state, around.control.settings
+    for verb, values in [
+        ("measure", {"place": (math.nan, 1.0)}), ("measure", {"place": (50.0, 1.0)}),
+        ("rule_out", {"polygon": ((0.0, 0.0), (1.0, 1.0))}), ("order", {"stops": ("x",)}),
+        ("change", {"hours": 1.5, "strategy": "gredy"}), ("return_home", {}), ("resume", {}), ("dance", {}),
+    ]:  # fmt: skip
+        reply = ask(around, verb, **values)
+        assert not reply.accepted
+        assert reply.message
+    assert around.control._mission.state == state
+    assert around.control.settings == settings
+
+
+@pytest.mark.parametrize("when", ["no fix", "idle", "planning", "travelling", "counting", "paused", "returning"])
+def test_an_emergency_stop_from_every_state_lasts_until_an_operator_resumes(when):
+    around = Around(home="r9c9", budget_s=3600.0)
+    around.time_s = 1000.0
+    if when != "no fix":
+        around.control.use_graph(None)
+        around.control.fix((1.0, 1.0))
+    if when not in ("no fix", "idle"):
+        around.control.command(Verb.START)
+    if when not in ("no fix", "idle", "planning"):
+        around.planned()
+    if when == "counting":
+        around.arrive()
+    if when == "paused":
+        around.control.command(Verb.PAUSE)
+        around.control.ended(around_end(around))
+    if when == "returning":
+        ask(around, "return_home")
+        around.control.ended(around_end(around))
+    before, target = around.status.phase, around.status.target
+    place = (target.x_m, target.y_m) if when == "counting" else (1.0, 1.0)
+    around.control.emergency(True, "/emergency_stop")
+    driving = before in (Phase.TRAVELLING, Phase.RETURNING)
+    if driving:
+        assert around.goals[-1][1] is None, "the robot is stopped"
+        around.control.ended(around_end(around))
+    assert around.status.emergency
+    sent = len([stop for _, stop in around.goals if stop is not None])
+    for active in (True, False):
+        around.control.emergency(active, "/emergency_stop")
+        for _ in range(3):
+            around.time_s += 30.0
+            around.control.fix(place)
+            around.control.tick()
+            around.control.hand_on()
+        assert len([stop for _, stop in around.goals if stop is not None]) == sent
+        if active and when not in ("no fix", "idle"):
+            assert "emergency stop" in ask(around, "resume").message
+    assert not around.status.emergency
+    if when in ("no fix", "idle"):
+        assert around.status.phase is Phase.IDLE
+        return
+    assert around.status.phase is Phase.PAUSED
+    assert ask(around, "resume").accepted
+    assert around.status.phase is (before if before is not Phase.PAUSED else Phase.TRAVELLING)
+
+
+def test_a_mission_to_resume_by_itself_does_not_after_an_emergency_stop():
+    around = Around()
+    around.time_s = 2000.0
+    around.control.use_graph(None)
+    around.control.take_up(under_way(), auto=True)
+    around.control.emergency(True, "/emergency_stop")
+    around.control.emergency(False, "/emergency_stop")
+    around.control.fix((1.0, 1.0))
+    around.control.tick()
+    assert around.status.phase is Phase.PAUSED
+
+
+# Journal -----------------------------------------------------------------------------------------------------
+
+
+class Pages:
+    """A journal in memory, as JSON."""
+
+    def __init__(self):
+        self.state, self.events = None, []
+
+    def append(self, kind, payload, *, durable=True):
+        self.events.append(json.dumps(payload, allow_nan=False))
+        return len(self.events)
+
+    def snapshot(self, state_json):
+        self.state, self.events = state_json, []
+
+
+metres = st.sampled_from([3.0, 5.0, 15.0, 1e3, math.nan])
+places = st.one_of(st.just(()), st.tuples(metres, metres))
+names = st.sampled_from(["x3.0y5.0", "x5.0y5.0", "x15.0y3.0", "r0c0", "nowhere"])
+CORNER = ((10.0, -1.0), (21.0, -1.0), (21.0, 6.0))
+asked = st.builds(
+    OperatorRequest, verb=st.sampled_from([*map(str, Verb), "dance"]), who=st.sampled_from(["", "Ada", "Bo"]),
+    place=places, dwell=st.sampled_from(["", "20", "fmi:40", "ami:0.1"]),
+    polygon=st.just(CORNER) | st.lists(st.tuples(metres, metres), max_size=4).map(tuple),
+    stops=st.lists(names, max_size=2).map(tuple), hours=st.sampled_from([0.0, 0.001, 2.0]),
+    strategy=st.sampled_from(["", "random", "gredy"]),
+    home=st.sampled_from(["", "r0c0", "nowhere"]),
+)  # fmt: skip
+
+
+@given(st.lists(st.tuples(asked, st.sampled_from([0.0, 7.5, 400.0])), max_size=12), st.integers(0, 12))
+def test_a_journal_restores_the_mission_bit_for_bit_after_any_requests(steps, kept):
+    pages, mission = Pages(), Mission(RULES)
+    journal = MissionJournal(pages)
+
+    def take(event):
+        journal.note(mission, event)
+        mission.step(event)
+
+    for event in (Moved(1000.0, 1.0, 1.0), Command(1000.0, Verb.START)):
+        take(event)
+    now_s = 1000.0
+    for number, (request, wait_s) in enumerate(steps):
+        now_s += wait_s
+        take(Tick(now_s))
+        now = Requests(FRAME, FREE, SETTINGS, mission.current_rules, mission.state)
+        try:
+            take(now.command(request, now_s))
+        except RequestError:
+            continue
+        if number == kept:
+            journal.keep(mission)
+    restored = interrupted_mission(RULES, pages.state, map(json.loads, pages.events))
+    if mission.state.under_way:
+        last_s = restored.state.now_s  # a tick without consequences is not written down
+        assert restored.state == replace(mission.state, now_s=last_s)
+        restored.step(Tick(now_s + 1.0))
+        mission.step(Tick(now_s + 1.0))
+        assert (restored.state, restored.status) == (mission.state, mission.status)
+        assert restored.current_rules == mission.current_rules
+    else:
+        assert restored is None
