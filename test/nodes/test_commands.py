@@ -1,0 +1,181 @@
+"""Commands of an operator to a real planner (planner_commands.py): services, parameters, emergency stops."""
+
+from itertools import groupby
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
+from soilmoist_msgs.msg import Mission
+from soilmoist_msgs.srv import Command
+from std_msgs.msg import Bool
+from test_planner import Planning
+from virtual_navigation import VirtualNavigation, World
+
+from msg_adapters.soilmoist.command import request_to_message
+from msg_adapters.soilmoist.mission_state import mission_state_from_message
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest
+from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.recording.journal import load_journal
+
+# rclpy warns when a server of the test disappears during an answer.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+class Commanded(Planning):
+    """A planner process that an operator steers, with its journal."""
+
+    def __init__(self, ros, folder, **params):
+        self.journal = folder / "journal"
+        self.states = ros.collect(Mission, "mission_state", LATCHED)
+        super().__init__(
+            ros, folder, **{"hours": 2.0, "dwell": "fmi:600", "journal_dir": str(self.journal), **params}
+        )
+
+    @property
+    def state(self):
+        return mission_state_from_message(self.states[-1]) if self.states else None
+
+    def ask(self, verb, who="Ada", **values):
+        message = request_to_message(OperatorRequest(verb, who, **values))
+        return self.ros.call(Command, "planner/command", message)
+
+    def accepted(self, verb, **values):
+        response = self.ask(verb, **values)
+        assert (response.accepted, response.code) == (True, "accepted"), response.message
+        return response.message
+
+    def refused(self, code, verb, **values):
+        response = self.ask(verb, **values)
+        assert (response.accepted, response.code) == (False, code), response.message
+        assert response.message
+
+    def wait_state(self, condition, message=""):
+        self.ros.wait_for(lambda: self.state is not None and condition(self.state), message=message)
+
+    def parameter(self, name):
+        answer = self.ros.call(GetParameters, "planner/get_parameters", GetParameters.Request(names=[name]))
+        return parameter_value_to_python(answer.values[0])
+
+    def set_parameter(self, name, value):
+        """Why it is refused, an empty text if it is set."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        (result,) = self.ros.call(SetParameters, "planner/set_parameters", request).results
+        return "" if result.successful else result.reason
+
+    def journalled(self):
+        """Verb and name of the operator of each command that was written down."""
+        entries = load_journal(self.journal, whole=True).entries
+        commands = [entry.payload for entry in entries if entry.payload.get("event") == "Command"]
+        return [(command["verb"], command["who"]) for command in commands]
+
+
+def test_every_verb(ros, tmp_path):
+    with World(ros, rate=20.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Commanded(ros, tmp_path)
+        planning.wait(lambda status: "waiting for start" in status.reason)
+        planning.refused("refused", "measure", stops=("n11",))
+        planning.refused("unknown_verb", "go")
+        planning.accepted("start")
+        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "travelling")
+        assert planning.state.time_left_s > 7000.0
+
+        for wrong in ({"place": (float("nan"), 1.0)}, {"place": (90.0, 1.0)}, {"place": (10.0, 10.0)}, {}):
+            planning.refused("bad_place", "measure", **wrong)
+        planning.refused("bad_polygon", "rule_out", polygon=((1.0, 1.0), (5.0, 5.0)))
+        planning.refused("bad_setting", "change", hours=0.0001)
+        planning.accepted("measure", place=(15.5, 15.0), dwell="20")
+        planning.accepted("measure", stops=("n12",))
+        planning.accepted("measure", stops=("n02",))
+        planning.accepted("order", stops=("n12", "n11"))
+        planning.wait_state(lambda state: state.queue == ("n12", "n11"), "the queue in its new order")
+
+        planning.accepted("change", hours=1.5, dwell="fmi:20", strategy="random", home="n00")
+        assert [planning.parameter(name) for name in ("hours", "dwell", "strategy", "home")] == [
+            1.5, "fmi:20", "random", "n00",
+        ]  # fmt: skip
+        planning.accepted("rule_out", polygon=((30.0, 0.0), (40.0, 0.0), (40.0, 30.0), (30.0, 30.0)))
+        planning.wait_state(lambda state: len(state.ruled_out) == 1, "the area that is ruled out")
+
+        planning.accepted("pause")
+        planning.wait_state(lambda state: state.phase is Phase.PAUSED, "paused")
+        assert "Ada" in planning.state.reason
+        planning.accepted("resume", who="Bo")
+        planning.wait_state(lambda state: state.phase in (Phase.TRAVELLING, Phase.COUNTING), "resumed")
+        ros.wait_for(lambda: planning.ask("skip").accepted, message="a stop to skip")
+        planning.wait_state(lambda state: "n11" not in state.queue and state.samples > 0, "the queued stops")
+        assert [stop for stop in navigation.goals if stop in ("n12", "n11")][:2] == ["n12", "n11"]
+
+        planning.accepted("return_home")
+        planning.wait_state(lambda state: state.phase is Phase.FINISHED, "home")
+        assert "sent home by Ada" in planning.state.reason
+        assert world.place == (5.0, 5.0)
+        assert planning.state.ended.value == "returned"
+        planning.accepted("abort")
+        planning.wait_state(lambda state: state.phase is Phase.IDLE, "idle")
+    assert planning.process.stop() == 0
+    assert [command for command, _ in groupby(planning.journalled())] == [
+        ("measure", "Ada"), ("start", "Ada"), ("measure", "Ada"), ("order", "Ada"), ("change", "Ada"),
+        ("rule_out", "Ada"), ("pause", "Ada"), ("resume", "Bo"), ("skip", "Ada"), ("return_home", "Ada"),
+        ("abort", "Ada"),
+    ]  # fmt: skip
+
+
+def test_parameters_are_set_while_it_runs(ros, tmp_path):
+    with World(ros, rate=5.0) as world, VirtualNavigation(ros, world):
+        planning = Commanded(ros, tmp_path, home="n00")
+        planning.wait(lambda status: "waiting for start" in status.reason)
+        assert planning.set_parameter("dwell", "fmi:300") == ""
+        assert planning.call("start").success
+        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "travelling")
+        for name, value, word in [
+            ("hours", 1e-4, "hours"), ("dwell", "often", "fmi"), ("home", "n99", "n99"),
+            ("home", "", "empty"), ("strategy", "gredy", "greedy"), ("target", "vwc", "calibration"),
+            ("field", "other", "read-only"), ("arrival_radius_m", 1.0, "read-only"), ("hours", 1.5, ""),
+            ("strategy", "random", ""), ("home", "n01", ""),
+        ]:  # fmt: skip
+            reason = planning.set_parameter(name, value)
+            assert word in reason
+            assert bool(reason) is bool(word), (name, reason)
+        values = [planning.parameter(name) for name in ("hours", "dwell", "strategy", "home", "target")]
+        assert values == [1.5, "fmi:300", "random", "n01", "rate"]
+        planning.wait_state(lambda state: state.time_left_s < 5400.0, "the new budget")
+        planning.process.kill()
+        again = Commanded(ros, tmp_path, home="n00")
+        again.wait_phase(Phase.PAUSED)
+        values = [again.parameter(name) for name in ("hours", "dwell", "strategy", "home")]
+        assert values == [1.5, "fmi:300", "random", "n01"], "a restart keeps what was changed in mid-mission"
+    changes = [who for verb, who in again.journalled() if verb == "change"]
+    assert changes == ["ros2 param"] * 4
+
+
+def test_an_emergency_stop_is_heard_from_any_publisher_and_lasts(ros, tmp_path):
+    latched = ros.node.create_publisher(Bool, "emergency_stop", LATCHED)
+    latched.publish(Bool(data=True))
+    with World(ros, rate=5.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Commanded(ros, tmp_path, autostart=True)
+        planning.wait_state(lambda state: state.emergency, "the press of before the start")
+        planning.wait(lambda status: "waiting for start" in status.reason)
+        assert "emergency stop" in planning.ask("start").message
+        latched.publish(Bool(data=False))
+        planning.wait_state(lambda state: not state.emergency, "the release")
+        planning.accepted("start")
+        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING and state.distance_m > 0, "driving")
+
+        plain = ros.node.create_publisher(Bool, "emergency_stop", 10)
+        ros.wait_for(lambda: plain.get_subscription_count() > 0, message="the planner's subscription")
+        plain.publish(Bool(data=True))
+        planning.wait_state(lambda state: state.emergency and state.phase is Phase.PAUSED, "the stop")
+        ros.wait_for(lambda: world.goal is None, message="the robot to be stopped")
+        goals = len(navigation.goals)
+        assert "release it first" in planning.ask("resume").message
+        plain.publish(Bool(data=False))
+        latched.publish(Bool(data=False))
+        planning.wait_state(lambda state: not state.emergency, "the release")
+        assert planning.state.phase is Phase.PAUSED
+        assert (world.goal, len(navigation.goals)) == (None, goals), "a release moves nothing"
+        planning.accepted("resume")
+        planning.wait_state(lambda state: state.phase is not Phase.PAUSED, "resumed")
