@@ -11,15 +11,14 @@ from typing import Any, Final
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from rclpy.node import Node
 from rclpy.task import Future
-from sensor_msgs.msg import NavSatFix
 
-from msg_adapters.environment import fix_from_message
 from msg_adapters.transforms import pose_to_message, transforms_from_message
 from soilmoist_ros.exploration.guard.robot_frames import ASKED_M, ROBOT, FrameSettings, RobotFrames
 from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, TF, TF_STATIC
+from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 
 ASK_AGAIN_S: Final = 5.0
@@ -55,9 +54,8 @@ class PlannerFrames:
             node.create_subscription(kind, "/tf", partial(self._on_tf, False), TF)
             node.create_subscription(kind, "/tf_static", partial(self._on_tf, True), TF_STATIC)
 
-    def place(self, message: NavSatFix) -> tuple[float, float] | None:
+    def place(self, fix: Fix) -> tuple[float, float] | None:
         """Place of the robot's base by a fix of its antenna [m], ``None`` without a fix; publishes the pose."""
-        fix = fix_from_message(message)
         now_s = self._now_s()
         pose = self.robot.take_fix(fix, now_s)
         if pose is None:
@@ -71,9 +69,13 @@ class PlannerFrames:
         """State of the frames."""
         return self.robot.health(self._now_s())
 
-    def tick(self) -> None:
-        """Ask for the datum until it is known; to be called every second."""
+    def tick(self) -> str:
+        """Ask for the datum until it is known; to be called every second.
+
+        :returns: why the robot must not drive; empty if nothing is known against it
+        """
         self._ask()
+        return self.robot.fault(self._now_s())
 
     def _on_tf(self, static: bool, message: Any) -> None:
         self.robot.take_transforms(transforms_from_message(message, static), self._now_s())

@@ -11,11 +11,14 @@ from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.counts import counts_from_message
+from msg_adapters.environment import fix_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.model import model_from_message
+from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.samples import samples_from_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.travel.topological_map import TopologicalMap, parse_topological_map
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import other_namespaces
@@ -64,18 +67,25 @@ class PlannerInputs:
             node.create_subscription(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name), LATCHED)
 
     def _on_fix(self, message: NavSatFix) -> None:
-        place = self._frames.place(message)
+        fix = fix_from_message(message)
+        place = self._frames.place(fix)
         if place is not None:
-            self._control.fix(place)
+            self._control.fix(place, fix.position.horizontal_sd_m, fix.stamp_s)
 
     def _on_counts(self, name: str, message: PointCloud2) -> None:
         try:
-            self._control.records(counts_from_message(message), name)
+            records = counts_from_message(message)
+            require_frame(message, self._frames.settings.frame)
+            self._control.records(records, name)
+        except OtherFrameError as error:
+            self._control.watch.note(Cause.COUNTS_FRAME, str(error))
+            self._ignore(f"{name} counts", error)
         except ValueError as error:
             self._ignore(f"{name} counts", error)
 
     def _on_samples(self, name: str, message: PointCloud2) -> None:
         try:
+            require_frame(message, self._frames.settings.frame)
             self._control.samples(samples_from_message(message), to_seconds(message.header.stamp), name)
         except ValueError as error:
             self._ignore(f"{name} samples", error)
@@ -114,8 +124,8 @@ class PlannerInputs:
             self._control.use_graph(found.graph.moved(move.inverse))
 
     def tick(self) -> None:
-        """Use a map that waits for the navigation's datum; to be called every second."""
-        self._frames.tick()
+        """Check the frames, and use a map that waits for the navigation's datum; to be called every second."""
+        self._control.watch.report(Cause.FRAME_MISMATCH, self._frames.tick())
         if self._map is not None and self._frames.robot.move is not None:
             try:
                 self.use_map(self._map)
