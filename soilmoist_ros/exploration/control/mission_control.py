@@ -222,7 +222,9 @@ class MissionControl:
     def _use(self, graph: TravelGraph | None, cell_m: float | None, place: tuple[float, float] | None) -> None:
         rules = replace(self._settings.access, beyond_m=self._mission.rules.arrival_radius_m)
         motion = self._settings.motion
-        access = FieldAccess(self._field, motion, graph, rules, cell_m, self._home, place)
+        changed = self._mission.state.changes
+        home = changed.home.name if changed is not None and changed.home is not None else self._home
+        access = FieldAccess(self._field, motion, graph, rules, cell_m, home, place)
         if access.warning and (self._access is None or access.warning != self._access.warning):
             _log.warning(access.warning)
         self._mission.rules = replace(self._mission.rules, home=access.home)
@@ -290,6 +292,8 @@ class MissionControl:
         if sets_off and (refusal := self._use_part_of_robot()):
             return Answer(verb, False, refusal)
         answer = self._feed.command(command)
+        if answer.accepted and command.changes is not None and command.changes.home is not None:
+            self._use(self._graph, self._cell_m, self._feed.place)
         if answer.accepted and verb in _DECISIONS:
             self._interrupted, self._resume_when_ready = "", False
         if answer.accepted and verb is not Verb.PAUSE:

@@ -123,6 +123,7 @@ class FieldAccess:
         self.grid = field.grid(cell_m)
         self.place = place
         self.warning = ""
+        self._given = field, motion, graph, rules, cell_m
         self._rules = rules
         self._named: tuple[Stop, ...]
         self.travel: TravelModel
@@ -147,6 +148,13 @@ class FieldAccess:
     def serves(self, place: tuple[float, float]) -> bool:
         """Whether a robot at this place can use it; otherwise make one for the place."""
         return self._fenced is None or self._fenced.serves(place)
+
+    def with_home(self, home: str, place: tuple[float, float] | None) -> FieldAccess:
+        """The same with another home, for a robot at a place.
+
+        :raises InputError: if the home is not known or not allowed, or no allowed way leads there
+        """
+        return FieldAccess(*self._given, home, place)
 
     def refusal(self, stop: Stop) -> str:
         """Why a stop must not be measured at or driven to; empty if it may be."""

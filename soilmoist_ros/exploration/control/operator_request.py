@@ -282,7 +282,7 @@ class Requests:
 
     def _home(self, home: str) -> Stop:
         try:
-            return self._known_access().stop(home)
+            return self._known_access().with_home(home, self.state.position).stop(home)
         except RequestError:
             raise
         except InputError as error:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
+from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.types import MissionRules, OnSilence
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy
@@ -59,6 +60,29 @@ PARAMETERS: Final = (
         "where the robot may drive: topic (the navigation's map), free (straight lines), or a map file",
     ),
     _row("map_topic", "/topological_map_2", "topic of the navigation's map"),
+    _row(
+        "robot_radius_m",
+        0.75,
+        "distance that the robot's centre keeps from no-go areas and, with graph: free, from the border; the "
+        "default is half the width of Thorvald, 0 keeps none",
+        "m",
+        0.0,
+    ),
+    _row(
+        "outside",
+        "home",
+        "use of the map's nodes and edges outside the field, which are never measured at and never cross a no-go "
+        "area: never, only the shortest way between the field and home or robot (home), or as any other (way)",
+        choices=tuple(Outside),
+    ),
+    _row(
+        "entry_m",
+        5.0,
+        "how far outside the robot may set off; it drives straight back in, across no no-go area. Further "
+        "outside no goal is sent",
+        "m",
+        0.0,
+    ),
     _row(
         "navigator",
         "goto_node",
@@ -172,6 +196,12 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
         motion=RobotMotion(number("speed_mps"), number("stop_overhead_s")),
         curve=_required(calibration) if text("target") == "vwc" else None,
         calibration=calibration,
+        access=AccessRules(
+            robot_radius_m=number("robot_radius_m"),
+            outside=Outside(text("outside")),
+            entry_m=number("entry_m"),
+            by_name=text("navigator") == "goto_node",
+        ),
     )
 
 

@@ -1,0 +1,218 @@
+"""Where a mission sends the robot: never where the fence refuses it (mission_setup.py, mission_control.py)."""
+
+import logging
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest
+from soilmoist_ros.exploration.guard.fenced_graph import Outside
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.simulation.rehearsal.ground import GRAPHS, OUTLINES, random_ground
+
+SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
+POND = np.array([[20, 12], [40, 12], [40, 40], [20, 40]], float)
+FIELD = Field("meadow", LocalFrame(53.0, 0.0), SQUARE, (POND,), 4.0)
+RADIUS = AccessRules(robot_radius_m=0.75)
+PLACES = {"a": (10, 20), "p": (30, 20), "b": (50, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6)}
+
+
+def graph(places, *ways):
+    stops = [Stop(name, *map(float, place)) for name, place in places.items()]
+    both = [pair for way in ways for pair in pairwise(way.split())]
+    return TravelGraph.from_edges(stops, [*both, *((b, a) for a, b in both)], connected=False)
+
+
+MAP = graph(PLACES, "a p b", "a s t u b")
+
+
+def test_free_travel_keeps_the_robots_radius():
+    access = FieldAccess(FIELD, RobotMotion(), None, RADIUS)
+    way = access.way((10.0, 30.0), Stop("b", 50.0, 30.0))
+    assert way.nodes == ()
+    assert len(way.corners) == 4, "around the pond"
+    assert shapely.LineString(way.corners).distance(shapely.Polygon(POND)) == pytest.approx(0.75)
+    assert shapely.LineString(way.corners).distance(shapely.LinearRing(SQUARE)) >= 0.75
+    assert access.fence.contains([(stop.x_m, stop.y_m) for stop in access.stops]).all()
+    with pytest.raises(
+        InputError, match=r"b is not allowed: it is in no-go area 1 at \(39\.5, 20\.0\), 1\.2 m deep"
+    ):
+        access.way((10.0, 30.0), Stop("b", 39.5, 20.0))
+
+
+def test_a_robot_a_little_outside_drives_straight_back_in_and_one_far_outside_is_not_sent():
+    access = FieldAccess(FIELD, RobotMotion(), None, RADIUS)
+    assert access.way((-3.0, 6.0), Stop("s", 10.0, 6.0)).corners.tolist() == [[-3, 6], [0.75, 6], [10, 6]]
+    with pytest.raises(InputError, match=r"the robot stands 2000\.8 m outside, more than 5 m"):
+        access.way((-2000.0, 6.0), Stop("s", 10.0, 6.0))
+    assert len(access.way((20.1, 20.0), Stop("s", 10.0, 6.0)).corners) == 3, "out of the pond it stands in"
+
+
+def test_routes_on_a_graph_are_sent_by_name_only_where_the_navigation_takes_them_too():
+    access = FieldAccess(FIELD, RobotMotion(), MAP, AccessRules(robot_radius_m=0.75, by_name=True))
+    assert "1 in a no-go area (p)" in access.warning
+    way = access.way((10.0, 20.0), Stop("b", 50.0, 20.0))
+    assert way.nodes[-1] == "b"
+    assert len(way.nodes) > 1
+    assert [(10, 6), (30, 6)] == [tuple(corner) for corner in way.corners[1:3]]
+    posed = FieldAccess(FIELD, RobotMotion(), MAP, RADIUS).way((10.0, 20.0), Stop("b", 50.0, 20.0))
+    assert posed.nodes == ("b",)
+    assert posed.corners.tolist() == way.corners.tolist()
+    with pytest.raises(InputError, match="p is not allowed: it is in no-go area 1"):
+        access.way((10.0, 20.0), Stop("p", 30.0, 20.0))
+
+
+def test_the_graph_is_entered_where_nothing_is_in_the_way():
+    access = FieldAccess(FIELD, RobotMotion(), graph({"a": (18, 36), "b": (42, 36), "t": (45, 5)}, "t b"))
+    assert [stop.name for stop in access.stops] == ["b", "t"]
+    assert access.way((15.0, 8.0), Stop("b", 42.0, 36.0)).corners[1].tolist() == [45, 5]
+    blocked = FieldAccess(FIELD, RobotMotion(), graph({"b": (42, 36), "c": (42, 30)}, "b c"))
+    with pytest.raises(InputError, match="the route to b is not allowed: it enters no-go area 1"):
+        blocked.way((15.0, 36.0), Stop("b", 42.0, 36.0))
+
+
+def test_a_home_that_is_not_allowed():
+    places = {**PLACES, "shed": (-20, 6)}
+    for rules, outside in ((AccessRules(), "shed"), (AccessRules(outside=Outside.NEVER), "shed")):
+        whole = graph(places, "a s t u b", *(["s shed"] if rules.outside is Outside.HOME else []))
+        if rules.outside is Outside.HOME:
+            assert FieldAccess(FIELD, RobotMotion(), whole, rules, home=outside).home == Stop("shed", -20, 6)
+        else:
+            with pytest.raises(InputError, match="the home shed"):
+                FieldAccess(FIELD, RobotMotion(), whole, rules, home=outside)
+    with pytest.raises(InputError, match="there is no stop 'barn'"):
+        FieldAccess(FIELD, RobotMotion(), MAP, home="barn")
+    with pytest.raises(InputError, match="home"):
+        FieldAccess(FIELD, RobotMotion(), MAP, home="p")
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from(OUTLINES), st.sampled_from([*GRAPHS, None]), st.booleans())
+def test_all_that_is_sent_is_inside(seed, outline, kind, by_name):
+    rng = np.random.default_rng(seed)
+    ground = random_ground(rng, outline, kind)
+    rules = AccessRules(robot_radius_m=0.75, beyond_m=3.0, by_name=by_name)
+    try:
+        access = FieldAccess(ground.field, RobotMotion(), ground.graph, rules, place=ground.start)
+    except InputError:
+        assume(False)
+    no_go = shapely.union_all([shapely.Polygon(ring).buffer(0.7499) for ring in ground.field.no_go])
+    border = shapely.Polygon(ground.field.polygon).buffer(-0.7499 if ground.graph is None else 3.0001)
+    place, sent = ground.start, 0
+    for number in rng.integers(len(access.stops), size=6):
+        stop = access.stops[number]
+        try:
+            way = access.way(place, stop)
+        except InputError:
+            continue
+        driven = shapely.LineString([*way.corners, way.corners[-1]][1:])
+        assert driven.length == 0 or driven.intersection(no_go).length == 0
+        assert driven.length == 0 or driven.difference(border).length == 0
+        assert way.corners[0].tolist() == list(place)
+        assert way.corners[-1].tolist() == [stop.x_m, stop.y_m]
+        place, sent = (stop.x_m, stop.y_m), sent + 1
+    assert sent or by_name or ground.graph is None or len(access.stops) < 2
+
+
+class Recorder:
+    """Navigator and outputs of a mission that stands still."""
+
+    waiting_for = on_the_way = ""
+
+    def __init__(self, graph, place, home="", rules=RADIUS, strategy="random"):
+        self.sent, self.time_s, self.reasons = [], 1000.0, []
+        chosen = ExplorerSettings(
+            strategy=strategy,
+            preset="paper",
+            seed=1,
+            dwell=parse_dwell("fmi:60"),
+            motion=RobotMotion(),
+            access=rules,
+        )
+        mission = MissionRules(
+            budget_s=3600.0, dwell=chosen.dwell, warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
+            arrival_radius_m=3.0, failures_to_pause=100,
+        )  # fmt: skip
+        self.control = MissionControl(FIELD, chosen, mission, home, 20.0, lambda report: self, self)
+        self.control.use_graph(graph)
+        self.control.fix(place)
+
+    def go(self, goal_id, stop, way):
+        self.sent.append((stop, way))
+
+    def __getattr__(self, name):
+        return lambda *values: None
+
+    def now_s(self):
+        return self.time_s
+
+    def show(self, status, ahead, more):
+        self.status = status
+        self.reasons.append(status.reason)
+
+    def until_sent(self):
+        for _ in range(2000):
+            self.control.hand_on()
+            self.time_s += 0.001
+            self.control.show()
+            if self.sent or self.status.phase is not Phase.PLANNING:
+                return
+            shapely.box(0, 0, 1, 1)
+            __import__("time").sleep(0.005)
+
+
+def test_a_goal_that_the_fence_refuses_is_never_sent_and_its_stop_ruled_out():
+    around = Recorder(graph({"b": (42, 36), "c": (42, 30)}, "b c"), (15.0, 36.0))
+    assert around.control.command(Verb.START).accepted
+    around.until_sent()
+    for _ in range(200):
+        around.control.tick()
+        around.until_sent()
+        if around.status.phase is Phase.FINISHED:
+            break
+    assert around.sent == []
+    assert any("is ruled out for now: not sent: the route to" in reason for reason in around.reasons)
+
+
+def test_a_robot_in_another_part_of_the_map_uses_that_part(caplog):
+    islands = graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j")
+    with caplog.at_level(logging.WARNING):
+        around = Recorder(islands, (4.0, 35.0))
+        assert around.control.command(Verb.START).accepted
+        around.until_sent()
+    assert {stop.name for stop, _ in around.sent} <= {"i", "j"}
+    assert around.sent
+    assert sum("no-go area (p), i" in r.message or "i, j" in r.message for r in caplog.records) == 1
+    stuck = Recorder(graph({**PLACES, "i": (3, 36)}, "a s t u b"), (4.0, 35.0))
+    answer = stuck.control.command(Verb.START)
+    assert not answer.accepted
+    assert "no way that is allowed leads between i, where the robot stands" in answer.message
+
+
+def test_an_operator_may_not_measure_in_the_pond_or_go_home_to_it():
+    around = Recorder(None, (4.0, 35.0))
+    assert around.control.command(Verb.START).accepted
+    reply = around.control.request(OperatorRequest("measure", place=(30.0, 20.0)))
+    assert not reply.accepted
+    assert "it is in no-go area 1 at (30.0, 20.0)" in reply.message
+    assert around.control.request(OperatorRequest("measure", place=(10.0, 20.0))).accepted
+    posted = Recorder(graph({**PLACES, "shed": (-20, 6), "hut": (-20, 30)}, "a s t u b", "s shed"), (10.0, 20.0))
+    assert posted.control.command(Verb.START).accepted
+    assert not posted.control.request(OperatorRequest("change", home="hut")).accepted
+    assert posted.control.request(OperatorRequest("change", home="shed")).accepted
+    posted.sent.clear()
+    assert posted.control.request(OperatorRequest("return_home")).accepted
