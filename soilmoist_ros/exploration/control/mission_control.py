@@ -166,6 +166,7 @@ class MissionControl:
         self._graph: TravelGraph | None = None
         self._cell_m: float | None = None
         self._no_access = "the map of the navigation"
+        self._asked_at: tuple[float, float] | None = None  # where the part of the map was last looked for
         self._journal = journal or MissionJournal(None)
         self._interrupted = ""
         self._resume_when_ready = False
@@ -228,13 +229,14 @@ class MissionControl:
         if access.warning and (self._access is None or access.warning != self._access.warning):
             _log.warning(access.warning)
         self._mission.rules = replace(self._mission.rules, home=access.home)
-        self._access, self._graph = access, graph
+        self._access, self._graph, self._asked_at = access, graph, place
         self._watching.use(access)
 
     def _use_part_of_robot(self) -> str:
         """Use the part of the map where the robot stands; returns why that is not possible, empty if it is."""
         place = self._feed.place
         if self._access is not None and place is not None and not self._access.serves(place):
+            self._asked_at = place
             try:
                 self._use(self._graph, self._cell_m, place)
             except InputError as error:
@@ -333,9 +335,13 @@ class MissionControl:
             self._moved(now_s)
 
     def _moved(self, now_s: float) -> None:
-        assert self._feed.place is not None
-        self._watching.moved(self._feed.place)
-        self.navigator.moved(self._feed.place, now_s)
+        place = self._feed.place
+        assert place is not None
+        known, radius_m = self._asked_at, self._mission.rules.arrival_radius_m
+        if not self.under_way and (known is None or math.dist(place, known) > radius_m):
+            self._use_part_of_robot()
+        self._watching.moved(place)
+        self.navigator.moved(place, now_s)
 
     def battery(self, charge: float, voltage_v: float) -> None:
         """The state of the robot's battery: charge [0..1] and voltage [V], NaN if unknown."""
