@@ -65,6 +65,7 @@ class Violation:
 class Limits:
     """What is tolerated.
 
+    :param beyond_m: nodes of a travel graph may lie this far outside the field [m]
     :param border_m: the robot's centre may be this far beyond a border [m]
     :param goal_m: likewise for a goal [m]
     :param still_m: a robot that moves less stands [m]
@@ -77,6 +78,7 @@ class Limits:
     :param early: share of the budget before which time cannot be up
     """
 
+    beyond_m: float = 3.0
     border_m: float = 0.2
     goal_m: float = 0.2
     still_m: float = 0.5
@@ -107,7 +109,8 @@ class Judge:
         self._limits = limits
         self._budget_s = budget_s
         self._no_go = [shapely.Polygon(ring) for ring in ground.field.no_go]
-        self._field = shapely.Polygon(ground.field.polygon)
+        beyond_m = limits.beyond_m if ground.graph is not None else 0.0
+        self._field = shapely.Polygon(ground.field.polygon).buffer(beyond_m)
         self._counts: Counter[Kind] = Counter()
         self._stopped: tuple[float, str] | None = None  # by people, and not resumed
         self._stopped_at: Place | None = None
