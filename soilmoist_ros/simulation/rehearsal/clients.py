@@ -8,6 +8,7 @@ from math import nan
 from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Request, SendGoal
 from soilmoist_ros.exploration.navigation.navigator import Ended
 from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, SendPose
+from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.navigation.way_points import WayPoint, way_points
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
@@ -33,10 +34,11 @@ class ActionNavigator:
     :param time_s: steady time [s]
     :param report: takes the end of each goal
     :param sent: hears of each goal that is sent
+    :param track: recent places of the robot
+    :param there_m: a robot that stands this close to a stop is there already [m]
     """
 
     on_the_way = caution = ""
-    feedback_age_s = nan
 
     def __init__(
         self,
@@ -46,9 +48,13 @@ class ActionNavigator:
         time_s: Callable[[], float],
         report: Callable[[Ended], None],
         sent: Sent,
+        track: Track,
+        there_m: float,
     ) -> None:
         self._client, self._server, self._by_name = client, server, by_name
         self._time_s, self._report, self._sent = time_s, report, sent
+        self._track, self._there_m = track, there_m
+        self._heard_s = nan
         self._goals: dict[int, int] = {}
 
     @property
@@ -56,11 +62,18 @@ class ActionNavigator:
         """See :class:`Navigator`."""
         return "" if self._server.present(self._time_s()) else "the navigation"
 
+    @property
+    def feedback_age_s(self) -> float:
+        """See :class:`Navigator`."""
+        return self._time_s() - self._heard_s
+
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         nodes = tuple(map(WayPoint, way.nodes)) or (WayPoint(stop),)
         ahead = nodes if self._by_name else way_points(way.corners, stop)
-        self._do(self._client.go(goal_id, ahead, self._time_s()))
+        there = self._track.standing_at(stop, self._there_m)
+        self._heard_s = nan
+        self._do(self._client.go(goal_id, ahead, self._time_s(), there))
 
     def cancel(self, goal_id: int) -> None:
         """See :class:`Navigator`."""
@@ -68,10 +81,14 @@ class ActionNavigator:
 
     def moved(self, place: Place, now_s: float) -> None:
         """See :class:`Navigator`."""
+        self._track.moved(place, now_s)
         self._do(self._client.moved(place, self._time_s()))
 
     def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""
+        self._track.tick(now_s)
+        if self._server.active:  # it sends feedback all the time
+            self._heard_s = self._time_s()
         self._do(self._client.tick(self._server.present(self._time_s()), self._time_s()))
 
     def heard(self, reply: Reply) -> None:
@@ -102,6 +119,7 @@ class ActionNavigator:
                     self._cancelled = goal_id
                     self._server.cancel(self._goals.get(goal_id) if ours else None, self._time_s())
                 case Ended():
+                    self._heard_s = nan
                     self._report(request)
 
 
@@ -113,6 +131,7 @@ class PoseNavigator:
     :param time_s: steady time [s]
     :param report: takes the end of each goal
     :param sent: hears of each pose that is sent
+    :param stopped: hears of each pose that is to stop the robot
     """
 
     on_the_way = caution = ""
@@ -125,9 +144,11 @@ class PoseNavigator:
         time_s: Callable[[], float],
         report: Callable[[Ended], None],
         sent: Sent,
+        stopped: Callable[[Place], None],
     ) -> None:
         self._client, self._listener, self._time_s = client, listener, time_s
-        self._report, self._sent = report, sent
+        self._report, self._sent, self._stopped = report, sent, stopped
+        self._going = False
 
     @property
     def waiting_for(self) -> str:
@@ -136,10 +157,12 @@ class PoseNavigator:
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
+        self._going = True
         self._do(self._client.go(goal_id, way_points(way.corners, stop)))
 
     def cancel(self, goal_id: int) -> None:
         """See :class:`Navigator`."""
+        self._going = False
         self._do(self._client.cancel(goal_id))
 
     def moved(self, place: Place, now_s: float) -> None:
@@ -156,8 +179,11 @@ class PoseNavigator:
     def _do(self, requests: Iterable[SendPose | CancelAll | Ended]) -> None:
         for request in requests:
             match request:
-                case SendPose():
-                    self._sent((request.x_m, request.y_m), "pose")
-                    self._listener.send((request.x_m, request.y_m), self._time_s())
+                case SendPose(x_m=x_m, y_m=y_m):
+                    if self._going:
+                        self._sent((x_m, y_m), "pose")
+                    else:
+                        self._stopped((x_m, y_m))
+                    self._listener.send((x_m, y_m), self._time_s())
                 case Ended():
                     self._report(request)

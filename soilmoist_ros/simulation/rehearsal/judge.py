@@ -33,6 +33,7 @@ class Kind(StrEnum):
     GOAL_STOPPED = "goal sent without a resume"
     WRONG_PLACE = "went on with a wrong place"
     WRONG_VISIT = "counted at a wrong place"
+    STOP_AWAY = "stop that drives the robot away"
     TWO_GOALS = "two goals at once"
     GOAL_OUTSIDE = "goal outside the fence"
     NOT_HOME = "not home after low battery"
@@ -70,6 +71,7 @@ class Limits:
     :param goal_m: likewise for a goal [m]
     :param still_m: a robot that moves less stands [m]
     :param stopping_s: time for a robot that obeys to stand after a command to stop [s]
+    :param stop_m: a pose that is to stop the robot may be this far from it [m]
     :param wrong_m: error of the place that must be noticed ... [m]
     :param wrong_s: ... within this time [s]
     :param visit_m: a visit may be this far from its stop [m]
@@ -83,6 +85,7 @@ class Limits:
     goal_m: float = 0.2
     still_m: float = 0.5
     stopping_s: float = 6.0
+    stop_m: float = 6.0
     wrong_m: float = 8.0
     wrong_s: float = 15.0
     visit_m: float = 4.0
@@ -205,6 +208,12 @@ class Judge:
         if max(outside_m, inside_m) > limit_m and (allowed is None or math.dist(place, allowed) > 0.1):
             text = f"{outside_m:.1f} m outside" if outside_m else f"{inside_m:.1f} m inside a no-go area"
             self.blame(Kind.GOAL_OUTSIDE, now_s, f"{what}: {text}")
+
+    def stop_sent(self, now_s: float, place: Place, robot: Place) -> None:
+        """A pose that is to stop the robot; it must be near its true place [m]."""
+        away_m = math.dist(place, robot)
+        if away_m > self._limits.stop_m:
+            self.blame(Kind.STOP_AWAY, now_s, f"to ({place[0]:.1f}, {place[1]:.1f}), {away_m:.1f} m away")
 
     def replaced(self, now_s: float, what: str) -> None:
         """A goal was sent while the navigation worked on another."""

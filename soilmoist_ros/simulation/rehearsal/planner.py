@@ -17,6 +17,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
+from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -130,12 +131,15 @@ class PlannerProcess:
     def _navigator(self, report: Callable[[Ended], None]) -> Navigator:
         world = self._world
         self.link: ActionNavigator | PoseNavigator
+        now_s = partial(getattr, world, "time_s")
         if world.case.navigator == "goal_pose":
-            client = PoseClient(ARRIVAL_RADIUS_M, 5.0, SPEED_MPS)
-            self.link = PoseNavigator(client, world.listener, lambda: world.time_s, report, self._sent)
+            poses = PoseClient(ARRIVAL_RADIUS_M, 5.0, SPEED_MPS)
+            self.link = PoseNavigator(poses, world.listener, now_s, report, self._sent, self._stopped)
         else:
+            client, track = GoalClient(ARRIVAL_RADIUS_M), Track(SPEED_MPS, ARRIVAL_RADIUS_M)
+            there_m = ARRIVAL_RADIUS_M if world.by_name else track.still_m
             self.link = ActionNavigator(
-                GoalClient(ARRIVAL_RADIUS_M), world.server, world.by_name, lambda: world.time_s, report, self._sent
+                client, world.server, world.by_name, now_s, report, self._sent, track, there_m
             )
         return self.link
 
@@ -144,6 +148,9 @@ class PlannerProcess:
             self._judge.replaced(self._world.time_s, what)
         home = None if self._home is None else (self._home.x_m, self._home.y_m)
         self._judge.sent(self._world.time_s, place, what, home)
+
+    def _stopped(self, place: Place) -> None:
+        self._judge.stop_sent(self._world.time_s, place, self._world.robot.place)
 
     def second(self) -> None:
         """What the node's timers do."""

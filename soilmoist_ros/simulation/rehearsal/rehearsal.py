@@ -121,6 +121,7 @@ class _Rehearsal:
         self._started = False
         self._visits = self._kills = self._alarms = 0
         self._refused = self._ended = ""
+        self._on: set[str] = set()
 
     def run(self) -> None:
         """Rehearse until the mission has ended, and a little longer."""
@@ -184,6 +185,9 @@ class _Rehearsal:
         self._operate(self.planner)
         status = self.planner.status
         assert status is not None
+        on = {alarm.cause for alarm in status.alarms}
+        self._alarms += len(on - self._on)
+        self._on = on
         self._ended = f"{status.phase}: {status.reason}"
         self.judge.said(world.time_s, status, world.wrong_m)
         return self.planner.finished
