@@ -17,8 +17,17 @@ from soilmoist_ros.recording.bag.definitions import find_definition
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = sorted(folder for folder in (ROOT / "interfaces").iterdir() if folder.is_dir())
-TYPE_HASH = "RIHS01_97efcb9cbd4eed92186f675fe1a7417bc263a0737bc1b503107614ae3ebf88c2"
-"""Type hash of the robot's package; nodes communicate only if the hashes are equal."""
+TYPE_HASHES = {
+    "topological_navigation_msgs/action/GotoNode":
+        "RIHS01_97efcb9cbd4eed92186f675fe1a7417bc263a0737bc1b503107614ae3ebf88c2",
+    "nav2_msgs/action/NavigateToPose":
+        "RIHS01_a56dba8a3234a1215e610180dc703ae25bbf406dded8b54887891c9732857eab",
+    "nav2_msgs/msg/CostmapFilterInfo":
+        "RIHS01_61ce391bf7690f76a331c01c9d5ce8ca71e6c99273b9fb75e48380f05c6dfdc8",
+}  # fmt: skip
+"""Type hashes of the robot's packages, nav2_msgs being that of Jazzy; nodes communicate only if they are equal."""
+OWN = "soilmoist_msgs"
+"""The package that belongs into the workspace of a robot."""
 
 
 @pytest.fixture
@@ -32,12 +41,19 @@ def goto_node():
     return GotoNode
 
 
-def test_the_type_is_the_one_of_the_robot(goto_node):
-    module = Path(sys.modules["topological_navigation_msgs"].__file__)
-    shares = [prefix / "share" / "topological_navigation_msgs" for prefix in module.parents]
+@pytest.mark.parametrize("name", TYPE_HASHES)
+def test_the_type_is_the_one_of_the_robot(goto_node, name):
+    package, folder, kind = name.split("/")
+    module = Path(importlib.import_module(package).__file__)
+    shares = [prefix / "share" / package for prefix in module.parents]
     share = next(folder for folder in shares if folder.is_dir())
-    hashes = json.loads((share / "action" / "GotoNode.json").read_text())["type_hashes"]
-    assert {"type_name": "topological_navigation_msgs/action/GotoNode", "hash_string": TYPE_HASH} in hashes
+    hashes = json.loads((share / folder / f"{kind}.json").read_text())["type_hashes"]
+    assert {"type_name": name, "hash_string": TYPE_HASHES[name]} in hashes
+
+
+def test_packages_that_a_robot_has_from_elsewhere_stay_out_of_its_workspace():
+    """One in the workspace would hide the whole package of the robot."""
+    assert {package.name for package in PACKAGES if not (package / "COLCON_IGNORE").is_file()} == {OWN}
 
 
 def test_fields(goto_node):
@@ -79,7 +95,7 @@ def test_a_goal_goes_to_another_process_and_its_result_comes_back(ros, goto_node
 
 
 def test_every_package_is_built_into_the_environment(goto_node):
-    assert {package.name for package in PACKAGES} == {"soilmoist_msgs", "tf2_msgs", "topological_navigation_msgs"}
+    assert {package.name for package in PACKAGES} == {OWN, "nav2_msgs", "tf2_msgs", "topological_navigation_msgs"}
     for package in PACKAGES:
         for file in (*package.glob("msg/*.msg"), *package.glob("srv/*.srv"), *package.glob("action/*.action")):
             kind = getattr(importlib.import_module(f"{package.name}.{file.parent.name}"), file.stem)

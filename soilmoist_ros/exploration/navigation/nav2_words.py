@@ -31,9 +31,6 @@ _CAUSES: Final[Mapping[int, str]] = MappingProxyType({
 })  # fmt: skip
 """Error codes: the constants of the actions of nav2_msgs 1.3 (Jazzy), and of NavigateToPose since 1.4."""
 
-_SAME_AS: Final = {300: 200}
-"""Codes of planning through several poses, numbered like those of planning to one."""
-
 
 def failure(code: int, text: str = "") -> str:
     """What the result of a goal says about a failure, for operators.
@@ -43,9 +40,9 @@ def failure(code: int, text: str = "") -> str:
     """
     if code == 0:
         return text
-    number = code - (code // 100 * 100) + _SAME_AS.get(code // 100 * 100, code // 100 * 100)
     task = _TASKS.get(code // 10) or _TASKS.get(code // 100, "")
-    cause = _CAUSES.get(number, "unknown cause")
+    # planning through several poses is numbered like planning to one
+    cause = _CAUSES.get(code - 100 if code // 100 == 3 else code, "unknown cause")
     words = f"{task} failed: {cause}" if task else cause
     return f"{words} (Nav2 error {code}{f': {text}' if text else ''})"
 
