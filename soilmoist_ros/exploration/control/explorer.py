@@ -91,6 +91,16 @@ class Explorer:
         self._considered = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
 
+    def go_on_from(self, earlier: Explorer, same_strategy: bool) -> None:
+        """Take the place of another explorer of the same mission, whose settings were changed.
+
+        :param earlier: the other one; its random stream goes on, so that no choice is repeated
+        :param same_strategy: whether the strategy goes on with what it has planned, too
+        """
+        self.rng = earlier.rng
+        if same_strategy:
+            self.strategy, self.warm_up = earlier.strategy, earlier.warm_up
+
     def has_map(self, name: str) -> bool:
         """Whether there is a map of a property."""
         return any(each.name == name and each.field_map.soil_map is not None for each in self.properties)

@@ -13,7 +13,7 @@ from dataclasses import replace
 from queue import SimpleQueue
 from threading import Lock
 from types import MappingProxyType
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -117,6 +117,15 @@ class Outputs(Protocol):
         ...
 
 
+class _MadeFor(NamedTuple):
+    """What an explorer was made for; another one follows when something of it changes."""
+
+    started_s: float | None
+    access: FieldAccess
+    settings: ExplorerSettings
+    home: Stop | None
+
+
 class MissionControl:
     """A mission and all around it.
 
@@ -168,7 +177,7 @@ class MissionControl:
         self._no_access = "the map of the navigation"
         self._asked_at: tuple[float, float] | None = None  # where the part of the map was last looked for
         self._journal = journal or MissionJournal(None)
-        self._interrupted = ""
+        self._interrupted = self._last_command = ""
         self._resume_when_ready = False
         self._closed = False
         self._start(Mission(rules))
@@ -177,7 +186,7 @@ class MissionControl:
         self._queue_lock = Lock()
         self._pool = executor or ThreadPoolExecutor(1, "planning")
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
-        self._explorer: tuple[tuple[object, ...], Explorer] | None = None  # of the pool's thread
+        self._explorer: tuple[_MadeFor, Explorer] | None = None  # of the pool's thread
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
         self._record_stamp_s = self._shown_stamp_s = -math.inf
@@ -296,6 +305,8 @@ class MissionControl:
         answer = self._feed.command(command)
         if answer.accepted and command.changes is not None and command.changes.home is not None:
             self._use(self._graph, self._cell_m, self._feed.place)
+        if answer.accepted:
+            self._last_command = f"{verb} by {command.by}: {answer.message}"
         if answer.accepted and verb in _DECISIONS:
             self._interrupted, self._resume_when_ready = "", False
         if answer.accepted and verb is not Verb.PAUSE:
@@ -476,6 +487,7 @@ class MissionControl:
             "on_the_way": self.navigator.on_the_way,
             "records_without_place": str(self._records_lost),
             RECORD_STAMP: repr(self._record_stamp_s),
+            "last_command": self._last_command,
         }
         self._outputs.show(status, ahead, more)
 
@@ -575,14 +587,17 @@ class MissionControl:
     ) -> None:
         """In the pool's thread: choose a stop.
 
-        Strategies remember what they planned, so each mission has its own, and one whose settings were changed.
+        Strategies remember what they planned, so each mission has its own; an operator's changes take effect here.
         """
         try:
             access = self._access
             assert access is not None, "a mission does not start before it knows where the robot may go"
-            held, made_for = self._explorer, (started_s, access, settings, rules.home)
-            if held is None or held[0] != made_for:
-                held = self._explorer = (made_for, make_explorer(access, settings, rules))
+            held, wanted = self._explorer, _MadeFor(started_s, access, settings, rules.home)
+            if held is None or held[0] != wanted:
+                explorer = make_explorer(access, settings, rules)
+                if held is not None and held[0].started_s == started_s and held[0].access.stops == access.stops:
+                    explorer.go_on_from(held[1], held[0].settings.strategy == settings.strategy)
+                held = self._explorer = (wanted, explorer)
             if job.late:
                 _log.warning("choosing the next stop without what was measured last: the mapper is late")
             event = answer(held[1], job, settings.needs_map)

@@ -265,6 +265,31 @@ def test_changes_take_effect_at_the_next_plan():
     assert around.visits[-1].ended is VisitEnd.ENOUGH
 
 
+def test_a_strategy_goes_on_with_its_plan_when_another_setting_changes():
+    around = Around(budget_s=3600.0, strategy="lattice", warm_up_stops=0)
+    around.begin()
+    planned = around.shown[-1][1]
+    assert len(planned) > 3
+    assert ask(around, "change", home="r0c0", dwell="fmi:25").accepted
+    for stop in planned[:3]:
+        assert around.goals[-1][1] == stop
+        measured(around)
+
+
+def test_a_new_strategy_does_not_begin_the_random_stream_again():
+    around = Around(budget_s=3600.0, strategy="random", dwell="fmi:20")
+    around.begin()
+    for _ in range(3):
+        measured(around)
+    assert ask(around, "change", strategy="greedy").accepted
+    measured(around)
+    assert ask(around, "change", strategy="random").accepted
+    for _ in range(3):
+        measured(around)
+    stops = [stop.name for _, stop in around.goals]
+    assert len(set(stops)) == len(stops) == 8
+
+
 def test_what_is_refused_changes_nothing():
     around = Around(budget_s=3600.0)
     around.begin()
