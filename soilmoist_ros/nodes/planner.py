@@ -21,6 +21,7 @@ from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.navigation.choice import make_navigator
 from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.guard import make_watch
 from soilmoist_ros.nodes.parameters.planner import PARAMETERS, explorer_settings, mission_rules
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.planner_commands import PlannerCommands
@@ -66,6 +67,7 @@ class Planner(Node):
             MissionJournal(self._journal),
             properties,
             clock=self._mission_clock(),
+            watch=make_watch(self._values),
         )
         self._autostart = self._values.flag("autostart")
         mission = interrupted_mission(

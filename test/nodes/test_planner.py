@@ -220,7 +220,7 @@ def test_what_is_missing_is_said(ros, tmp_path):
     assert "not yet, waiting for" in answer.message
     ros.wait_for(lambda: found)
     assert {status.name for status in found[-1].status} >= {
-        "/planner: navigation", "/planner: position", "/planner: records", "/planner: frames",
+        "/planner: navigation", "/planner: position", "/planner: records", "/planner: frames", "/planner: guard",
     }  # fmt: skip
 
 

@@ -67,13 +67,13 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "check the robot and the GNSS receiver",
         ),
         Cause.FIX_OLD: Failsafe(
-            "no plausible position for the limit, after there was one",
+            "no plausible position has come for the limit",
             Response.HOLD,
-            ("fix_old_s", "max_sd_m"),
+            ("fix_old_s", "max_fix_sd_m"),
             "check the GNSS receiver and its view of the sky",
         ),
         Cause.RECORDS_OLD: Failsafe(
-            "no record for the limit during a mission",
+            "no record has come for the limit in a mission",
             Response.WARN,
             ("records_old_s",),
             "check the neutron logger and its connection",

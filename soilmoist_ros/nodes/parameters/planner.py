@@ -13,6 +13,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.guard import WATCH_PARAMETERS
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, of_setting
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -175,6 +176,7 @@ PARAMETERS: Final = (
         "what to do with an interrupted mission: wait for resume or abort, resume it, or forget it",
         choices=("ask", "auto", "fresh"),
     ),
+    *WATCH_PARAMETERS,
     _row("exit_when_finished", False, "end the process with the mission, for simulations"),
 )
 

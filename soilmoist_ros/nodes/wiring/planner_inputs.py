@@ -7,9 +7,10 @@ from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
-from sensor_msgs.msg import NavSatFix, PointCloud2
+from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
 
+from msg_adapters.battery import battery_from_message
 from msg_adapters.counts import counts_from_message
 from msg_adapters.environment import fix_from_message
 from msg_adapters.mission import mission_from_message
@@ -52,6 +53,7 @@ class PlannerInputs:
         self._map: TopologicalMap | None = None
         self._faults: dict[str, str] = {}
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
+        node.create_subscription(BatteryState, "battery_state", self._on_battery, SENSOR)
         for name in ("", *properties):
             below = f"{name}/" if name else ""
             counts, samples, model = (
@@ -71,6 +73,10 @@ class PlannerInputs:
         place = self._frames.place(fix)
         if place is not None:
             self._control.fix(place, fix.position.horizontal_sd_m, fix.stamp_s)
+
+    def _on_battery(self, message: BatteryState) -> None:
+        if (battery := battery_from_message(message)) is not None:
+            self._control.battery(*battery)
 
     def _on_counts(self, name: str, message: PointCloud2) -> None:
         try:
