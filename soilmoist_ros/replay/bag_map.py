@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
 from soilmoist_ros.mapping.variogram.fit import FitMethod
@@ -16,16 +15,17 @@ from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows
-from soilmoist_ros.replay.mission import replay_mission
+from soilmoist_ros.replay.mission import RobotMission, replay_mission
 from soilmoist_ros.replay.properties import (
     PropertyTopic,
     ReplayedProperty,
     chosen_properties,
     named_truths,
-    property_topics,
+    read_planner,
+    team_properties,
 )
 from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
-from soilmoist_ros.replay.statuses import Status, last_mission, read_statuses
+from soilmoist_ros.replay.statuses import last_mission, read_statuses
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
 from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
@@ -96,10 +96,8 @@ class Replay:
 class _Content:
     """The data that the replay reads from the bag."""
 
-    records: Sequence[CountRecord]
     raw: RawSurvey | None
-    statuses: Sequence[Status]
-    visits: Sequence[Visit] | None
+    missions: Sequence[RobotMission]
     simulated: bool
     properties: Sequence[ReplayedProperty]
 
@@ -149,10 +147,8 @@ def replay_bag(
         simulated=run.simulated or content.simulated or any(one.truth is not None for one in properties),
         others=others,
     )
-    statuses = last_mission(content.statuses)
-    if statuses:
-        visits = mission_visits(statuses, content.visits, content.records)
-        mission = replay_mission(properties, statuses, visits, configuration, content.records, progress)
+    if content.missions:
+        mission = replay_mission(properties, content.missions, configuration, progress)
         maps = [
             replace(one, soil_map=its.soil_map)
             for one, its in zip(mission.properties, run.properties, strict=True)
@@ -213,42 +209,62 @@ def _read(
     :param remarks: called with each remark for the user
     """
     raw = None
+    robots: list[RunTopics] = []
     if chosen.source == "raw":
-        topics = RunTopics.of_raw_lines(reader, chosen.counts_topic)
+        robots = [RunTopics.of_raw_lines(reader, chosen.counts_topic)]
         arms = LeverArms.of(read_parameters(configuration, "sensor_driver"))
-        raw = read_raw(topics, survey.site, survey.field.frame, chosen.logger, arms)
-        records: Sequence[CountRecord] = raw.records
+        raw = read_raw(robots[0], survey.site, survey.field.frame, chosen.logger, arms)
+        counted = [(robots[0].counts, record) for record in raw.records]
     else:
-        topics = RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))
-        records = reader.read_counts(topics.counts)
-        if not records:
-            raise InputError(f"{topics.counts} has no messages", "was the driver running?", reader.path)
-    logger = topics.find("raw/logger", TEXT)
-    found = property_topics(topics, configuration)
+        if "/" not in chosen.counts_topic:
+            together = read_parameters(configuration, "mapper").get("others", ())
+            robots = RunTopics.of_team(reader, chosen.counts_topic, together)
+        robots = robots or [RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))]
+        counted = reader.read_counts_of([robot.counts for robot in robots])
+        if not counted:
+            names = ", ".join(robot.counts for robot in robots)
+            raise InputError(f"{names} has no messages", "was the driver running?", reader.path)
+    records = [record for _, record in counted]
+    found = team_properties(robots, configuration)
     wanted = chosen_properties(found, chosen.properties, reader.path)
     truths = named_truths(found, chosen.truths, reader.path)
     properties: list[ReplayedProperty] = []
     for one in wanted:
-        own = one.counts == topics.counts
+        own = one.counts == tuple(robot.counts for robot in robots)
         try:
-            counted = records if own else reader.read_counts(one.counts)
+            its = records if own else [record for _, record in reader.read_counts_of(one.counts)]
         except InputError as error:
             if one.weight or one.name in chosen.properties:
                 raise
-            remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.counts} is not mapped: {error}."))
+            remarks.append(Note(NoteCode.NOT_MAPPED, f"{', '.join(one.counts)} is not mapped: {error}."))
             continue
-        if not counted:
+        if not its:
             continue
         mapped = survey if own else _open_of(one, reader.path, configuration, chosen)
         truth = truths.get(one.name)
-        states = [mapped.map.state for record in counted if mapped.map.add(record) is None]
-        published = read_published_map(topics if own else RunTopics(reader, one.counts, alone=False))
+        states = [mapped.map.state for record in its if mapped.map.add(record) is None]
+        published = read_published_map(_mapper_topics(one, robots, own))
         known = None if truth is None else surrogate_field(truth)
-        properties.append(ReplayedProperty(one.name, one.weight, mapped, counted, states, published, known))
+        properties.append(ReplayedProperty(one.name, one.weight, mapped, its, states, published, known))
     if not properties:
         raise InputError("has no records of these properties", "choose others, or none for all", reader.path)
-    simulated = logger is not None and says_simulated(reader, logger)
-    return _Content(records, raw, read_statuses(topics), read_visits(topics), simulated, properties)
+    loggers = [logger for robot in robots if (logger := robot.find("raw/logger", TEXT)) is not None]
+    simulated = any(says_simulated(reader, logger) for logger in loggers)
+    missions = []
+    for number, robot in enumerate(robots, 1):
+        its = [record for name, record in counted if name == robot.counts]
+        if statuses := last_mission(read_statuses(robot)):
+            visits = mission_visits(statuses, read_visits(robot, number), its)
+            missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
+    return _Content(raw, missions, simulated, properties)
+
+
+def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:
+    """Topics of the mapper of a property: that of the robot, or the shared one of several."""
+    robot = robots[0]
+    if len(robots) > 1:
+        return RunTopics(robot.reader, one.counts[0].removeprefix(f"/{robot.namespace[:-1]}"), alone=False)
+    return robot if own else RunTopics(robot.reader, one.counts[0], alone=False)
 
 
 def _open_of(one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings) -> FieldSurvey:

@@ -97,11 +97,8 @@ def compare(field_map: FieldMap, states: Sequence[MapState], last: PublishedMap 
     if last.stamp_s == 0:
         reset = ", it was reset" if last.was_reset else ""
         return Comparison(None, f"not compared: the robot's last map is empty{reset}")
-    same_time = [
-        state
-        for state, later in zip(states, [*states[1:], None], strict=True)
-        if state.stamp_s == last.stamp_s and (later is None or later.stamp_s != last.stamp_s)
-    ]
+    # Records of several robots may have the same stamp; the counts say how many of these are in the map.
+    same_time = [state for state in states if state.stamp_s == last.stamp_s]
     if not same_time:
         return Comparison(None, "not compared: the robot's last map ends with a record that is not in the bag")
     alike = [state for state in same_time if last.raw_counts in (None, float(state.samples.counts.sum()))]

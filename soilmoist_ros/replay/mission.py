@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.recording.run_folder import read_parameters
@@ -19,45 +21,91 @@ from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResul
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 
 
+@dataclass(frozen=True, eq=False)
+class RobotMission:
+    """The mission of one robot.
+
+    :param number: number of the robot, from 1
+    :param planner: parameters of its planner; empty if unknown
+    :param statuses: statuses of one started mission, in order
+    :param visits: visits of the mission, in order
+    :param records: all records of the robot's own sensor
+    """
+
+    number: int
+    planner: Mapping[str, Any]
+    statuses: Sequence[Status]
+    visits: Sequence[Visit]
+    records: Sequence[CountRecord]
+
+    @property
+    def began_s(self) -> float:
+        """Time at which the mission started [s]."""
+        first = next(status for status in self.statuses if status.time_used_s > 0)
+        return first.stamp_s - first.time_used_s
+
+    @property
+    def track(self) -> NDArray[np.float64]:
+        """Places of the records, shape (n, 2) [m]."""
+        placed = [(r.x_m, r.y_m) for r in self.records if math.isfinite(r.x_m) and math.isfinite(r.y_m)]
+        return np.array(placed).reshape(-1, 2)
+
+    @property
+    def ended(self) -> str:
+        """Why the mission ended."""
+        last = self.statuses[-1]
+        return last.reason if last.state == "finished" else f"the recording ends while {last.state}"
+
+
 def replay_mission(
     properties: Sequence[ReplayedProperty],
-    statuses: Sequence[Status],
-    visits: Sequence[Visit],
+    robots: Sequence[RobotMission],
     configuration: Path | None,
-    records: Sequence[CountRecord],
     progress: Callable[[str, float], None],
 ) -> MissionResult:
     """The mission with the map errors after each visit; without the maps.
 
     :param properties: the mapped properties
-    :param statuses: statuses of one started mission, in order
-    :param visits: visits of the mission, in order
+    :param robots: the robots of the mission, one at least; the mission starts with the first of them
     :param configuration: folder with the parameters of the nodes, if any
-    :param records: all records of the robot's own sensor
     :param progress: called during the work
     """
+    began_s = min(robot.began_s for robot in robots)
+    later_s = [robot.began_s - began_s for robot in robots]
+    course = [
+        (number, status, later_s[number] + status.time_used_s)
+        for number, robot in enumerate(robots)
+        for status in robot.statuses
+    ]
+    course.sort(key=lambda step: step[2])
     rows = [SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(properties))]
-    before = statuses[0]
-    for number, status in enumerate(statuses):
-        progress("the course of the mission", number / len(statuses))
-        if status.samples > before.samples:
-            rows.append(_row(status, properties))
-        before = status
-    if rows[-1].time_s < before.time_used_s:
-        rows.append(_row(before, properties))
+    latest = [robot.statuses[0] for robot in robots]
+    for done, (number, status, time_s) in enumerate(course):
+        progress("the course of the mission", done / len(course))
+        finished, latest[number] = status.samples > latest[number].samples, status
+        if finished:
+            rows.append(_row(time_s, status.stamp_s, latest, properties))
+    _, status, time_s = course[-1]
+    if rows[-1].time_s < time_s:
+        rows.append(_row(time_s, status.stamp_s, latest, properties))
+    visits = [
+        (visit.arrived_s + later, replace(visit, robot=robot.number))
+        for robot, later in zip(robots, later_s, strict=True)
+        for visit in robot.visits
+    ]
+    visits.sort(key=lambda one: one[0])
     first, *others = properties
-    placed = [(r.x_m, r.y_m) for r in records if math.isfinite(r.x_m) and math.isfinite(r.y_m)]
     survey = first.survey
-    end = before.reason if before.state == "finished" else f"the recording ends while {before.state}"
+    ends = [f"robot {robot.number}: {robot.ended}" if len(robots) > 1 else robot.ended for robot in robots]
     titles = [survey.field.name, *(one.name if one.truth is None else one.truth.title for one in others)]
     return MissionResult(
-        settings=_settings(configuration, before, others),
+        settings=replace(_settings(configuration, robots[0].planner, status, others), robots=len(robots)),
         series=rows,
-        visits=visits,
-        tracks=(np.array(placed).reshape(-1, 2),),
+        visits=[visit for _, visit in visits],
+        tracks=tuple(robot.track for robot in robots),
         properties=[_mapped(one, title) for one, title in zip(properties, titles, strict=True)],
         frame=survey.field.frame,
-        ended=end,
+        ended="; ".join(ends),
     )
 
 
@@ -66,20 +114,27 @@ def _mapped(one: ReplayedProperty, title: str) -> MappedProperty:
     return MappedProperty(one.name, title, one.records, None, truth_rate, one.weight)
 
 
-def _row(status: Status, properties: Sequence[ReplayedProperty]) -> SeriesRow:
-    """The mission at a time, with the errors of maps of all records up to this time."""
+def _row(
+    time_s: float, stamp_s: float, latest: Sequence[Status], properties: Sequence[ReplayedProperty]
+) -> SeriesRow:
+    """The mission at a time, with the errors of maps of all records up to this time.
+
+    :param latest: latest status of each robot
+    """
     return SeriesRow(
-        status.time_used_s,
-        status.distance_m,
-        status.samples,
-        status.counting_s,
-        tuple(one.errors_at(status.stamp_s) for one in properties),
+        time_s,
+        sum(status.distance_m for status in latest),
+        sum(status.samples for status in latest),
+        sum(status.counting_s for status in latest),
+        tuple(one.errors_at(stamp_s) for one in properties),
     )
 
 
-def _settings(configuration: Path | None, last: Status, others: Sequence[ReplayedProperty]) -> MissionSettings:
+def _settings(
+    configuration: Path | None, had: Mapping[str, Any], last: Status, others: Sequence[ReplayedProperty]
+) -> MissionSettings:
     """The settings of the mission that the planner's parameters contain."""
-    had, mapper = read_parameters(configuration, "planner"), read_parameters(configuration, "mapper")
+    mapper = read_parameters(configuration, "mapper")
     usual = MissionSettings()
     return replace(
         usual,

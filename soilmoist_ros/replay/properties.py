@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +33,30 @@ class PropertyTopic:
     """Topics of a property in a bag.
 
     :param name: name of the property, for files and options
-    :param counts: full name of the topic with its records
+    :param counts: full names of the topics with its records, one for each robot
     :param mapper: name of its mapper, below the robot's namespace
     :param weight: weight of its variation in the planner; 0 if the planner ignored it
     """
 
     name: str
-    counts: str
+    counts: tuple[str, ...]
     mapper: str
     weight: float
+
+
+def team_properties(robots: Sequence[RunTopics], configuration: Path | None) -> list[PropertyTopic]:
+    """The properties that robots measured together, see :func:`property_topics`.
+
+    :param robots: topics of each robot, one at least
+    :param configuration: folder with the parameters of their nodes, if any
+    :raises InputError: if the properties of a planner are damaged
+    """
+    merged: dict[str, PropertyTopic] = {}
+    for robot in robots:
+        for found in property_topics(robot, configuration):
+            known = merged.get(found.name)
+            merged[found.name] = found if known is None else replace(known, counts=known.counts + found.counts)
+    return list(merged.values())
 
 
 def property_topics(topics: RunTopics, configuration: Path | None) -> list[PropertyTopic]:
@@ -53,23 +69,35 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
     :raises InputError: if the planner's properties are damaged
     """
     space, _, last = topics.counts.rpartition("/")
-    planned = property_weights(read_parameters(configuration, "planner").get("properties", ()))
+    planner = read_planner(configuration, topics)
+    planned = property_weights(planner.get("properties", ()))
     for name, weight in planned.items():
         if topics.counts.endswith(f"/{name.strip('/')}/{last}"):  # this property is replayed alone
-            return [PropertyTopic(Path(name).name, topics.counts, f"{name.strip('/')}/mapper", weight)]
+            return [PropertyTopic(Path(name).name, (topics.counts,), f"{name.strip('/')}/mapper", weight)]
     clouds = {name for name, kind in topics.reader.topics.items() if kind == CLOUD and name.endswith(f"/{last}")}
     paths = {f"{name if name.startswith('/') else f'{space}/{name}'}/{last}": name for name in planned}
     for path in sorted(clouds - {topics.counts}):
         if path.startswith(f"{space}/") and not _is_robot(topics, path):
             paths.setdefault(path, path.removeprefix(f"{space}/").removesuffix(f"/{last}"))
-    found = [PropertyTopic(FIRST, topics.counts, "mapper", 1.0)]
+    found = [PropertyTopic(FIRST, (topics.counts,), "mapper", 1.0)]
     for path, name in paths.items():
         if path in clouds:
             whole = name.strip("/")
             taken = {one.name for one in found}
             own = Path(whole).name if Path(whole).name not in taken else whole.replace("/", "_")
-            found.append(PropertyTopic(own, path, f"{whole}/mapper", planned.get(name, 0.0)))
+            found.append(PropertyTopic(own, (path,), f"{whole}/mapper", planned.get(name, 0.0)))
     return found
+
+
+def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any]:
+    """Parameters of the planner of a robot, empty if there are none.
+
+    :param configuration: folder of the configuration; the planner is named with or without its namespace
+    :param topics: topics of the robot
+    """
+    return read_parameters(configuration, f"{topics.namespace}planner") or read_parameters(
+        configuration, "planner"
+    )
 
 
 def _is_robot(topics: RunTopics, counts: str) -> bool:

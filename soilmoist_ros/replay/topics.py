@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -62,6 +63,25 @@ class RunTopics:
             "map its counts instead, or record raw/logger and raw/gnss",
             reader.path,
         )
+
+    @classmethod
+    def of_team(cls, reader: BagReader, counts: str, namespaces: Sequence[str]) -> list[Self]:
+        """The topics of several robots that share a mapper in the outermost namespace.
+
+        :param reader: the bag
+        :param counts: topic with the records of each robot, without its namespace
+        :param namespaces: namespaces of the robots
+        :returns: a robot each; empty if the bag is not of such a team
+        """
+        names = [f"/{namespace.strip('/')}/{counts}" for namespace in namespaces]
+        found = [name for name in names if reader.topics.get(name) == CLOUD]
+        shared = reader.topics.get("/soil_map") == CLOUD and f"/{counts}" not in reader.topics
+        return [cls(reader, name, False) for name in found] if len(found) > 1 and shared else []
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the robot with a slash at its end, for the names of its nodes; empty for none."""
+        return f"{self.counts.rpartition('/')[0].strip('/')}/".lstrip("/")
 
     def find(self, name: str, kind: str) -> str | None:
         """Full name of a topic of this robot, ``None`` if it is not in the bag.

@@ -14,13 +14,15 @@ from soilmoist_ros.sensing.records import CountRecord
 _CLOCK_S = 1e-3
 
 
-def read_visits(topics: RunTopics) -> list[Visit] | None:
+def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
     """The visits that a robot's planner published; ``None`` if the bag lacks the topic.
 
+    :param topics: topics of the robot
+    :param robot: number of the robot, from 1
     :raises InputError: if the topic contains other messages
     """
     name = topics.find("visits", VISIT)
-    return None if name is None else topics.reader.read_visits(name)
+    return None if name is None else topics.reader.read_visits(name, robot)
 
 
 def mission_visits(

@@ -126,10 +126,22 @@ class BagReader:
         :raises InputError: if there is no such topic, or its messages are not counts
         """
         name = self.find_topic(topic, "sensor_msgs/msg/PointCloud2")
-        try:
-            return [record for m in self.messages([name]) for record in count_records(self.decode(m))]
-        except ValueError as error:
-            raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", self.path) from None
+        return [record for _, record in self.read_counts_of([name])]
+
+    def read_counts_of(self, topics: Sequence[str]) -> list[tuple[str, CountRecord]]:
+        """Counted records of several topics in the order of recording, each with the name of its topic.
+
+        :param topics: full names
+        :raises InputError: if the messages of a topic are not counts
+        """
+        found = []
+        for message in self.messages(topics):
+            try:
+                found += [(message.topic, record) for record in count_records(self.decode(message))]
+            except ValueError as error:
+                remedy = "was it recorded by soilmoist_ros?"
+                raise InputError(f"{message.topic}: {error}", remedy, self.path) from None
+        return found
 
     def read_visits(self, topic: str = "visits", robot: int = 1) -> list[Visit]:
         """Visits in the order of recording, exactly as the planner had them.
