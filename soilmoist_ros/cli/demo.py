@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.live.live_mission import LiveMission
 
 _SHOW_S = 0.5
-DEMO = ("field", "strategy", "dwell", "hours", "seed", "model", "fit", "preset", "properties")
+DEMO = ("field", "strategy", "dwell", "hours", "seed", "robots", "model", "fit", "preset", "properties")
 """Mission settings that are options of the demo."""
 DEMO_HOURS = 1.0
 """Default mission time of a demo [h]; lasts a minute with the default time factor."""
@@ -83,15 +83,16 @@ def _live_view() -> Iterator[Callable[[LiveMission], None]]:
 
     console = Console()
     if not console.is_terminal:
-        said = ""
+        said: dict[str, str] = {}
 
         def plain(live: LiveMission) -> None:
-            nonlocal said
-            text = live.state
-            if text.partition(" (")[0] != said:
-                said = text.partition(" (")[0]
-                used_s = float(live.status.get("time_used_s", 0.0))
-                click.echo(f"{used_s:7.0f} s  {text}")
+            for robot in live.robots:
+                text = robot.state
+                if text.partition(" (")[0] != said.get(robot.namespace):
+                    said[robot.namespace] = text.partition(" (")[0]
+                    used_s = float(robot.status.get("time_used_s", 0.0))
+                    name = f"{robot.namespace.replace('_', ' ')}: " if robot.namespace else ""
+                    click.echo(f"{used_s:7.0f} s  {name}{text}")
 
         yield plain
         return
@@ -105,7 +106,7 @@ def _live_view() -> Iterator[Callable[[LiveMission], None]]:
             now_s = time.monotonic()
             if now_s - shown_s >= _SHOW_S:
                 shown_s = now_s
-                rows = max(6, min(22, console.height - 9 - len(live.maps)))
+                rows = max(6, min(22, console.height - 8 - len(live.maps) - len(live.robots)))
                 screen.update(render(live.view(), min(64, console.width - 2), rows), refresh=True)
 
         yield picture

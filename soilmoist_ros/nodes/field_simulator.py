@@ -6,6 +6,7 @@ import math
 import time
 from pathlib import Path
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
@@ -13,21 +14,24 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.stamps import to_time
+from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.field_simulator import PARAMETERS, mission_settings
-from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED
+from soilmoist_ros.nodes.runtime.qos import CLOCK, DEFAULT, LATCHED
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.robot_interface import RobotInterface
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file, write_truth_file
 from soilmoist_ros.simulation.robot.line_server import write_ports_file
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
-from soilmoist_ros.simulation.robot.waiting_clock import Awaited, WaitingClock, awaited
+from soilmoist_ros.simulation.robot.waiting_clock import WaitingClock, awaited
 from soilmoist_ros.simulation.simulated_robot import Output, robot_namespaces
 from soilmoist_ros.simulation.system import VirtualSystem
 
 TICK_S = 0.02
+REPORT_S = 1.0
 MAX_STEP_S = 0.06
 """Limit of the time that a late tick catches up: three ticks [s]."""
 SETTLE_S = 1.0
@@ -48,7 +52,7 @@ class FieldSimulator(Node):
         self._time = SimulatedTime(given.number("speed"), MAX_STEP_S)
         self._epoch_s = given.number("gnss_period_s")
         self._waiting = WaitingClock()
-        self._noted: tuple[str, Awaited] | None = None
+        self._noted = ""
         self._started = not given.flag("start_when_connected")
         self._connected_s = math.inf
         self._write_files(given)
@@ -76,7 +80,10 @@ class FieldSimulator(Node):
         if given.text("ports_file"):
             addresses = {name: address for robot in self._robots for name, address in robot.addresses.items()}
             write_ports_file(addresses, Path(given.text("ports_file")))
-        self.create_timer(TICK_S, self._tick, group, RosClock(clock_type=ClockType.STEADY_TIME))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
+        steady = RosClock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(TICK_S, self._tick, group, steady)
+        self.create_timer(REPORT_S, self._report, group, steady)
 
     def close(self) -> None:
         """Close the ports."""
@@ -121,12 +128,16 @@ class FieldSimulator(Node):
             if (found := awaited(its, system.now_s, self._epoch_s)) is not None
         ]
         stands = self._waiting.stands(wall_s, waits)
-        if (wait := self._waiting.long_wait) != self._noted:
-            self._noted = wait
-            if wait is not None:
-                self.get_logger().warning(f"simulated time waits for {wait[1]}: {wait[0]}")
         has_planner = any(its.phase is not None for its in progress)
         return system.advance(system.now_s + (0.0 if stands else step_s), step_by_step=has_planner)
+
+    def _report(self) -> None:
+        health = self._waiting.health
+        if health.level is not Level.OK and health.message != self._noted:
+            self.get_logger().warning(health.message)
+        self._noted = health.message
+        now_s, name = self._system.stamp_s, self.get_fully_qualified_name()
+        self._diagnostics.publish(diagnostics_to_message([health], now_s, name))
 
 
 def main() -> None:

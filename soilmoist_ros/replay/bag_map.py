@@ -97,6 +97,7 @@ class _Content:
     """The data that the replay reads from the bag."""
 
     raw: RawSurvey | None
+    several: bool
     missions: Sequence[RobotMission]
     simulated: bool
     properties: Sequence[ReplayedProperty]
@@ -154,13 +155,15 @@ def replay_bag(
             for one, its in zip(mission.properties, run.properties, strict=True)
         ]
         run = replace(run, mission=replace(mission, properties=maps))
-    return Replay(run, [_compared(one, raw is not None and one.survey is survey) for one in properties])
+    return Replay(
+        run, [_compared(one, raw is not None and one.survey is survey, content.several) for one in properties]
+    )
 
 
-def _compared(one: ReplayedProperty, from_raw: bool) -> Comparison:
+def _compared(one: ReplayedProperty, from_raw: bool, several: bool) -> Comparison:
     if from_raw:
         return Comparison(None, "not compared: made again from the raw lines")
-    return one.compared()
+    return one.compared(several)
 
 
 def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
@@ -256,7 +259,7 @@ def _read(
         if statuses := last_mission(read_statuses(robot)):
             visits = mission_visits(statuses, read_visits(robot, number), its)
             missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
-    return _Content(raw, missions, simulated, properties)
+    return _Content(raw, len(robots) > 1, missions, simulated, properties)
 
 
 def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:

@@ -82,7 +82,9 @@ def read_published_map(topics: RunTopics) -> PublishedMap | None:
     return PublishedMap(_stamp_s(last), cells, raw_counts, was_reset)
 
 
-def compare(field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None) -> Comparison:
+def compare(
+    field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None, several: bool = False
+) -> Comparison:
     """Compare the replayed map with the last published map.
 
     Recorder and mapper begin and end at different times, so the replayed map uses the records up to the last
@@ -91,6 +93,8 @@ def compare(field_map: FieldMap, states: Sequence[MapState], last: PublishedMap 
     :param field_map: makes the maps
     :param states: states after each record
     :param last: the last published map
+    :param several: whether several robots sent the records; mapper and recorder may receive them in different
+        orders
     """
     if last is None:
         return Comparison(None, "not compared: the bag has no map")
@@ -108,10 +112,10 @@ def compare(field_map: FieldMap, states: Sequence[MapState], last: PublishedMap 
             "not compared: the robot's last map was made of other records than those in the bag up to then "
             "(it was reset, or began before the recording)",
         )
-    return _compare_bands(field_map.compute(alike[-1]), last.cells)
+    return _compare_bands(field_map.compute(alike[-1]), last.cells, several)
 
 
-def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any]) -> Comparison:
+def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any], several: bool) -> Comparison:
     differs = "differs from the robot's last one: "
     if any(name not in (cells.dtype.names or ()) for name in _BANDS):
         return Comparison(False, f"{differs}that lacks bands")
@@ -132,7 +136,11 @@ def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any]) -> Comparison:
             largest = max(largest, float(error.max()) / max(float(np.abs(there[known]).max()), 1e-30))
     if largest == 0:
         return Comparison(True, "equals the robot's last one, bit for bit", 0.0)
-    why = ": rounding, as on another processor or with more threads" if largest < _ROUNDING else ""
+    why = ""
+    if largest < _ROUNDING:
+        why = ": rounding, as on another processor or with more threads"
+    elif several:
+        why = ": records of several robots reach mapper and recorder in different orders"
     return Comparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
 
 

@@ -139,9 +139,12 @@ class ReplayedProperty:
         """True rate on the map's grid, shape (ny, nx) [counts/s]; ``None`` if unknown."""
         return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
-    def compared(self) -> Comparison:
-        """Comparison with the map that the mapper published."""
-        return compare(self.survey.map, self.states, self.published)
+    def compared(self, several: bool = False) -> Comparison:
+        """Comparison with the map that the mapper published.
+
+        :param several: whether several robots sent the records
+        """
+        return compare(self.survey.map, self.states, self.published, several)
 
     def errors_at(self, stamp_s: float) -> MapErrors:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""

@@ -10,11 +10,17 @@ from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
-from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
+from soilmoist_ros.nodes.system.demo_configuration import (
+    DemoSettings,
+    node_name,
+    shared_mapper,
+    write_configuration,
+)
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
 from soilmoist_ros.replay import Replay, ReplaySettings, replay_bag
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.simulation.mission.channel import mission_fields
+from soilmoist_ros.simulation.simulated_robot import robot_namespaces
 
 __all__ = ["DemoError", "DemoSettings", "run_demo"]
 
@@ -52,6 +58,7 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
         f" soilmoist demo: {field.title}, {mission.strategy}, {mission.dwell}, "
         f"{settings.time_factor:g} x real time ",
         [LiveMap(name, truth) for name, truth in zip(names, truths, strict=True)],
+        robot_namespaces(mission.robots),
     )
     with free_domain() as domain:
         environment = loopback_environment(domain)
@@ -60,9 +67,10 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
 
         with ProcessGroup(environment, out / "log") as group, monitored(live, field.frame, domain):
             for name, path in parameters.items():
-                if name == "sensor_driver":
-                    path = _with_ports(path, out, group)
-                group.start(name, path)
+                namespace, _, node = name.rpartition("/")
+                if node == "sensor_driver":
+                    path = _with_ports(path, namespace, out, group)
+                group.start(name, path, shared_mapper(name, names[1:]))
             _watch(group, live, show)
     fields: dict[str | int, str] = {
         0: mission.field_name,
@@ -71,8 +79,8 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
     return replay_bag(out / "bag", ReplaySettings(truths=fields))
 
 
-def _with_ports(path: Path, out: Path, group: ProcessGroup) -> Path:
-    """Add the addresses of the simulated devices to the driver's parameters."""
+def _with_ports(path: Path, namespace: str, out: Path, group: ProcessGroup) -> Path:
+    """Add the addresses of the simulated devices to the parameters of a robot's driver."""
     ports = out / "log" / "ports.json"
     deadline = time.monotonic() + _START_LIMIT_S
     while not ports.is_file():
@@ -86,13 +94,15 @@ def _with_ports(path: Path, out: Path, group: ProcessGroup) -> Path:
         name: "tcp://{host}:{port}".format(**address) for name, address in json.loads(ports.read_text()).items()
     }
     with path.open("a", encoding="utf-8") as file:
-        file.write(f"    logger_uri: {uris['logger']}\n    gnss_uri: {uris['gnss']}\n")
+        for device in ("logger", "gnss"):
+            file.write(f"    {device}_uri: {uris[node_name(namespace, device)]}\n")
     return path
 
 
 def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
-    """Wait until the planner has finished the mission."""
-    while "planner" not in group.ended():
+    """Wait until the planners have finished their missions."""
+    planners = {node_name(robot.namespace, "planner") for robot in live.robots}
+    while not planners <= group.ended().keys():
         _require_all(group)
         show(live)
         time.sleep(_POLL_S)
@@ -103,7 +113,7 @@ def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
 def _require_all(group: ProcessGroup) -> None:
     """Check that every node runs, or has ended as planned."""
     for name, code in group.ended().items():
-        if name != "planner" or code != 0:
+        if name.rpartition("/")[2] != "planner" or code != 0:
             lines = group.log(name).read_text(errors="replace").strip().splitlines()
             last = lines[-1] if lines else "without a message"
             raise DemoError(f"{name} ended with code {code}: {last}\nits log: {group.log(name)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,9 @@ from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+
+_OF_MAPPER = ("samples", "model", "mapper/save")
 
 
 @dataclass(frozen=True)
@@ -16,10 +20,13 @@ class DemoSettings:
     """Settings of a demo.
 
     :param out: folder of the run; must not contain a run yet
-    :param mission: the mission; the nodes always map all records and travel on a graph
+    :param mission: the mission; the nodes always map all records and travel on a graph. Several robots share a
+        mapper, and each has a planner and a driver in its namespace
     :param time_factor: simulated time per real time
     :param navigator: ``goto_node`` (Thorvald's navigation) or ``goal_pose``
     :param scenario: name or file with faults of navigation and links; empty for none
+    :param autostart: whether the missions start as soon as they can
+    :param exit_when_finished: whether the planners end with their missions
     """
 
     out: Path
@@ -27,6 +34,8 @@ class DemoSettings:
     time_factor: float = 60.0
     navigator: str = "goto_node"
     scenario: str = ""
+    autostart: bool = True
+    exit_when_finished: bool = True
 
 
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -44,43 +53,79 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
     simulated = {"use_sim_time": True}
     fitted = {"model": mission.model, "fit": mission.fit, "simulated": True, **simulated}
+    robots = robot_namespaces(mission.robots)
+    several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
+    others: dict[str, object] = {"others": several} if several else {}
     mappers: dict[str, dict[str, object]] = {
         f"{one.name}/mapper": {
-            "field": files["field"], "save_dir": str(out / f"map_{one.name}"), **fitted
+            "field": files["field"],
+            "save_dir": str(out / f"map_{one.name}"),
+            **({"others": [f"{robot}/{one.name}" for robot in several]} if several else {}),
+            **fitted,
         }
         for one in mission.properties
-    }  # fmt: skip
+    }
+    properties = [f"{one.name}:{one.weight}" for one in mission.properties]
     nodes: dict[str, dict[str, object]] = {
         # The recorder starts first and ends last, so that it records everything.
         "recorder": {"out": str(out), "name": "bag"},
-        "mapper": {**files, "save_dir": str(out / "map"), **fitted},
+        "mapper": {**files, "save_dir": str(out / "map"), **others, **fitted},
         **mappers,
-        "planner": {
-            "field": files["field"],
-            "strategy": mission.strategy,
-            "dwell": mission.dwell,
-            "hours": mission.hours,
-            "seed": mission.seed,
-            "preset": mission.preset,
-            "navigator": settings.navigator,
-            "autostart": True,
-            "exit_when_finished": True,
-            **({"properties": [f"{one.name}:{one.weight}" for one in mission.properties]} if mappers else {}),
-            **simulated,
+        **{
+            node_name(robot, "planner"): {
+                "field": files["field"],
+                "strategy": mission.strategy,
+                "dwell": mission.dwell,
+                "hours": mission.hours,
+                "seed": mission.seed + number,
+                "preset": mission.preset,
+                "navigator": settings.navigator,
+                "autostart": settings.autostart,
+                "exit_when_finished": settings.exit_when_finished,
+                **others,
+                **({"properties": properties} if properties else {}),
+                **simulated,
+            }
+            for number, robot in enumerate(robots)
         },
         "field_simulator": {
             "field": _absolute(mission.field_name),
             **({"properties": [_absolute(one.field_name) for one in mission.properties]} if mappers else {}),
             "seed": mission.seed,
+            "robots": mission.robots,
             "speed": settings.time_factor,
             "scenario": settings.scenario,
             "logger_port": 0,
             "gnss_port": 0,
             "ports_file": str(out / "log" / "ports.json"),
         },
-        "sensor_driver": {**files, **simulated},
+        **{node_name(robot, "sensor_driver"): {**files, **simulated} for robot in robots},
     }
     return {name: write_parameters(out, name, values) for name, values in nodes.items()}
+
+
+def node_name(namespace: str, node: str) -> str:
+    """Name of a node with its namespace.
+
+    >>> node_name("robot_1", "planner"), node_name("", "planner")
+    ('robot_1/planner', 'planner')
+    """
+    return f"{namespace}/{node}".lstrip("/")
+
+
+def shared_mapper(node: str, properties: Iterable[str] = ()) -> dict[str, str]:
+    """Names by which a planner in the namespace of a robot reaches the mappers that several robots share.
+
+    >>> shared_mapper("robot_1/planner")
+    {'samples': '/samples', 'model': '/model', 'mapper/save': '/mapper/save'}
+
+    :param node: name of a node with its namespace; other nodes keep their names
+    :param properties: names of the further properties
+    """
+    if not node.endswith("/planner"):
+        return {}
+    names = [f"{name}/{topic}".lstrip("/") for name in ("", *properties) for topic in _OF_MAPPER]
+    return {name: f"/{name}" for name in names}
 
 
 def _absolute(field: str) -> str:

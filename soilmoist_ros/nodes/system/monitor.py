@@ -8,19 +8,20 @@ from collections.abc import Iterator
 from functools import partial
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import NavSatFix, PointCloud2
 
-from msg_adapters.diagnostics import health_from_status
+from msg_adapters.diagnostics import diagnostics_from_message, health_from_status
 from msg_adapters.mission import mission_from_message
 from msg_adapters.samples import samples_from_message
 from msg_adapters.soil_map import soil_map_from_message
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
-from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
+from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR
+from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission, LiveRobot
+from soilmoist_ros.simulation.robot.waiting_clock import CLOCK_PART, WAITS_FOR
 
 
 class Monitor(Node):
@@ -35,17 +36,22 @@ class Monitor(Node):
         super().__init__("monitor", context=context)
         self._live = live
         self._frame = frame
-        self.create_subscription(DiagnosticStatus, "mission", self._on_mission, LATCHED)
+        for robot in live.robots:
+            below = f"{robot.namespace}/" if robot.namespace else ""
+            self.create_subscription(
+                DiagnosticStatus, f"{below}mission", partial(self._on_mission, robot), LATCHED
+            )
+            self.create_subscription(NavSatFix, f"{below}fix", partial(self._on_fix, robot), SENSOR)
         for one in live.maps:
             topic = f"{one.name}/soil_map" if one.name else "soil_map"
             self.create_subscription(PointCloud2, topic, partial(self._on_map, one), LATCHED)
         self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
-        self.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
 
-    def _on_mission(self, message: DiagnosticStatus) -> None:
+    def _on_mission(self, robot: LiveRobot, message: DiagnosticStatus) -> None:
         with contextlib.suppress(ValueError):
             mission_from_message(message)
-            self._live.status = dict(health_from_status(message).values)
+            robot.status = dict(health_from_status(message).values)
 
     def _on_map(self, live: LiveMap, message: PointCloud2) -> None:
         with contextlib.suppress(ValueError):
@@ -55,10 +61,15 @@ class Monitor(Node):
         with contextlib.suppress(ValueError):
             self._live.samples_xy = samples_from_message(message).xy
 
-    def _on_fix(self, message: NavSatFix) -> None:
+    def _on_fix(self, robot: LiveRobot, message: NavSatFix) -> None:
         if message.status.status >= 0:
             x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
-            self._live.robot_xy = (float(x_m), float(y_m))
+            robot.xy = (float(x_m), float(y_m))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for health in diagnostics_from_message(message):
+            if health.name.endswith(f": {CLOCK_PART}"):
+                self._live.clock_waits_for = health.values.get(WAITS_FOR, "")
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 
 _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
@@ -43,11 +43,12 @@ class ProcessGroup:
     ) -> None:
         self.stop()
 
-    def start(self, name: str, parameters_file: Path) -> None:
+    def start(self, name: str, parameters_file: Path, remaps: Mapping[str, str] = MappingProxyType({})) -> None:
         """Start a node.
 
         :param name: name of the node, with the namespace if there is one: ``compaction/mapper``
         :param parameters_file: parameters of the node
+        :param remaps: new names of topics and services by their names
         :raises ValueError: if the node was started before
         """
         if name in self._processes:
@@ -55,6 +56,7 @@ class ProcessGroup:
         namespace, _, node = name.rpartition("/")
         command = [sys.executable, "-m", f"soilmoist_ros.nodes.{node}"]
         command += ["--ros-args", "-r", f"__ns:=/{namespace}", "--params-file", str(parameters_file)]
+        command += [word for old, new in remaps.items() for word in ("-r", f"{old}:={new}")]
         parent = os.getpid()
         with self.log(name).open("wb") as log:
             self._processes[name] = subprocess.Popen(

@@ -52,59 +52,82 @@ class LiveMap:
         return LiveBand(f"{self.name} {what}".lstrip(), values, extent, wet_is_high=moist)
 
 
+class LiveRobot:
+    """The latest messages of a robot.
+
+    :param namespace: its namespace; empty for none
+    """
+
+    def __init__(self, namespace: str = "") -> None:
+        self.namespace = namespace
+        self.status: Mapping[str, str] = {}
+        self.xy: tuple[float, float] | None = None
+
+    @property
+    def state(self) -> str:
+        """State and reason of its mission."""
+        status = self.status
+        return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
+
+
 class LiveMission:
     """The latest messages of a mission. One thread may set them while another reads the view.
 
     :param title: first line
     :param maps: maps of the properties; the mission's own field is the first
+    :param namespaces: namespaces of the robots
     """
 
-    def __init__(self, title: str, maps: Sequence[LiveMap] = ()) -> None:
+    def __init__(self, title: str, maps: Sequence[LiveMap] = (), namespaces: Sequence[str] = ("",)) -> None:
         self._title = title
         self.maps = tuple(maps) or (LiveMap(),)
-        self.status: Mapping[str, str] = {}
-        self.robot_xy: tuple[float, float] | None = None
+        self.robots = tuple(map(LiveRobot, namespaces))
         self.samples_xy: Array = np.empty((0, 2))
-
-    @property
-    def state(self) -> str:
-        """State and reason of the mission."""
-        status = self.status
-        return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
+        self.clock_waits_for = ""
+        """What simulated time waits for, if that has lasted long."""
 
     def view(self) -> LiveView:
         """The view now."""
-        status, samples = self.status, self.samples_xy  # another thread may replace them
+        statuses, samples = [robot.status for robot in self.robots], self.samples_xy  # other threads replace them
         return LiveView(
             self._title,
-            self._facts(status, len(samples)),
+            self._facts(statuses, len(samples)),
             [band for one in self.maps if (band := one.band) is not None],
             samples_xy=samples,
-            robot_xy=self.robot_xy,
-            target_xy=_target(status),
+            robots_xy=[robot.xy for robot in self.robots if robot.xy is not None],
+            targets_xy=[target for status in statuses if (target := _target(status)) is not None],
         )
 
-    def _facts(self, status: Mapping[str, str], n_samples: int) -> dict[str, str]:
-        facts = {"state": self.state}
-        if not status:
+    def _facts(self, statuses: Sequence[Mapping[str, str]], n_samples: int) -> dict[str, str]:
+        facts = {}
+        for robot, status in zip(self.robots, statuses, strict=True):
+            several = robot.namespace.replace("_", " ")
+            facts[several or "state"] = robot.state
+            if status and status["target"] and not several:
+                facts["target"] = _counted(status)
+        if self.clock_waits_for:
+            facts["clock"] = f"waits for {self.clock_waits_for}"
+        known = [status for status in statuses if status]
+        if not known:
             return facts
-        number = {key: float(status[key]) for key in (
-            "planned_dwell_s", "elapsed_dwell_s", "time_used_s", "time_left_s", "distance_m",
-        )}  # fmt: skip
-        if status["target"]:
-            facts["target"] = f"{status['target']}, counted {number['elapsed_dwell_s']:.0f} s"
-            if math.isfinite(number["planned_dwell_s"]):
-                facts["target"] += f" of about {number['planned_dwell_s']:.0f} s"
-        value, unit = length(number["distance_m"])
-        facts["mission"] = (
-            f"{duration(number['time_used_s'])} used, {duration(number['time_left_s'])} left; "
-            f"{value} {unit} driven"
+        used_s, left_s, driven_m = (
+            [float(status[key]) for status in known] for key in ("time_used_s", "time_left_s", "distance_m")
         )
-        facts["map"] = f"{status['samples']} stops, {n_samples} samples with those on the way"
+        value, unit = length(sum(driven_m))
+        facts["mission"] = f"{duration(max(used_s))} used, {duration(max(left_s))} left; {value} {unit} driven"
+        stops = sum(int(status["samples"]) for status in known)
+        facts["map"] = f"{stops} stops, {n_samples} samples with those on the way"
         errors = [f"{one.name} {mse:.4f}".lstrip() for one in self.maps if math.isfinite(mse := one.mse)]
         if errors:
             facts["map"] += f"; mean squared error {', '.join(errors)} (counts/s)²"
         return facts
+
+
+def _counted(status: Mapping[str, str]) -> str:
+    """How far the measurement at the target is."""
+    planned_s, elapsed_s = (float(status[key]) for key in ("planned_dwell_s", "elapsed_dwell_s"))
+    of = f" of about {planned_s:.0f} s" if math.isfinite(planned_s) else ""
+    return f"{status['target']}, counted {elapsed_s:.0f} s{of}"
 
 
 def _target(status: Mapping[str, str]) -> tuple[float, float] | None:

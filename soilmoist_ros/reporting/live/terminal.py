@@ -55,16 +55,16 @@ class LiveView:
     :param facts: short name -> text, one line each
     :param bands: a map of each property
     :param samples_xy: places of the samples, shape (n, 2) [m]
-    :param robot_xy: place of the robot [m]
-    :param target_xy: place of the current stop [m]
+    :param robots_xy: place of each robot [m]
+    :param targets_xy: place of the current stop of each robot that has one [m]
     """
 
     title: str
     facts: Mapping[str, str]
     bands: Sequence[LiveBand] = ()
     samples_xy: Array = field(default_factory=lambda: np.empty((0, 2)))
-    robot_xy: tuple[float, float] | None = None
-    target_xy: tuple[float, float] | None = None
+    robots_xy: Sequence[tuple[float, float]] = ()
+    targets_xy: Sequence[tuple[float, float]] = ()
 
 
 def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
@@ -158,8 +158,8 @@ def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> Array:
                 colours[min(int(i), height - 1), min(int(j), width - 1)] = colour
 
     mark(view.samples_xy, _SAMPLE)
-    mark([view.target_xy] if view.target_xy else [], _TARGET)
-    mark([view.robot_xy] if view.robot_xy else [], _ROBOT)
+    mark(view.targets_xy, _TARGET)
+    mark(view.robots_xy, _ROBOT)
     return colours
 
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.foundation.health import Health, Level
 
 ARRIVAL_EPOCHS = 2
 """Epochs of the receiver after the end of a goal that the planner may need to check its place."""
@@ -17,24 +18,32 @@ ARRIVAL_EPOCHS = 2
 class Awaited(StrEnum):
     """What simulated time waits for."""
 
-    PLAN = "the plan"
+    PLAN = "the next plan"
     """The planner chooses a stop, with a map of all its records."""
     RECORD = "the last record"
     """The planner counts, and has not received the last record of the logger yet."""
-    ARRIVAL = "the answer to the end of a goal"
+    ARRIVAL = "the reaction to the end of a goal"
     """A goal has ended, and the mission has not reacted."""
     DEPARTURE = "the next goal"
     """The mission travels, and the navigation has no goal yet."""
+    SAVE = "the end of the planner"
+    """The mission has ended, and the map is being saved."""
 
 
 LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
-    {Awaited.PLAN: 120.0, Awaited.RECORD: 30.0, Awaited.ARRIVAL: 30.0, Awaited.DEPARTURE: 5.0}
+    {Awaited.PLAN: 120.0, Awaited.RECORD: 30.0, Awaited.ARRIVAL: 30.0, Awaited.DEPARTURE: 5.0, Awaited.SAVE: 40.0}
 )
 """Longest waits [s of the wall clock]."""
 SHORT_S = 0.5
 """Longest wait for what did not come in time before [s of the wall clock]."""
 NOTED_S = 5.0
 """Waits from this length on are worth a message [s of the wall clock]."""
+
+
+CLOCK_PART = "clock"
+"""Name of the clock in diagnostics."""
+WAITS_FOR = "waits_for"
+"""Value of the clock in diagnostics: what it waits for, if that has lasted long."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,7 @@ class RobotProgress:
 def awaited(progress: RobotProgress, now_s: float, epoch_s: float) -> Awaited | None:
     """What simulated time waits for at a robot, ``None`` for nothing.
 
-    A paused mission, a mission that has not started or has ended, and a robot on its way do not stop the time.
+    A mission that is paused or has not started, and a robot on its way do not stop the time.
 
     :param progress: how far robot and planner are
     :param now_s: simulated time [s]
@@ -67,6 +76,8 @@ def awaited(progress: RobotProgress, now_s: float, epoch_s: float) -> Awaited | 
     match progress.phase:
         case Phase.PLANNING:
             return Awaited.PLAN
+        case Phase.FINISHED:
+            return Awaited.SAVE
         case Phase.COUNTING if 1e-3 < progress.sent_s - progress.handled_s < math.inf:
             return Awaited.RECORD
         case Phase.TRAVELLING | Phase.RETURNING:
@@ -114,6 +125,16 @@ class WaitingClock:
                 self._excused.add(key)
         self._wall_s, self._stood = wall_s, any(key not in self._excused for key in waits)
         return self._stood
+
+    @property
+    def health(self) -> Health:
+        """State for diagnostics."""
+        wait = self.long_wait
+        waits_for = "" if wait is None else f"{wait[1]} of {wait[0]}"
+        values = {WAITS_FOR: waits_for, "waited_s": f"{self.waited_s:.1f}"}
+        if wait is None:
+            return Health(CLOCK_PART, Level.OK, "runs", values)
+        return Health(CLOCK_PART, Level.WARN, f"simulated time waits for {waits_for}", values)
 
     @property
     def long_wait(self) -> tuple[str, Awaited] | None:

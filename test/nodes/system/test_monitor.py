@@ -72,36 +72,38 @@ def test_it_shows_every_topic(ros, live):
     fixes = publisher(ros, NavSatFix, "fix", qos.SENSOR)
     fix = NavSatFix(status=NavSatStatus(status=0), latitude=latitude, longitude=longitude)
 
+    (robot,) = live.robots
+
     def complete():
         fixes.publish(fix)
-        return live.status and len(live.samples_xy) and len(live.view().bands) == 2 and live.robot_xy
+        return robot.status and len(live.samples_xy) and len(live.view().bands) == 2 and robot.xy
 
     live.spin(complete)
-    assert live.robot_xy == pytest.approx((12.0, 34.0), abs=1e-6)
-    assert live.state == "counting: because"
+    assert live.robots[0].xy == pytest.approx((12.0, 34.0), abs=1e-6)
+    assert live.robots[0].state == "counting: because"
     view = live.view()
-    assert view.target_xy == (3.0, 4.0)
+    assert view.targets_xy == [(3.0, 4.0)]
     np.testing.assert_allclose(view.samples_xy, survey.map.state.samples.xy)
     assert view.bands[0].extent == pytest.approx((0, 60, 0, 50), abs=0.6)
     assert "mean squared error salt" in view.facts["map"]
     fix.status.status = -1
     fix.latitude = 0.0
-    seen = live.robot_xy
-    live.status = {}
+    seen = live.robots[0].xy
+    live.robots[0].status = {}
     publisher(ros, DiagnosticStatus, "mission").publish(mission_to_message(STATUS))
     for _ in range(5):
         fixes.publish(fix)
-    live.spin(lambda: live.status)
-    assert live.robot_xy == seen
+    live.spin(lambda: live.robots[0].status)
+    assert live.robots[0].xy == seen
 
 
 def test_messages_of_others_do_no_harm(live):
     """The test calls the callbacks, since a latched topic may replace a message before delivery."""
     live.monitor._on_samples(samples_to_message(Samples(np.zeros((1, 2)), [3.0], [1.0]), 1e9))
-    live.monitor._on_mission(DiagnosticStatus(message="of another robot"))
+    live.monitor._on_mission(live.robots[0], DiagnosticStatus(message="of another robot"))
     live.monitor._on_map(live.maps[0], PointCloud2(height=2, width=3))
     live.monitor._on_samples(PointCloud2())
-    live.monitor._on_fix(NavSatFix(status=NavSatStatus(status=0), latitude=np.nan, longitude=0.0))
-    assert live.status == {}
+    live.monitor._on_fix(live.robots[0], NavSatFix(status=NavSatStatus(status=0), latitude=np.nan, longitude=0.0))
+    assert live.robots[0].status == {}
     assert live.view().bands == []
     assert len(live.samples_xy) == 1

@@ -33,12 +33,12 @@ def test_before_anything_has_come():
     view = LiveMission(" demo ").view()
     assert view.facts == {"state": "waiting for the planner"}
     assert view.bands == []
-    assert (view.title, view.target_xy) == (" demo ", None)
+    assert (view.title, view.targets_xy) == (" demo ", [])
 
 
 def test_what_is_told():
     live = LiveMission("")
-    live.status = STATUS
+    live.robots[0].status = STATUS
     live.samples_xy = np.zeros((31, 2))
     assert live.view().facts == {
         "state": "counting: counting at s17 (ami:0.03)",
@@ -47,12 +47,29 @@ def test_what_is_told():
         "map": "7 stops, 31 samples with those on the way",
     }
     live.maps[0].cells = cells()
-    assert live.view().target_xy == (12.5, 3.0)
+    assert live.view().targets_xy == [(12.5, 3.0)]
+
+
+def test_several_robots_have_a_line_each():
+    live = LiveMission("", namespaces=("robot_1", "robot_2"))
+    assert live.view().facts == {"robot 1": "waiting for the planner", "robot 2": "waiting for the planner"}
+    live.robots[1].status, live.robots[1].xy = {**STATUS, "samples": "4", "time_used_s": "3540.0"}, (1.0, 2.0)
+    assert live.view().facts["map"] == "4 stops, 0 samples with those on the way"
+    live.robots[0].status = {**STATUS, "target": "", "target_x_m": "nan", "state": "planning", "reason": "next"}
+    assert live.view().facts == {
+        "robot 1": "planning: next",
+        "robot 2": "counting: counting at s17 (ami:0.03)",
+        "mission": "1 h 00 min used, 30 min left; 1625 m driven",
+        "map": "11 stops, 0 samples with those on the way",
+    }
+    assert (live.view().robots_xy, live.view().targets_xy) == ([(1.0, 2.0)], [(12.5, 3.0)])
+    live.clock_waits_for = "the next plan of robot_1"
+    assert live.view().facts["clock"] == "waits for the next plan of robot_1"
 
 
 def test_every_property_with_a_map_is_shown():
     live = LiveMission("", [LiveMap(), LiveMap("salt", np.full((3, 5), 2.0)), LiveMap("clay")])
-    live.status = STATUS
+    live.robots[0].status = STATUS
     assert "error" not in live.view().facts["map"]
     live.maps[1].cells = cells(moist=False)
     assert live.view().facts["map"].endswith("; mean squared error salt 3.0000 (counts/s)²")
@@ -63,12 +80,12 @@ def test_every_property_with_a_map_is_shown():
 
 def test_what_is_unknown_is_not_told():
     live = LiveMission("")
-    live.status = {**STATUS, "planned_dwell_s": "nan"}
+    live.robots[0].status = {**STATUS, "planned_dwell_s": "nan"}
     assert live.view().facts["target"] == "s17, counted 40 s"
-    live.status = {**STATUS, "target": "", "target_x_m": "nan", "target_y_m": "nan"}
+    live.robots[0].status = {**STATUS, "target": "", "target_x_m": "nan", "target_y_m": "nan"}
     live.maps[0].cells = cells()
     assert "target" not in live.view().facts
-    assert live.view().target_xy is None
+    assert live.view().targets_xy == []
 
 
 def test_moisture_is_shown_if_there_is_any():
@@ -112,7 +129,7 @@ def test_the_error_needs_a_truth_on_the_same_raster():
     assert math.isnan(live.maps[0].mse)
     live.maps[0].cells = table
     assert live.maps[0].mse == pytest.approx(0.25)
-    live.status = STATUS
+    live.robots[0].status = STATUS
     assert live.view().facts["map"].endswith("; mean squared error 0.2500 (counts/s)²")
     assert math.isnan(other_raster(table).maps[0].mse)
     mask = np.ones((3, 5), bool)
@@ -138,7 +155,7 @@ def test_an_empty_map_is_none(lost):
 
 def test_it_can_be_drawn():
     live = LiveMission("demo")
-    live.status, live.robot_xy = STATUS, (math.nan, math.nan)
+    live.robots[0].status, live.robots[0].xy = STATUS, (math.nan, math.nan)
     live.maps[0].cells = cells()
     console = Console(file=io.StringIO(), width=90)
     console.print(render(live.view()))

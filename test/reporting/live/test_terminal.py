@@ -82,7 +82,7 @@ def test_north_is_up_and_east_is_right():
      ((8.0, 8.0), (0, 7))],
 )  # fmt: skip
 def test_marks_stand_at_their_places_or_at_the_edge(place, pixel):
-    picture = pixels(view(robot_xy=place))
+    picture = pixels(view(robots_xy=[place]))
     assert [(i, j) for i, line in enumerate(picture) for j, colour in enumerate(line) if colour == "#e61e3c"] == [
         pixel
     ]
@@ -91,11 +91,11 @@ def test_marks_stand_at_their_places_or_at_the_edge(place, pixel):
 def test_the_robot_is_seen_above_target_and_samples():
     here = (2.5, 2.5)
     samples = np.array([here, (6.5, 6.5), (np.nan, 1.0), (np.inf, 1.0)])
-    picture = pixels(view(robot_xy=here, target_xy=here, samples_xy=samples))
+    picture = pixels(view(robots_xy=[(-99.0, 9.0), here], targets_xy=[here], samples_xy=samples))
     assert picture[5][2] == "#e61e3c"
     assert picture[1][6] == "#141414"
     assert sum(colour == "#141414" for line in picture for colour in line) == 1
-    assert pixels(view(target_xy=here, samples_xy=samples))[5][2] == "#ff8c00"
+    assert pixels(view(targets_xy=[here], samples_xy=samples))[5][2] == "#ff8c00"
 
 
 @pytest.mark.slow

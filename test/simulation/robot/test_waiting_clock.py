@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.simulation.robot.waiting_clock import (
     LIMITS_S,
     SHORT_S,
@@ -15,6 +16,7 @@ from soilmoist_ros.simulation.robot.waiting_clock import (
     awaited,
 )
 
+WAITED_FOR = (Phase.PLANNING, Phase.COUNTING, Phase.TRAVELLING, Phase.RETURNING, Phase.FINISHED)
 COUNTING = RobotProgress(Phase.COUNTING, sent_s=100.0, handled_s=100.0)
 TRAVELLING = RobotProgress(Phase.TRAVELLING, sent_s=100.0, handled_s=50.0)
 PLAN, RECORD = ("robot_1", Awaited.PLAN), ("robot_2", Awaited.RECORD)
@@ -24,6 +26,7 @@ PLAN, RECORD = ("robot_1", Awaited.PLAN), ("robot_2", Awaited.RECORD)
     ("progress", "expected"),
     [
         (RobotProgress(Phase.PLANNING), Awaited.PLAN),
+        (RobotProgress(Phase.FINISHED), Awaited.SAVE),
         (COUNTING, None),
         (replace(COUNTING, handled_s=90.0), Awaited.RECORD),
         (replace(COUNTING, handled_s=100.0 - 1e-6), None),  # stamps have been through messages
@@ -42,9 +45,7 @@ def test_what_is_awaited(progress, expected):
     assert awaited(progress, 110.0, 1.0) is expected
 
 
-@pytest.mark.parametrize(
-    "phase", [None, *(set(Phase) - {Phase.PLANNING, Phase.COUNTING, Phase.TRAVELLING, Phase.RETURNING})]
-)
+@pytest.mark.parametrize("phase", [None, *(set(Phase) - {*WAITED_FOR})])
 def test_other_missions_do_not_stop_the_time(phase):
     assert awaited(RobotProgress(phase, 100.0, 0.0, 0.0, True), 110.0, 1.0) is None
 
@@ -89,8 +90,11 @@ def test_a_long_wait_is_reported_by_its_cause():
     clock.stands(0.0, [RECORD])
     clock.stands(3.0, [RECORD, PLAN])
     assert clock.long_wait is None
+    assert (clock.health.level, clock.health.values["waits_for"]) == (Level.OK, "")
     clock.stands(6.0, [RECORD, PLAN])
     assert clock.long_wait == RECORD
+    assert clock.health.level is Level.WARN
+    assert clock.health.values == {"waits_for": "the last record of robot_2", "waited_s": "6.0"}
     clock.stands(9.0, [PLAN])
     assert clock.long_wait == PLAN
     clock.stands(10.0, [])
