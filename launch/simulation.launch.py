@@ -2,6 +2,9 @@
 
     ros2 launch soilmoist_ros simulation.launch.py field:=synthetic-high hours:=1
 
+Several robots (robots:=3) share one mapper, one recorder and one clock. Each has a planner and a driver in its
+namespace: robot_1, robot_2, ...
+
 The folder ``out`` receives the field file and site file of the simulated field, the recording and the map.
 """
 
@@ -9,18 +12,28 @@ from datetime import datetime
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction, Shutdown
+from launch.conditions import IfCondition
 from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.system.demo_configuration import (
+    DemoSettings,
+    node_name,
+    shared_mapper,
+    write_configuration,
+)
 from soilmoist_ros.nodes.system.launching import parameters_from, property_argument
 from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
+from soilmoist_ros.simulation.simulated_robot import robot_namespaces
 
 SIMULATOR = {
     "field": (
@@ -29,9 +42,10 @@ SIMULATOR = {
     ),
     "speed": ("60", "simulated time per wall time"),
     "seed": ("1", "seed of all randomness"),
+    "robots": ("1", "number of robots, in the namespaces robot_1, robot_2, ... if there are several"),
     "scenario": ("", "faults of navigation and links: a name or a file; empty for none"),
-    "logger_port": ("4001", "TCP port on which the logger is simulated"),
-    "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated"),
+    "logger_port": ("4001", "TCP port on which the logger is simulated, two higher for each further robot"),
+    "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated, two higher for each further robot"),
 }
 MISSION = {
     "strategy": ("gcb", "how the next stop is chosen"),
@@ -68,6 +82,78 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
+def team(
+    context: LaunchContext, field: SurrogateField, properties: tuple[PropertySettings, ...], out: Path
+) -> list[LaunchDescriptionEntity]:
+    """The simulator, the shared nodes, and the nodes of each robot."""
+
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    def flag(name: str) -> bool:
+        return IfCondition(LaunchConfiguration(name)).evaluate(context)
+
+    if given("namespace"):
+        raise InputError("several robots have the namespaces robot_1, robot_2, ...", "leave out namespace")
+    simulator = parameters_from("field_simulator", {name: given(name) for name in SIMULATOR})
+    planner = parameters_from(
+        "planner", {name: given(name) for name in ("strategy", "dwell", "hours", "navigator")}
+    )
+    mission = MissionSettings(
+        field=given("field"),
+        properties=properties,
+        seed=int(str(simulator["seed"])),
+        robots=int(str(simulator["robots"])),
+        strategy=str(planner["strategy"]),
+        dwell=str(planner["dwell"]),
+        hours=float(str(planner["hours"])),
+    )
+    settings = DemoSettings(
+        out,
+        mission,
+        float(str(simulator["speed"])),
+        str(planner["navigator"]),
+        given("scenario"),
+        flag("autostart"),
+        flag("exit_when_finished"),
+    )
+    files = write_configuration(settings, field, out)
+    robots = robot_namespaces(mission.robots)
+    ports = {name: simulator[f"{name}_port"] for name in ("logger", "gnss")}
+    differ: dict[str, dict[str, object]] = {
+        "field_simulator": {"logger_port": ports["logger"], "gnss_port": ports["gnss"], "ports_file": ""}
+    }
+    for number, robot in enumerate(robots):
+        differ[node_name(robot, "sensor_driver")] = {
+            f"{name}_uri": f"tcp://127.0.0.1:{int(str(port)) + 2 * number}" for name, port in ports.items()
+        }
+    under_way = set(robots) if flag("exit_when_finished") else set()
+
+    def ended(namespace: str) -> list[Shutdown]:
+        under_way.discard(namespace)
+        return [] if under_way else [Shutdown(reason="all missions have ended")]
+
+    nodes: list[LaunchDescriptionEntity] = []
+    for name, path in files.items():
+        namespace, _, node = name.rpartition("/")
+        if node == "recorder" and not flag("record"):
+            continue
+        ends = node == "planner" and flag("exit_when_finished")
+        nodes.append(
+            Node(
+                package="soilmoist_ros",
+                executable=node,
+                name=node,
+                namespace=namespace,
+                parameters=[*filter(None, [given("params_file"), str(path), differ.get(name)])],
+                remappings=list(shared_mapper(name, [one.name for one in properties]).items()),
+                on_exit=[OpaqueFunction(function=lambda _, robot=namespace: ended(robot))] if ends else None,
+                output="screen",
+            )
+        )
+    return nodes
+
+
 def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The simulator, and the nodes of the robot on the simulated field."""
 
@@ -78,6 +164,8 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     properties = tuple(map(PropertySettings.parse, property_argument(given("property"), "also", old)))
     field = mission_fields(MissionSettings(field=given("field"), properties=properties))[0]
     out = Path(given("out")).absolute()
+    if given("robots") != "1":
+        return team(context, field, properties, out)
     files = {"field": out / CONFIGURATION / "field.yaml", "site": out / CONFIGURATION / "site.yaml"}
     write_field_file(field, files["field"])
     write_site_file(field, files["site"])

@@ -91,11 +91,14 @@ class Node:
     parameters: list[Any]
     output: str
     on_exit: list[Any] | None = None
+    remappings: list[tuple[str, str]] | None = None
 
     def ros_arguments(self, folder: Path) -> list[str]:
         """Command line that ``launch_ros`` would make; parameters are written to files in a folder."""
         namespace = f"/{self.namespace.strip('/')}".rstrip("/")
         arguments = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:={namespace or '/'}"]
+        for old, new in self.remappings or ():
+            arguments += ["-r", f"{old}:={new}"]
         for number, given in enumerate(self.parameters):
             if isinstance(given, dict):
                 path = folder / f"launch_params_{self.name}_{number}.yaml"

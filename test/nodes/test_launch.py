@@ -216,6 +216,40 @@ def test_every_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, t
         stand_in.start(SIMULATION, monkeypatch, {**given, "property": "patches"})
 
 
+def test_several_simulated_robots_share_mapper_recorder_and_clock(monkeypatch, seen, tmp_path):
+    given = {
+        "robots": "2",
+        "property": "rough:0.5",
+        "out": str(tmp_path / "run"),
+        "hours": "0.5",
+        "gnss_port": "5002",
+    }
+    actions = stand_in.start(SIMULATION, monkeypatch, given)
+    values = {found["node"]: found for one in actions for found in [seen(one)]}
+    assert set(values) == {
+        "/recorder", "/mapper", "/rough/mapper", "/field_simulator",
+        *(f"/robot_{number}/{node}" for number in (1, 2) for node in ("planner", "sensor_driver")),
+    }  # fmt: skip
+    assert (values["/field_simulator"]["robots"], values["/field_simulator"]["ports_file"]) == (2, "")
+    addresses = [values[f"/robot_{number}/sensor_driver"]["gnss_uri"] for number in (1, 2)]
+    assert addresses == ["tcp://127.0.0.1:5002", "tcp://127.0.0.1:5004"]
+    assert values["/mapper"]["others"] == values["/robot_1/planner"]["others"] == ["/robot_1", "/robot_2"]
+    assert values["/rough/mapper"]["others"] == ["/robot_1/rough", "/robot_2/rough"]
+    planner = values["/robot_2/planner"]
+    assert (planner["hours"], planner["properties"], planner["use_sim_time"]) == (0.5, ["rough:0.5"], True)
+    planners = [one for one in actions if one.executable == "planner"]
+    assert {"samples": "/samples", "rough/model": "/rough/model"}.items() <= dict(planners[0].remappings).items()
+    first, last = (one.on_exit[0].function(None) for one in planners)
+    assert first == []
+    assert isinstance(last[0], stand_in.Shutdown)
+
+
+def test_several_robots_have_no_other_namespace(monkeypatch, tmp_path):
+    given = {"robots": "2", "namespace": "r1", "out": str(tmp_path)}
+    with pytest.raises(InputError, match="several robots have the namespaces robot_1"):
+        stand_in.start(SIMULATION, monkeypatch, given)
+
+
 def test_two_simulations_do_not_share_a_folder(monkeypatch):
     argument = stand_in.arguments_of(stand_in.load(SIMULATION, monkeypatch))["out"]
     assert argument.default_value.startswith("soilmoist_simulation_2")
