@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission
+from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission, was_driving
 from soilmoist_ros.exploration.mission.types import Verb
 from soilmoist_ros.exploration.navigation.framed import FramedNavigator
 from soilmoist_ros.exploration.planning.property_names import property_weights
@@ -29,6 +29,7 @@ from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
+from soilmoist_ros.recording.process_mark import ProcessMark
 
 __all__ = ["PARAMETERS", "Planner", "main"]
 
@@ -53,6 +54,10 @@ class Planner(Node):
         for problem in found.problems:
             self.get_logger().warning(problem)
         self._journal = Journal.open(Path(folder)) if folder else None
+        self._mark = ProcessMark(Path(folder), self._values.number("respawn_limit_s")) if folder else None
+        mission = interrupted_mission(
+            rules, found.snapshot, (entry.payload for entry in found.entries if entry.kind == EVENT)
+        )
         properties = property_weights(self._values.texts("properties"))
         self._outputs = PlannerOutputs(self, self._hand_on, properties, self._values.text("frame"))
         self._frames = PlannerFrames(self, self._values, self._field)
@@ -68,13 +73,12 @@ class Planner(Node):
             properties,
             clock=self._mission_clock(),
             watch=make_watch(self._values),
+            mission=mission,
         )
         self._autostart = self._values.flag("autostart")
-        mission = interrupted_mission(
-            rules, found.snapshot, (entry.payload for entry in found.entries if entry.kind == EVENT)
-        )
         if mission is not None:
-            self._control.take_up(mission, resume == "auto")
+            crashed = self._mark is not None and self._mark.after_crash
+            self._control.take_up(mission, resume == "auto" or (crashed and was_driving(mission)))
             self._autostart = False
         graph = self._values.text("graph")
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
@@ -94,7 +98,8 @@ class Planner(Node):
     def close(self) -> None:
         """Stop the robot."""
         self._control.close()
-        if self._journal is not None:
+        if self._journal is not None and self._mark is not None:
+            self._mark.end()
             self._journal.close()
 
     def _mission_clock(self) -> MissionClock:
@@ -124,7 +129,9 @@ class Planner(Node):
 
 def main() -> None:
     """Run the planner."""
-    run(Planner)
+    run(
+        Planner, threads=1
+    )  # callbacks are short, and one thread serves each in its turn however many messages come
 
 
 if __name__ == "__main__":

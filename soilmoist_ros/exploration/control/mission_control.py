@@ -140,6 +140,7 @@ class MissionControl:
     :param properties: namespaces in which further properties are mapped, and their weights; that of the robot's
         own is 1
     :param clock: mission time; ROS time if ``None``
+    :param mission: interrupted mission, for :meth:`take_up`; a new one if ``None``
     :param executor: where stops are chosen; its own thread if ``None``
     :param watch: what is watched, by which limits; the default if ``None``
 
@@ -163,6 +164,7 @@ class MissionControl:
         executor: Executor | None = None,
         clock: MissionClock | None = None,
         watch: Watch | None = None,
+        mission: Mission | None = None,
     ) -> None:
         self.watch = watch or Watch()
         self._watching = Watching(self.watch)
@@ -180,7 +182,7 @@ class MissionControl:
         self._interrupted = self._last_command = ""
         self._resume_when_ready = False
         self._closed = False
-        self._start(Mission(rules))
+        self._start(mission or Mission(rules))
         named = (PropertyMap(name, weight) for name, weight in properties.items())
         self._queue = PlanningQueue(map_wait_s, (OWN, *named))
         self._queue_lock = Lock()
@@ -195,8 +197,13 @@ class MissionControl:
     def _start(self, mission: Mission) -> None:
         self._journal.keep(mission)
         self._mission = mission
+        journal = self._journal
         self._feed = MissionFeed(
-            mission, self._carry_out, lambda event: self._journal.note(mission, event), self.watch.fix
+            mission,
+            self._carry_out,
+            lambda event: journal.note(mission, event),
+            self.watch.fix,
+            journal.secure,
         )
 
     def take_up(self, mission: Mission, auto: bool) -> None:
@@ -358,12 +365,13 @@ class MissionControl:
         """The state of the robot's battery: charge [0..1] and voltage [V], NaN if unknown."""
         self.watch.battery(self._clock.now_s(), charge, voltage_v)
 
-    def records(self, records: Sequence[CountRecord], name: str = "") -> None:
+    def records(self, records: Sequence[CountRecord], name: str = "", more: bool = False) -> None:
         """Records of a property have come; those with an impossible stamp are ignored.
 
         The mission counts those of the robot's own namespace. Others are written down, so that their map survives.
 
         :param name: namespace of the property
+        :param more: whether further records of the same message follow: the disk is synced once for all
         """
         now_s = self._clock.now_s()
         records = self._watching.stamped(records, self._outputs.now_s())
@@ -374,11 +382,13 @@ class MissionControl:
             for record in records:
                 if math.isfinite(record.x_m) and math.isfinite(record.y_m):
                     self._journal.note_record(name, now_s, record)
+            if not more:
+                self._journal.secure()
             return
         self._record_stamp_s = max((record.stamp_s for record in records), default=self._record_stamp_s)
         before_s = self._feed.place_s
         self._watching.records(records, now_s)
-        self._feed.records(now_s, records)
+        self._feed.records(now_s, records, more)
         if self._feed.place_s != before_s:
             self._moved(now_s)
         if self._mission.state.phase is Phase.COUNTING and self._shown_stamp_s != self._record_stamp_s:

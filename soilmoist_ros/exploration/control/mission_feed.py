@@ -18,6 +18,7 @@ from soilmoist_ros.exploration.mission.types import (
     GoalFailed,
     GoalReached,
     Moved,
+    Publish,
     RecordArrived,
 )
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
@@ -43,6 +44,8 @@ class MissionFeed:
     :param carry_out: carries out an action; :class:`Answer` is left out, :meth:`command` gives it
     :param note: called with each event before it is acted on, for a journal
     :param locate: the robot's place by a measured one, ``None`` if that is not plausible; all are if left out
+    :param secure: makes sure that what was noted is on the disk; called before actions are carried out, other than
+        publishing, and at the end
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class MissionFeed:
         carry_out: Callable[[Action], None],
         note: Callable[[Event], None] | None = None,
         locate: Callable[[PlaceFix], tuple[float, float] | None] = _anywhere,
+        secure: Callable[[], None] = lambda: None,
     ) -> None:
         self.mission = mission
         self.place: tuple[float, float] | None = None
@@ -61,6 +65,9 @@ class MissionFeed:
         self._carry_out = carry_out
         self._note = note
         self._locate = locate
+        self._secure = secure
+        self._gathering = False
+        self._publish: Publish | None = None
         self._events: deque[Event] = deque()
         self._answers: list[Answer] = []
         self._lock = RLock()
@@ -78,6 +85,8 @@ class MissionFeed:
                     self._take(self._events.popleft())
             finally:
                 self._busy = False
+            if not self._gathering:
+                self._secure()
 
     def command(self, command: Command) -> Answer:
         """Ask the mission for something."""
@@ -95,19 +104,37 @@ class MissionFeed:
         self._moved(fix.now_s, place)
         return True
 
-    def records(self, now_s: float, records: Sequence[CountRecord]) -> None:
-        """Records have come; one without a position is only counted."""
-        for record in records:
-            self.record_s = now_s
-            if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
-                self.records_without_place += 1
-                continue
-            if now_s - self._fix_s > FIX_SILENCE_S:
-                middle_s = record.stamp_s - record.exposure_s / 2
-                place = self._locate(PlaceFix(now_s, record.x_m, record.y_m, stamp_s=middle_s))
-                if place is not None:
-                    self._moved(now_s, place)
-            self.give(RecordArrived(now_s, record))
+    def records(self, now_s: float, records: Sequence[CountRecord], more: bool = False) -> None:
+        """Records have come; one without a position is only counted.
+
+        The status is published once for all of them, and the disk synced once.
+
+        :param more: whether further records of the same message follow
+        """
+        with self._lock:
+            self._gathering = True
+            try:
+                for record in records:
+                    self._record(now_s, record)
+            finally:
+                self._gathering = False
+            if self._publish is not None:
+                publish, self._publish = self._publish, None
+                self._try(publish)
+            if not more:
+                self._secure()
+
+    def _record(self, now_s: float, record: CountRecord) -> None:
+        self.record_s = now_s
+        if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
+            self.records_without_place += 1
+            return
+        if now_s - self._fix_s > FIX_SILENCE_S:
+            middle_s = record.stamp_s - record.exposure_s / 2
+            place = self._locate(PlaceFix(now_s, record.x_m, record.y_m, stamp_s=middle_s))
+            if place is not None:
+                self._moved(now_s, place)
+        self.give(RecordArrived(now_s, record))
 
     def ended(self, now_s: float, ended: Ended) -> None:
         """A goal has ended."""
@@ -123,11 +150,19 @@ class MissionFeed:
     def _take(self, event: Event) -> None:
         if self._note is not None:
             self._note(event)
-        for action in self.mission.step(event):
+        actions = self.mission.step(event)
+        if not all(isinstance(action, Answer | Publish) for action in actions):
+            self._secure()
+        for action in actions:
             if isinstance(action, Answer):
                 self._answers.append(action)
-                continue
-            try:
-                self._carry_out(action)
-            except Exception:  # the others are carried out all the same; the mission's time limits do the rest
-                _log.exception("an action of the mission failed: %s", action)
+            elif isinstance(action, Publish) and self._gathering:
+                self._publish = action
+            else:
+                self._try(action)
+
+    def _try(self, action: Action) -> None:
+        try:
+            self._carry_out(action)
+        except Exception:  # the others are carried out all the same; the mission's time limits do the rest
+            _log.exception("an action of the mission failed: %s", action)

@@ -54,10 +54,12 @@ class Watching:
 
     def records(self, records: Sequence[CountRecord], now_s: float) -> None:
         """Records have come that the mission counts and the map should have."""
-        for record in records:
-            place = (record.x_m, record.y_m)
-            inside = self._access is not None and bool(self._access.fence.contains(place)[0])
-            self._watch.record(now_s, record.stamp_s, inside)
+        if not records:
+            return
+        places = [(record.x_m, record.y_m) for record in records]
+        inside = [False] * len(places) if self._access is None else self._access.fence.contains(places)
+        for record, is_inside in zip(records, inside, strict=True):
+            self._watch.record(now_s, record.stamp_s, bool(is_inside))
 
     def clock(self, event: Event) -> None:
         """The mission clock has something to say; only steps are of interest."""

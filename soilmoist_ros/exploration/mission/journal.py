@@ -8,12 +8,24 @@ from typing import Any, Protocol
 
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import (
+    Todo,
     event_from_dict,
     event_to_dict,
+    replace,
+    shown,
     state_from_json,
     visit_to_dict,
 )
-from soilmoist_ros.exploration.mission.types import Command, Event, MissionRules, Moved, RecordArrived, Tick, Verb
+from soilmoist_ros.exploration.mission.types import (
+    Command,
+    Event,
+    MissionRules,
+    Moved,
+    Phase,
+    RecordArrived,
+    Tick,
+    Verb,
+)
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -34,26 +46,35 @@ class Journal(Protocol):
         """Write an entry; with ``durable`` it is safely on the disk afterwards."""
         ...
 
+    def sync(self) -> None:
+        """Make sure that all entries are on the disk."""
+        ...
+
     def snapshot(self, state_json: str) -> None:
-        """Write the state after all entries so far."""
+        """Write the state after all entries so far; they are on the disk afterwards."""
         ...
 
 
 class MissionJournal:
     """Writes a mission down. A disk that fails does not stop the mission; it is logged once.
 
+    Entries reach the disk together, by :meth:`secure`: before anything that they set off is carried out.
+
     :param journal: where to; nowhere if ``None``
     """
 
     def __init__(self, journal: Journal | None) -> None:
         self._journal = journal
+        self._pending = False
+        self._kept: tuple[object, ...] = ()
         self.problem = ""
 
     def note(self, mission: Mission, event: Event) -> None:
         """Write an event down before the mission takes it in; a tick only if something is due."""
         due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
         if due_s is not None and due_s <= event.now_s:
-            self._append(event_to_dict(event), durable=not isinstance(event, Moved))
+            self._append(event_to_dict(event))
+            self._pending |= not isinstance(event, Moved)  # a place may be lost
 
     def note_record(self, name: str, now_s: float, record: CountRecord) -> None:
         """Write a record of a further property down, for its map.
@@ -62,27 +83,44 @@ class MissionJournal:
         :param now_s: time at which it came [s]
         :param record: the record
         """
-        self._append({**event_to_dict(RecordArrived(now_s, record)), PROPERTY: name}, durable=True)
+        self._append({**event_to_dict(RecordArrived(now_s, record)), PROPERTY: name})
+        self._pending = True
 
     def visit(self, visit: Visit) -> None:
         """Write a visit down."""
-        self._append(visit_to_dict(visit), durable=True, kind=VISIT)
+        self._append(visit_to_dict(visit), kind=VISIT)
+        self._pending = True
 
-    def _append(self, payload: Mapping[str, Any], durable: bool, kind: str = EVENT) -> None:
-        if self._journal is None:
+    def secure(self) -> None:
+        """Make sure that everything noted is on the disk; one disk sync, or none if nothing is new."""
+        if self._journal is None or not self._pending:
             return
+        self._pending = False
         try:
-            self._journal.append(kind, payload, durable=durable)
-            self.problem = ""
+            self._journal.sync()
         except OSError as error:
             self._fail(error)
 
     def keep(self, mission: Mission) -> None:
-        """Write the state down, so that nothing before needs to be replayed."""
-        if self._journal is None:
+        """Write the state down, so that nothing before needs to be replayed.
+
+        The number of records at a stop alone is not worth it: they are replayed.
+        """
+        worth = shown(replace(mission.state, counting=None))
+        if self._journal is None or worth == self._kept:
             return
         try:
             self._journal.snapshot(mission.snapshot())
+            self._kept, self._pending = worth, False
+        except OSError as error:
+            self._fail(error)
+
+    def _append(self, payload: Mapping[str, Any], kind: str = EVENT) -> None:
+        if self._journal is None:
+            return
+        try:
+            self._journal.append(kind, payload, durable=False)
+            self.problem = ""
         except OSError as error:
             self._fail(error)
 
@@ -108,6 +146,12 @@ def interrupted_mission(
         if PROPERTY not in event:
             mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
     return mission if mission.state.under_way else None
+
+
+def was_driving(mission: Mission) -> bool:
+    """Whether an interrupted mission was going on by itself: not paused, and not stopped by people."""
+    state = mission.state
+    return state.phase is not Phase.PAUSED and state.todo is not Todo.PAUSE and not state.emergency
 
 
 def interrupted_records(

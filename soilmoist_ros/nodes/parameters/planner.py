@@ -177,6 +177,14 @@ PARAMETERS: Final = (
         choices=("ask", "auto", "fresh"),
     ),
     *WATCH_PARAMETERS,
+    _row(
+        "respawn_limit_s",
+        0.0,
+        "a planner that crashed less than this ago resumes by itself, unless the mission was paused or "
+        "crashes again and again; 0 to do as resume says",
+        "s",
+        0.0,
+    ),
     _row("exit_when_finished", False, "end the process with the mission, for simulations"),
 )
 

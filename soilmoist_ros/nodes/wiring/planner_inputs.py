@@ -25,6 +25,8 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import other_namespaces
 from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
+from soilmoist_ros.nodes.wiring.planner_records import PlannerRecords
+from soilmoist_ros.sensing.records import CountRecord
 
 
 class PlannerInputs:
@@ -52,12 +54,13 @@ class PlannerInputs:
         self._frames = frames
         self._map: TopologicalMap | None = None
         self._faults: dict[str, str] = {}
+        self._records = PlannerRecords(node, control, self._read_counts)
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
         node.create_subscription(BatteryState, "battery_state", self._on_battery, SENSOR)
         for name in ("", *properties):
             below = f"{name}/" if name else ""
             counts, samples, model = (
-                partial(on, name) for on in (self._on_counts, self._on_samples, self._on_model)
+                partial(on, name) for on in (self._records.put, self._on_samples, self._on_model)
             )
             node.create_subscription(PointCloud2, f"{below}counts", counts, RECORDS)
             node.create_subscription(PointCloud2, f"{below}samples", samples, LATCHED)
@@ -78,16 +81,18 @@ class PlannerInputs:
         if (battery := battery_from_message(message)) is not None:
             self._control.battery(*battery)
 
-    def _on_counts(self, name: str, message: PointCloud2) -> None:
+    def _read_counts(self, name: str, message: PointCloud2) -> Sequence[CountRecord]:
         try:
             records = counts_from_message(message)
             require_frame(message, self._frames.settings.frame)
-            self._control.records(records, name)
         except OtherFrameError as error:
             self._control.watch.note(Cause.COUNTS_FRAME, str(error))
             self._ignore(f"{name} counts", error)
+            return ()
         except ValueError as error:
             self._ignore(f"{name} counts", error)
+            return ()
+        return records
 
     def _on_samples(self, name: str, message: PointCloud2) -> None:
         try:

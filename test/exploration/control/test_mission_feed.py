@@ -19,6 +19,7 @@ from soilmoist_ros.exploration.mission.types import (
     RecordArrived,
     RequestPlan,
     Verb,
+    VisitDone,
 )
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -40,7 +41,12 @@ class Watched:
         self.actions, self.shown, self.events, self.broken = [], [], [], broken
         rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:10"), warm_up_stops=0)
         self.mission = Mission(rules)
-        self.feed = MissionFeed(self.mission, self.carry_out, self.events.append)
+        self.secured = []
+        """Numbers of events noted, and of actions carried out, at each sync of the disk."""
+        self.feed = MissionFeed(self.mission, self.carry_out, self.events.append, secure=self.secure)
+
+    def secure(self):
+        self.secured.append((len(self.events), len(self.actions)))
 
     def carry_out(self, action):
         self.actions.append(action)
@@ -111,3 +117,37 @@ def test_records_and_fixes_without_a_place_are_only_counted():
     assert not watched.events
     watched.feed.records(10.0, [RECORD])
     assert [type(event) for event in watched.events] == [Moved, RecordArrived]
+
+
+def test_a_message_of_any_size_is_one_sync_and_one_status():
+    watched = Watched()
+    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
+    watched.feed.command(Command(2.0, Verb.START))
+    watched.feed.ended(3.0, Ended(watched.mission.state.goal.goal_id, Outcome.FAILED, "blocked"))
+    watched.feed.fix(PlaceFix(100.0, 1.0, 2.0))
+    watched.secured.clear()
+    watched.actions.clear()
+    many = [replace(RECORD, stamp_s=10.0 + number / 100) for number in range(1000)]
+    watched.feed.records(101.0, many[:600], more=True)
+    assert watched.secured == []
+    watched.feed.records(101.0, many[600:])
+    assert watched.secured == [(len(watched.events), len(watched.actions))]
+    assert len(watched.actions) <= 2
+    assert sum(isinstance(event, RecordArrived) for event in watched.events) == 1000
+
+
+def test_an_event_is_on_the_disk_before_what_it_sets_off_is_carried_out():
+    watched = Watched()
+    watched.feed.fix(PlaceFix(1.0, 30.0, 0.0))
+    watched.feed.command(Command(2.0, Verb.START))
+    watched.feed.ended(3.0, Ended(watched.mission.state.goal.goal_id, Outcome.SUCCEEDED, ""))
+    assert watched.mission.state.phase is Phase.COUNTING
+    watched.secured.clear()
+    before = len(watched.actions)
+    many = [replace(RECORD, stamp_s=end_s, x_m=30.0, y_m=0.0) for end_s in (13.0, 23.0)]
+    watched.feed.records(25.0, many, more=True)
+    done = next(n for n, action in enumerate(watched.actions) if isinstance(action, VisitDone))
+    assert done >= before
+    events_s, actions_s = watched.secured[0]
+    assert actions_s <= done
+    assert isinstance(watched.events[events_s - 1], RecordArrived)

@@ -13,6 +13,7 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import (
     Command,
+    GoalReached,
     MissionRules,
     Moved,
     Phase,
@@ -33,6 +34,7 @@ class Pages:
 
     def __init__(self):
         self.state, self.events, self.kinds, self.full = None, [], [], False
+        self.syncs = self.snapshots = 0
 
     def append(self, kind, payload, *, durable=True):
         if self.full:
@@ -41,8 +43,14 @@ class Pages:
         self.events.append(json.loads(json.dumps(payload)))
         return len(self.events)
 
+    def sync(self):
+        if self.full:
+            raise OSError(28, "No space left on device")
+        self.syncs += 1
+
     def snapshot(self, state_json):
         self.append("", {})
+        self.snapshots += 1
         self.state, self.events = state_json, []
 
 
@@ -128,6 +136,37 @@ def test_nothing_was_under_way():
     rules = travelling()[0].rules
     assert interrupted_mission(rules, None, []) is None
     assert interrupted_mission(rules, Mission(rules).snapshot(), []) is None
+
+
+def test_the_disk_is_synced_once_for_all_that_was_noted_and_not_for_places():
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
+    for number in range(50):
+        journal.note(mission, RecordArrived(20.0 + number, replace(record, stamp_s=20.0 + number)))
+    journal.secure()
+    journal.secure()
+    journal.note(mission, Moved(80.0, 0.0, 0.0))
+    journal.secure()
+    assert (len(pages.events), pages.syncs) == (51, 1)
+
+
+def test_a_state_is_kept_only_if_more_than_the_records_at_the_stop_has_changed():
+    mission, _ = travelling()
+    pages = Pages()
+    journal = MissionJournal(pages)
+    journal.keep(mission)
+    mission.step(GoalReached(10.0, mission.state.goal.goal_id, 30.0, 0.0))
+    journal.keep(mission)
+    assert (mission.state.phase, pages.snapshots) == (Phase.COUNTING, 2)
+    for end_s in (20.0, 30.0):
+        event = RecordArrived(end_s, CountRecord(end_s, 30.0, 0.0, 0.0, 40, 10.0, 9.5))
+        journal.note(mission, event)
+        mission.step(event)
+        journal.keep(mission)
+    assert pages.snapshots == 2
+    assert interrupted_mission(mission.rules, pages.state, pages.events).state == mission.state
 
 
 def test_ticks_are_written_down_only_when_something_is_due():
