@@ -141,6 +141,12 @@ class SimulatedRobot:
         self.goal_id = self.goal_id if goal_id is None else goal_id
         return goal_id
 
+    def go_to_pose(self, xy: tuple[float, float]) -> int | None:
+        """Send a place [m] to the navigation; returns the number of the goal, ``None`` if it is rejected."""
+        goal_id = self.navigation.accept_pose(self.now_s, xy, self._free_travel)
+        self.goal_id = self.goal_id if goal_id is None else goal_id
+        return goal_id
+
     def cancel(self, goal_id: int) -> bool:
         """Ask the navigation to cancel a goal; returns whether its response confirms it."""
         return self.navigation.cancel(self.now_s, goal_id)

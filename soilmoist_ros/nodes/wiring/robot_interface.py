@@ -19,16 +19,20 @@ from msg_adapters.counts import counts_to_message
 from msg_adapters.diagnostics import health_from_status
 from msg_adapters.mission import mission_from_message
 from soilmoist_ros.exploration.control.mission_control import RECORD_STAMP
-from soilmoist_ros.nodes.navigation.virtual_navigation import ACTION, NavigationServer
+from soilmoist_ros.nodes.navigation.virtual_navigation import MAP_FRAME, NavigateToPoseServer, navigation_servers
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.simulation.robot.faulty_link import Reachable, Sent
 from soilmoist_ros.simulation.robot.line_server import LineServer
-from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded, Localised, OnRoute, ServerPresent
+from soilmoist_ros.simulation.robot.virtual_navigation import (
+    GoalEnded,
+    Localised,
+    OnRoute,
+    Remaining,
+    ServerPresent,
+)
 from soilmoist_ros.simulation.robot.waiting_clock import RobotProgress
 from soilmoist_ros.simulation.simulated_robot import GNSS, LOGGER, Output, PropertyCounted, SimulatedRobot
-
-MAP_FRAME = "map"
 
 
 class RobotInterface:
@@ -76,7 +80,7 @@ class RobotInterface:
         )
         self._node, self._mission, self._progress = node, f"{below}mission", RobotProgress()
         self._target_xy: tuple[float, float] | None = None
-        self._navigation = self._navigation_server(node, group, plain_feedback)
+        self._navigation = navigation_servers(node, robot, group, below, plain_feedback)
         host, greeting = given.text("host"), "".join(f"{line}\r\n" for line in robot.logger.header).encode()
         port = partial(_port, given, robot.number)
         self._servers = {
@@ -134,28 +138,20 @@ class RobotInterface:
             case Localised(closest, current):
                 self._publish_node(self._closest, closest)
                 self._publish_node(self._current, current)
-            case OnRoute() if self._navigation is not None:
-                self._navigation.feed_back(output)
-            case GoalEnded() if self._navigation is not None:
+            case OnRoute() | Remaining():
+                for server in self._navigation:
+                    server.feed_back(output)
+            case GoalEnded():
                 self._log.info(
                     f"{self._below}goal {output.goal_id} ended: {output.outcome.name}, success {output.success}"
                 )
-                self._navigation.end(output)
+                for server in self._navigation:
+                    server.end(output)
                 self._progress = replace(self._progress, goal_ended_s=self.robot.now_s)
-            case ServerPresent(present) if self._navigation is not None:
+            case ServerPresent(present):
                 self._log.info(f"the {self._below}navigation server is {'back' if present else 'gone'}")
-                self._navigation.set_present(present)
-
-    def _navigation_server(
-        self, node: Node, group: MutuallyExclusiveCallbackGroup, plain_feedback: bool
-    ) -> NavigationServer | None:
-        try:
-            server = NavigationServer(node, self.robot, group, f"{self._below}{ACTION}", plain_feedback)
-        except ImportError:
-            self._log.warning("no navigation action: topological_navigation_msgs is not installed")
-            return None
-        server.set_present(self.robot.navigation.present)
-        return server
+                for server in self._navigation:
+                    server.set_present(present)
 
     def _publish_node(self, publisher: Publisher, name: str) -> None:
         """Publish the name of a node if it has changed."""
@@ -180,6 +176,8 @@ class RobotInterface:
         x_m, y_m = float(pose.pose.position.x), float(pose.pose.position.y)
         if pose.header.frame_id != MAP_FRAME:
             self._log.warning(f"a goal pose in frame {pose.header.frame_id!r}, not {MAP_FRAME!r}: ignored")
+        elif poses := [server for server in self._navigation if isinstance(server, NavigateToPoseServer)]:
+            poses[0].send(pose)
         elif self.robot.drive_to((x_m, y_m)) is None:
             self._log.warning(f"no path leads to the goal pose at x = {x_m:g} m, y = {y_m:g} m: ignored")
         else:

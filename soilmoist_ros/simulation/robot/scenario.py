@@ -50,11 +50,13 @@ class Occasion(Section):
 class GoalFault(Occasion):
     """A fault of a navigation goal."""
 
-    kind: Literal["no_motion", "fails", "hangs"]
+    kind: Literal["no_motion", "fails", "hangs", "rejects"]
     """``no_motion``: success is reported at once without motion; ``fails``: the goal is aborted on the way;
-    ``hangs``: the robot does not move, and the goal never ends."""
+    ``hangs``: the robot does not move, and the goal never ends; ``rejects``: it is not accepted."""
     share_of_way: Share = 0.5
     """For ``fails``: share of the route that the robot drives before the abort."""
+    error_code: int = Field(default=105, ge=0, le=65535)
+    """For ``fails`` of a goal pose: error code of Nav2 in the result (105: no progress)."""
 
 
 class NavigationFaults(Section):
@@ -65,6 +67,10 @@ class NavigationFaults(Section):
     cancel: Literal["accepted", "looks_rejected"] = "accepted"
     """``accepted``: the goal ends as cancelled; ``looks_rejected``: the response lists no goal, but the robot
     stops and the goal ends as aborted."""
+    cancel_ignored_s: Seconds = 0.0
+    """Time for which requests to cancel a goal are rejected without effect, from the first one [s]."""
+    coast_s: Seconds = 0.0
+    """Time for which the robot drives on after the end of a cancelled goal [s]."""
     superseded: Literal["aborted", "success"] = "aborted"
     """Result of a goal that a new one replaces; ``success``: success is reported wherever the robot is."""
     unknown_target: Literal["rejected", "aborted"] = "rejected"

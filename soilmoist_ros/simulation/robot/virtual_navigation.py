@@ -1,4 +1,4 @@
-"""A simulated topological navigation: goals by node name, localisation, and faults."""
+"""A simulated navigation: goals by node name or pose, localisation, and faults."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ NOWHERE = "none"
 """Value of ``current_node`` between nodes."""
 REACTION_S = 1.0
 """Time until the end of a goal that needs no motion [s]."""
+NO_VALID_PATH = 208
+"""Error code of Nav2 for a pose to which no path leads."""
 
 
 class Outcome(enum.Enum):
@@ -42,11 +44,13 @@ class GoalEnded:
     :param goal_id: number of the goal
     :param outcome: status in the result for the client
     :param success: success flag in the result; it may contradict the status
+    :param error_code: error code of Nav2, for poses
     """
 
     goal_id: int
     outcome: Outcome
     success: bool
+    error_code: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,14 @@ class OnRoute:
 
     goal_id: int
     node: str
+
+
+@dataclass(frozen=True, slots=True)
+class Remaining:
+    """Straight distance to the pose of a goal [m]."""
+
+    goal_id: int
+    distance_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +88,7 @@ class ServerPresent:
     present: bool
 
 
-NavigationEvent = GoalEnded | OnRoute | Localised | ServerPresent
+NavigationEvent = GoalEnded | OnRoute | Remaining | Localised | ServerPresent
 
 
 class VirtualNavigation:
@@ -102,6 +114,9 @@ class VirtualNavigation:
         self._zone_m = zone_radius_m(travel.graph)
         self._goals = 0
         self._goal_id: int | None = None
+        self._pose: tuple[float, float] | None = None
+        self._cancelled_s = math.inf
+        self._stops_s = math.inf
         self._ahead: list[tuple[float, NavigationEvent]] = []
         self._sightings: deque[tuple[float, Localised]] = deque()
         self._last_seen: Localised | None = None
@@ -112,7 +127,8 @@ class VirtualNavigation:
     def next_s(self) -> float:
         """Time of the next event [s]; inf if none is scheduled."""
         queues = (self._ahead[:1], list(self._sightings)[:1])
-        return min([*(queue[0][0] for queue in queues if queue), self._turns[0] if self._turns else math.inf])
+        turn_s = self._turns[0] if self._turns else math.inf
+        return min([*(queue[0][0] for queue in queues if queue), turn_s, self._stops_s])
 
     def accept(self, now_s: float, target: str) -> int | None:
         """Accept a goal; an active goal is replaced.
@@ -124,16 +140,45 @@ class VirtualNavigation:
         known = target in self._graph.names
         if not self.present or (not known and self._faults.unknown_target == "rejected"):
             return None
-        self._supersede(now_s)
-        self._goals += 1
-        self._goal_id = self._goals
-        fault = next((fault for fault in self._faults.goals if fault.hits(self._goals)), None)
+        fault = self._next_fault()
+        if fault is not None and fault.kind == "rejects":
+            return None
+        self._begin(now_s)
         if not known or not self._graph.path(self._graph.nearest(self._robot.at(now_s)), target):
             self._end_at(now_s + REACTION_S, Outcome.ABORTED)
         elif fault is not None and fault.kind == "no_motion":
             self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED)
         elif fault is None or fault.kind == "fails":
             self._set_out(now_s, target, fault)
+        return self._goal_id
+
+    def accept_pose(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> int | None:
+        """Accept a goal off the graph; an active goal is replaced.
+
+        :param now_s: time [s]
+        :param xy: where to go [m]
+        :param travel: travel model for the route
+        :returns: number of the goal, ``None`` if it is rejected
+        """
+        fault = self._next_fault() if self.present else None
+        if not self.present or (fault is not None and fault.kind == "rejects"):
+            return None
+        self._begin(now_s)
+        try:
+            way = travel.route(self._robot.at(now_s), Stop("goal pose", *xy))
+        except ValueError:
+            self._end_at(now_s + REACTION_S, Outcome.ABORTED, NO_VALID_PATH)
+            return self._goal_id
+        if fault is not None and fault.kind == "no_motion":
+            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED)
+        elif fault is None or fault.kind == "fails":
+            self._pose = xy
+            arrival_s = self._robot.go(now_s, way)
+            if fault is None:
+                self._end_at(arrival_s, Outcome.SUCCEEDED)
+            else:
+                drive_s = arrival_s - self._travel.motion.stop_overhead_s - now_s
+                self._end_at(now_s + fault.share_of_way * drive_s, Outcome.ABORTED, fault.error_code)
         return self._goal_id
 
     def cancel(self, now_s: float, goal_id: int) -> bool:
@@ -143,7 +188,12 @@ class VirtualNavigation:
         """
         if goal_id != self._goal_id:
             return False
-        self._robot.stop(now_s)
+        self._cancelled_s = min(self._cancelled_s, now_s)
+        if now_s - self._cancelled_s < self._faults.cancel_ignored_s:
+            return False
+        self._stops_s = now_s + self._faults.coast_s
+        if self._stops_s <= now_s:
+            self._robot.stop(now_s)
         accepted = self._faults.cancel == "accepted"
         self._end_now(now_s, Outcome.CANCELED if accepted else Outcome.ABORTED, success=False)
         return accepted
@@ -166,6 +216,8 @@ class VirtualNavigation:
     def look(self, now_s: float) -> None:
         """Localise the robot; the result is reported after the localisation delay."""
         here = np.array(self._robot.at(now_s))
+        if self._goal_id is not None and self._pose is not None:
+            self._plan(now_s, Remaining(self._goal_id, math.dist(here, self._pose)))
         closest = self._graph.nearest(here)
         distance = float(np.hypot(*(self._graph.xy[self._graph.index(closest)] - here)))
         sighting = Localised(closest, closest if distance <= self._zone_m else NOWHERE)
@@ -180,6 +232,9 @@ class VirtualNavigation:
     def happened(self, now_s: float) -> list[NavigationEvent]:
         """Events up to now, in order."""
         events: list[NavigationEvent] = []
+        if self._stops_s <= now_s:
+            self._robot.stop(now_s)
+            self._stops_s = math.inf
         while self._turns and self._turns[0] <= now_s:
             present = self._present_at(self._turns.popleft())
             if present != self.present:
@@ -202,6 +257,18 @@ class VirtualNavigation:
 
     def _present_at(self, now_s: float) -> bool:
         return not any(span.covers(now_s) for span in self._faults.absent)
+
+    def _next_fault(self) -> GoalFault | None:
+        """Fault of the next goal; a goal that it rejects is counted too."""
+        fault = next((fault for fault in self._faults.goals if fault.hits(self._goals + 1)), None)
+        self._goals += fault is not None and fault.kind == "rejects"
+        return fault
+
+    def _begin(self, now_s: float) -> None:
+        """Begin a goal, in favour of which an active one ends."""
+        self._supersede(now_s)
+        self._goals += 1
+        self._goal_id, self._pose, self._cancelled_s = self._goals, None, math.inf
 
     def _set_out(self, now_s: float, target: str, fault: GoalFault | None) -> None:
         """Drive to a node, or up to the first fault."""
@@ -228,6 +295,7 @@ class VirtualNavigation:
     def _supersede(self, now_s: float) -> None:
         """Stop the robot and end the active goal in favour of a newer request."""
         self._robot.stop(now_s)
+        self._stops_s = math.inf
         if self._goal_id is not None:
             success = self._faults.superseded == "success"
             self._end_now(now_s, Outcome.SUCCEEDED if success else Outcome.ABORTED, success)
@@ -239,9 +307,10 @@ class VirtualNavigation:
         self._ahead = [(due_s, event) for due_s, event in self._ahead if getattr(event, "goal_id", 0) != goal_id]
         self._plan(now_s, GoalEnded(goal_id, outcome, success))
 
-    def _end_at(self, end_s: float, outcome: Outcome) -> None:
+    def _end_at(self, end_s: float, outcome: Outcome, error_code: int = 0) -> None:
         assert self._goal_id is not None
-        self._plan(end_s, GoalEnded(self._goal_id, outcome, success=outcome is Outcome.SUCCEEDED))
+        success = outcome is Outcome.SUCCEEDED
+        self._plan(end_s, GoalEnded(self._goal_id, outcome, success, error_code))
 
     def _plan(self, due_s: float, event: NavigationEvent) -> None:
         bisect.insort_right(self._ahead, (due_s, event), key=itemgetter(0))

@@ -15,6 +15,7 @@ from soilmoist_ros.simulation.robot.virtual_navigation import (
     Localised,
     OnRoute,
     Outcome,
+    Remaining,
     ServerPresent,
     VirtualNavigation,
 )
@@ -245,3 +246,67 @@ def test_every_accepted_goal_ends_once_and_in_order(steps, faults, cancel, super
     assert [event.goal_id for _, event in drive.ends] == accepted
     ended = {event.goal_id: time_s for time_s, event in drive.ends}
     assert all(time_s <= ended[event.goal_id] for time_s, event in drive.of(OnRoute))
+
+
+FIELD = FreeTravel(MOTION, [[(-50.0, -50.0), (90.0, -50.0), (90.0, 50.0), (-50.0, 50.0)]])
+
+
+def pose(drive, xy=(20.0, 0.0)):
+    return drive.navigation.accept_pose(drive.now_s, xy, FIELD)
+
+
+def test_a_pose_is_a_goal_with_the_distance_that_remains():
+    drive = Drive()
+    goal = pose(drive)
+    drive.until(100, look_every_s=10.0)
+    assert drive.ends == [(25.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+    assert drive.of(Remaining)[:3] == [(10.0 * n, Remaining(goal, 20.0 - 10 * n)) for n in range(3)]
+
+
+def test_a_pose_to_which_no_path_leads():
+    drive = Drive()
+    goal = pose(drive, (200.0, 0.0))
+    assert drive.until(100).ends == [(1.0, GoalEnded(goal, Outcome.ABORTED, False, 208))]
+
+
+def test_poses_fail_with_an_error_code_and_are_rejected():
+    drive = Drive(goals=[{"nth": 1, "kind": "fails", "error_code": 106}, {"nth": 2, "kind": "rejects"}])
+    first = pose(drive)
+    drive.until(50)
+    assert drive.ends == [(10.0, GoalEnded(first, Outcome.ABORTED, False, 106))]
+    assert drive.place == (10.0, 0.0)
+    assert pose(drive) is None
+    assert pose(drive) is not None
+
+
+def test_a_rejected_node_does_not_replace_the_active_goal():
+    drive = Drive(goals=[{"nth": 2, "kind": "rejects"}])
+    goal = drive.go("E")
+    drive.until(10)
+    assert drive.go("A") is None
+    assert drive.until(100).ends == [(45.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+
+
+def test_a_cancellation_that_is_ignored_for_a_while():
+    drive = Drive(cancel_ignored_s=5.0)
+    goal = pose(drive)
+    drive.until(2)
+    assert not drive.cancel(goal)
+    drive.until(6.5)
+    assert not drive.cancel(goal)
+    drive.until(7)
+    assert drive.cancel(goal)
+    assert drive.until(50).ends == [(7, GoalEnded(goal, Outcome.CANCELED, False))]
+    assert drive.place == (7.0, 0.0)
+
+
+def test_a_robot_that_drives_on_after_the_end_of_a_cancelled_goal():
+    drive = Drive(coast_s=3.0)
+    goal = pose(drive)
+    drive.until(4)
+    assert drive.cancel(goal)
+    drive.until(6)
+    assert drive.ends == [(4, GoalEnded(goal, Outcome.CANCELED, False))]
+    assert drive.place == (6.0, 0.0)
+    drive.until(30)
+    assert drive.place == (7.0, 0.0)
