@@ -237,8 +237,7 @@ class MissionControl:
             raise
 
     def _use(self, graph: TravelGraph | None, cell_m: float | None, place: tuple[float, float] | None) -> None:
-        rules = replace(self._settings.access, beyond_m=self._mission.rules.arrival_radius_m)
-        motion = self._settings.motion
+        rules, motion = self._settings.access, self._settings.motion
         changed = self._mission.state.changes
         home = changed.home.name if changed is not None and changed.home is not None else self._home
         access = FieldAccess(self._field, motion, graph, rules, cell_m, home, place)

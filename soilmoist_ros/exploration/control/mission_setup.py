@@ -29,14 +29,15 @@ class AccessRules:
     """Where a robot may drive.
 
     :param robot_radius_m: distance that its centre keeps from the border and the no-go areas [m], >= 0
-    :param beyond_m: nodes of a travel graph this far outside the field may still be measured at [m], >= 0
+    :param beyond_m: nodes and edges of a travel graph this far outside the field belong to it [m], >= 0; allows
+        for errors of the survey
     :param outside: use of nodes and edges further outside
     :param entry_m: the robot may set off this far outside; it then drives straight back in [m], >= 0
     :param by_name: the navigation is sent names of nodes, and plans its routes itself
     """
 
     robot_radius_m: float = 0.0
-    beyond_m: float = 0.0
+    beyond_m: float = 0.1
     outside: Outside = Outside.HOME
     entry_m: float = 5.0
     by_name: bool = False

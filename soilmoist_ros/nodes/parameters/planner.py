@@ -70,6 +70,14 @@ PARAMETERS: Final = (
         0.0,
     ),
     _row(
+        "beyond_m",
+        0.1,
+        "nodes and edges of the map this far outside the field belong to it; the default allows for errors of the "
+        "survey",
+        "m",
+        0.0,
+    ),
+    _row(
         "outside",
         "home",
         "use of the map's nodes and edges outside the field, which are never measured at and never cross a no-go "
@@ -208,6 +216,7 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
         calibration=calibration,
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
+            beyond_m=number("beyond_m"),
             outside=Outside(text("outside")),
             entry_m=number("entry_m"),
             by_name=text("navigator") == "goto_node",
