@@ -453,7 +453,7 @@ class MissionControl:
         """Let the watch judge; to be called several times a second of steady time."""
         now_s = self._clock.now_s()
         if now_s > 0:
-            doing = self._watching.doing(self._mission, self.navigator.waiting_for)
+            doing = self._watching.doing(self._mission, self.navigator)
             for event in self.watch.check(now_s, doing):
                 self._feed.give(event)
 

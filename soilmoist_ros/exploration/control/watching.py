@@ -11,6 +11,7 @@ from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import Doing, Watch
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import ClockStepped, Event, Phase
+from soilmoist_ros.exploration.navigation.navigator import Navigator
 from soilmoist_ros.sensing.records import CountRecord
 
 STEP_S: Final = 1.0
@@ -67,19 +68,16 @@ class Watching:
             way = "forward" if event.step_s > 0 else "back"
             self._watch.note(Cause.CLOCK_STEP, f"the clock was set {way} by {abs(event.step_s):.0f} s")
 
-    def doing(self, mission: Mission, waiting_for: str) -> Doing:
-        """What a mission does now.
-
-        :param mission: the mission
-        :param waiting_for: what is missing of the navigation
-        """
+    def doing(self, mission: Mission, navigator: Navigator) -> Doing:
+        """What a mission and its navigation do now."""
         state, rules = mission.state, mission.rules
         place = state.position
         return Doing(
             under_way=state.under_way,
             driving=state.goal is not None,
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
-            waiting_for=waiting_for,
+            waiting_for=navigator.waiting_for,
+            feedback_age_s=navigator.feedback_age_s,
             time_left_s=max(0.0, rules.budget_s - state.time_used_s),
             way_home_s=0.0 if place is None or not state.under_way else self._way_home_s(mission, place),
         )

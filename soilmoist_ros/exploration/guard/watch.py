@@ -40,7 +40,7 @@ class WatchLimits:
     :param fix_old_s: longest time without a plausible place [s]
     :param records_old_s: longest time without a record in a mission [s]
     :param map_old_s: longest time that the map stays without the newest records [s]
-    :param navigation_silent_s: longest time without the navigation, or without its feedback where it sends any [s]
+    :param navigation_silent_s: longest time without the navigation, or its feedback where that is regular [s]
     :param battery_low: charge from which the robot goes home [0..1]; 0 to ignore the charge
     :param battery_empty: charge from which the robot stops [0..1]; 0 to ignore the charge
     :param battery_low_v: voltage from which the robot goes home [V]; 0 to ignore the voltage
@@ -83,6 +83,7 @@ class Doing:
     :param driving: whether a goal has been sent and has not ended
     :param going_home: whether the robot is on its way home for good
     :param waiting_for: what is missing of the navigation; empty if nothing is
+    :param feedback_age_s: time since the last feedback about the goal [s]; NaN if none has come
     :param time_left_s: time until the mission ends [s]
     :param way_home_s: time of the way home [s]; 0 without a home
     """
@@ -91,6 +92,7 @@ class Doing:
     driving: bool = False
     going_home: bool = False
     waiting_for: str = ""
+    feedback_age_s: float = math.nan
     time_left_s: float = math.inf
     way_home_s: float = 0.0
 
@@ -201,10 +203,6 @@ class Watch:
             self._map_stamp_s = stamp_s
             self._hear("map", now_s)
 
-    def feedback(self, now_s: float) -> None:
-        """The navigation has reported where it is on the way."""
-        self._hear("feedback", now_s)
-
     def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
         """The state of the battery has come.
 
@@ -234,10 +232,9 @@ class Watch:
 
     def adopt(self, causes: Iterable[str], now_s: float) -> None:
         """Continue the alarms of an interrupted mission; they end as all others do."""
-        for cause in Cause:
-            if cause in causes:
-                state = self._states[cause]
-                state.on, state.seen_s, state.reason = True, now_s, "not seen again since the restart"
+        for cause in set(causes) & set(Cause):
+            state = self._states[Cause(cause)]
+            state.on, state.seen_s, state.reason = True, now_s, "not seen again since the restart"
 
     # What follows --------------------------------------------------------------------------------------------
 
@@ -338,12 +335,11 @@ class Watch:
         needed = doing.driving or self._states[Cause.NAVIGATION_SILENT].on
         if not (doing.under_way and needed and doing.waiting_for):
             self._hear("navigation", now_s)
-        if not doing.driving:
-            self._heard.pop("feedback", None)
-        gone_s, silent_s = self._silent_s("navigation", now_s), self._silent_s("feedback", now_s)
+        gone_s = self._silent_s("navigation", now_s)
         if gone_s > limit_s:
             return f"waiting for {doing.waiting_for} for {gone_s:.0f} s"
-        return f"the navigation reports nothing for {silent_s:.0f} s" if silent_s > limit_s else ""
+        silent = doing.driving and doing.feedback_age_s > limit_s
+        return f"no feedback of the navigation for {doing.feedback_age_s:.0f} s" if silent else ""
 
     def _reserve_fault(self, now_s: float, doing: Doing) -> str:
         if not doing.under_way or doing.going_home or doing.way_home_s <= 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -52,6 +53,11 @@ class GotoNodeNavigator(ActionNavigator):
     def on_the_way(self) -> str:
         """The last node in the navigation's feedback."""
         return self._feedback.route
+
+    @property
+    def feedback_age_s(self) -> float:
+        """See :class:`Navigator`; feedback comes at nodes only, so its age says nothing."""
+        return math.nan
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""

@@ -61,7 +61,7 @@ WATCH_PARAMETERS: Final = (
     _row(
         "navigation_silent_s",
         _WATCH.navigation_silent_s,
-        "longest time without the navigation, or without its feedback where it sends any",
+        "longest time without the navigation, or its feedback where that is regular",
         "s",
     ),
     _row("battery_low", _WATCH.battery_low, "charge below which the battery is low; 0 for no limit", high=1),

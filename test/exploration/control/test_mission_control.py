@@ -39,6 +39,7 @@ class Around:
         self.time_s, self.goals, self.shown, self.saved, self.finished = 0.0, [], [], [], None
         self.visits = []
         self.waiting_for, self.on_the_way, self.caution, self.measured = "", "", "", []
+        self.feedback_age_s = float("nan")
         square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
         dwell, motion = parse_dwell(dwell), RobotMotion()
         settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, dwell=dwell, motion=motion)

@@ -223,11 +223,13 @@ def test_navigation_that_goes_away_with_a_goal():
 def test_navigation_without_feedback():
     observed = Observed(doing=replace(MISSION, driving=True)).run(100)
     assert observed.alarms == [], "this one sends no feedback"
-    for _ in range(20):
-        observed.watch.feedback(observed.now_s)
-        observed.run(1)
-    observed.run(10)
+    observed.doing = replace(observed.doing, feedback_age_s=9.0)
+    observed.run(1)
+    assert observed.alarms == []
+    observed.doing = replace(observed.doing, feedback_age_s=11.0)
+    observed.run(1)
     assert observed.alarms == ["navigation_silent"]
+    assert observed.events[0].reason == "no feedback of the navigation for 11 s"
 
 
 def drain(observed, charge, volts=math.nan, times=3):
@@ -335,7 +337,7 @@ def test_responses_can_be_chosen(cause, response):
 
 def test_alarms_of_an_interrupted_mission_end_too():
     observed = Observed()
-    observed.watch.adopt(("jump", "no cause of this version"), observed.now_s)
+    observed.watch.adopt(iter(["no cause of this version", "jump"]), observed.now_s)
     assert observed.watch.on == (Cause.JUMP,)
     observed.run(11)
     assert observed.overs == ["jump"]

@@ -1,0 +1,395 @@
+"""Each cause of trouble in a mission that drives through a simulated world, without ROS."""
+
+import math
+from concurrent.futures import Executor, Future
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.control.mission_clock import MissionClock
+from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
+from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Response, Verb
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.sensing.records import CountRecord
+
+BEGIN_S = 1.78e9
+STANDING = {Phase.PAUSED, Phase.IDLE, Phase.FINISHED}
+
+
+class AtOnce(Executor):
+    """Plans in the thread that asks."""
+
+    def submit(self, work, /, *args, **kwargs):
+        work(*args, **kwargs)
+        return Future()
+
+
+class Farm:
+    """A square field and a robot at 1 m/s with all its devices; it is navigator and outputs too."""
+
+    def __init__(self, watch=None, **rules):
+        self.steady_s, self.stepped_s = 500.0, 0.0
+        self.place, self.goal, self.drive = (50.0, 50.0), None, True
+        self.fix = self.stamp = lambda value: value
+        self.fixes = self.sensor = self.mapper = True
+        self.charge = math.nan
+        self.waiting_for, self.on_the_way, self.caution, self.moves = "", "", "", []
+        self.feedback_age_s = math.nan
+        self.shown, self.finished, self.counted = None, None, []
+        square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]], float)
+        dwell = parse_dwell("fmi:60")
+        settings = ExplorerSettings(
+            strategy="random", preset="paper", seed=1, dwell=dwell, motion=RobotMotion(1.0)
+        )
+        self.control = MissionControl(
+            Field("square", LocalFrame(53.0, 0.0), square, (), 5.0),
+            settings,
+            MissionRules(**{"budget_s": 7200.0, "dwell": dwell, "warm_up_stops": 0, "speed_mps": 1.0, **rules}),
+            "r0c0",
+            20.0,
+            self.navigator,
+            self,
+            executor=AtOnce(),
+            clock=MissionClock(self.now_s, lambda: self.steady_s, "boot"),
+            watch=watch or Watch(),
+        )
+        self.control.use_graph(None)
+
+    # the navigator
+
+    def navigator(self, report):
+        self.report = report
+        return self
+
+    def go(self, goal_id, stop, way):
+        self.goal = goal_id, (stop.x_m, stop.y_m)
+
+    def cancel(self, goal_id):
+        if self.goal is not None:
+            self.goal = None
+            self.report(Ended(goal_id, Outcome.CANCELED, "cancelled"))
+
+    def moved(self, place, now_s):
+        self.moves.append(place)
+
+    def tick(self, now_s):
+        pass
+
+    # the outputs
+
+    def now_s(self):
+        return BEGIN_S + self.steady_s + self.stepped_s
+
+    def show(self, status, ahead, more):
+        self.shown = status
+
+    def visit(self, visit):
+        pass
+
+    def save(self, reason):
+        pass
+
+    def finish(self, finish):
+        self.finished = finish
+
+    def wake(self):
+        pass
+
+    # the world
+
+    @property
+    def status(self):
+        self.control.show()
+        return self.shown
+
+    @property
+    def alarms(self):
+        return {alarm.cause: alarm.response for alarm in self.status.alarms}
+
+    @property
+    def health(self):
+        return next(part for part in self.control.health() if part.name == "guard")
+
+    def second(self):
+        self.steady_s += 1.0
+        self.move()
+        if self.fixes:
+            self.control.fix(self.fix(self.place), 0.02, self.now_s())
+        if math.isfinite(self.charge):
+            self.control.battery(self.charge, math.nan)
+        if self.sensor and self.steady_s % 10 == 0:
+            self.count()
+        self.control.tick()
+        self.control.check()
+        self.control.hand_on()
+
+    def move(self):
+        if self.goal is None or self.waiting_for:
+            return
+        goal_id, end = self.goal
+        left_m = math.dist(self.place, end)
+        share = min(1.0, 1.0 / left_m) if left_m else 1.0
+        self.place = tuple(a + share * (b - a) for a, b in zip(self.place, end, strict=True))
+        if share == 1.0:
+            self.goal = None
+            self.control.fix(self.fix(self.place), 0.02, self.now_s() + 0.5)
+            self.report(Ended(goal_id, Outcome.SUCCEEDED, "arrived"))
+
+    def count(self):
+        record = CountRecord(self.stamp(self.now_s()), *self.fix(self.place), 0.0, 40, 10.0, 10.0)
+        self.control.records([record])
+        if self.mapper:
+            self.counted.append(self.place)
+            places = list(dict.fromkeys(self.counted))
+            samples = as_samples(places, [40.0] * len(places), [10.0] * len(places))
+            self.control.samples(samples, record.stamp_s)
+            self.control.fit(None, record.stamp_s)
+
+    def run(self, condition, limit_s=3000):
+        """Let time pass until a condition holds."""
+        for _ in range(limit_s):
+            if condition():
+                return self
+            self.second()
+        raise AssertionError(f"not in {limit_s} s: {self.status}; {self.health}")
+
+    def pass_by(self, seconds):
+        for _ in range(seconds):
+            self.second()
+        return self
+
+    def begin(self):
+        """Until the robot drives to a stop some way off."""
+        self.pass_by(3)
+        assert self.control.command(Verb.START).accepted
+        return self.run(lambda: self.status.phase is Phase.TRAVELLING and self.way_m > 15)
+
+    @property
+    def way_m(self):
+        return 0.0 if self.goal is None else math.dist(self.place, self.goal[1])
+
+
+@pytest.fixture
+def farm():
+    return Farm().begin()
+
+
+def stands_because_of(farm, cause):
+    assert farm.alarms.get(cause) is FAILSAFES[cause].response
+    farm.run(lambda: farm.status.phase in STANDING, 60)
+    assert farm.goal is None
+    assert (farm.health.level, farm.health.message.split(":")[0]) == (Level.ERROR, cause)
+    refused = farm.control.command(Verb.RESUME)
+    assert not refused.accepted
+    return refused.message
+
+
+def goes_on(farm):
+    samples = farm.status.samples
+    farm.run(lambda: farm.status.samples > samples + 1)
+    assert farm.alarms == {}
+    assert farm.health.level is Level.OK
+
+
+@pytest.mark.slow
+def test_a_mission_in_which_nothing_happens_has_no_alarm(farm):
+    seen = set()
+    while farm.finished is None:
+        farm.second()
+        seen |= set(farm.alarms)
+    assert seen == set()
+    assert farm.finished.code is MissionEnd.TIME_UP
+
+
+def test_a_fix_far_outside_that_runs_away_stops_the_robot_and_is_not_its_place(farm):
+    """2 km outside, at 200 m/s: the mission must not travel on."""
+    place, distance_m, began_s = farm.place, farm.status.distance_m, farm.steady_s
+    farm.fix = lambda true: (2000.0 + 200.0 * (farm.steady_s - began_s), 25.0)
+    farm.run(lambda: farm.alarms, 10)
+    assert farm.alarms == {"jump": Response.HOLD}
+    farm.pass_by(120)
+    assert farm.status.phase is Phase.CANCELLING, "its standstill cannot be confirmed"
+    assert farm.goal is None
+    assert farm.status.distance_m == distance_m
+    assert all(math.dist(each, place) < 20 for each in farm.moves[-5:])
+    farm.fix = lambda true: true
+    goes_on(farm)
+
+
+def test_a_receiver_that_recovers_elsewhere_is_believed_after_a_while(farm):
+    farm.fix = lambda true: (true[0] + 30.0, true[1])
+    farm.run(lambda: "jump" in farm.alarms, 10)
+    farm.run(lambda: "jump" not in farm.alarms, 60)
+
+
+def test_a_robot_outside_the_field_waits_for_an_operator(farm):
+    """The receiver drifts slowly, so that each fix is plausible."""
+    drift_m = 0.0
+
+    def to(end_m):
+        nonlocal drift_m
+        while drift_m != end_m:
+            drift_m += math.copysign(1.0, end_m - drift_m)
+            farm.second()
+
+    farm.fix = lambda true: (true[0] - drift_m, true[1])
+    to(115.0)
+    assert "outside the field" in stands_because_of(farm, Cause.OUTSIDE)
+    to(0.0)
+    farm.run(lambda: not farm.alarms, 60)
+    assert farm.status.phase is Phase.PAUSED, "somebody has to look first"
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)
+
+
+def test_a_robot_that_is_too_fast_waits_for_an_operator(farm):
+    began_s = farm.steady_s
+    farm.fix = lambda true: (true[0] + 4.0 * (farm.steady_s - began_s), true[1])
+    farm.run(lambda: farm.alarms, 10)
+    assert farm.alarms["speed"] is Response.PAUSE
+    assert farm.goal is None
+
+
+def test_without_fixes_and_places_of_records_the_robot_holds(farm):
+    farm.fixes = farm.sensor = False
+    farm.run(lambda: farm.alarms, 20)
+    assert farm.alarms == {"fix_old": Response.HOLD}
+    assert farm.goal is None
+    farm.fixes = farm.sensor = True
+    goes_on(farm)
+
+
+def test_without_records_it_warns(farm):
+    farm.sensor = False
+    farm.run(lambda: farm.alarms, 80)
+    assert farm.alarms == {"records_old": Response.WARN}
+    assert farm.health.level is Level.WARN
+    farm.sensor = True
+    goes_on(farm)
+
+
+def test_a_dead_mapper_shows(farm):
+    farm.mapper = False
+    farm.run(lambda: farm.alarms, 330)
+    assert farm.alarms == {"map_old": Response.WARN}
+    assert "check the mapper" in farm.health.message
+    farm.mapper = True
+    goes_on(farm)
+
+
+def test_a_navigation_that_goes_away_is_waited_for(farm):
+    farm.waiting_for = "the navigation /nav"
+    farm.run(lambda: farm.alarms, 20)
+    assert farm.alarms == {"navigation_silent": Response.HOLD}
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
+    assert not farm.status.needs_operator
+    farm.waiting_for = ""
+    goes_on(farm)
+    assert farm.status.failures == 0
+
+
+def test_a_low_battery_sends_the_robot_home(farm):
+    farm.charge = 0.2
+    farm.run(lambda: farm.finished is not None, 400)
+    assert farm.alarms == {"battery_low": Response.RETURN}
+    assert farm.finished.code is MissionEnd.FAILSAFE
+    assert math.dist(farm.place, (2.5, 2.5)) < 3
+    assert "20%" in farm.control.command(Verb.START).message
+
+
+def test_an_empty_battery_ends_the_mission_where_the_robot_is(farm):
+    place = farm.place
+    farm.charge = 0.05
+    farm.run(lambda: farm.finished is not None, 60)
+    assert farm.finished.code is MissionEnd.FAILSAFE
+    assert math.dist(farm.place, place) < 10
+    assert farm.alarms["battery_empty"] is Response.ABORT
+    assert not farm.control.command(Verb.START).accepted
+
+
+def test_a_battery_that_just_suffices_for_the_way_home(farm):
+    """It empties so fast that the way home needs what is left."""
+    farm.charge = 0.9
+    while not farm.alarms:
+        farm.charge -= 0.004
+        farm.second()
+    assert farm.alarms["reserve"] is Response.RETURN
+    assert farm.charge > farm.control.watch.limits.battery_low, "earlier than by the charge alone"
+    farm.run(lambda: farm.finished is not None, 400)
+    assert farm.finished.code is MissionEnd.FAILSAFE
+
+
+def test_a_mismatch_of_frames_holds_until_it_is_over(farm):
+    farm.control.watch.report(Cause.FRAME_MISMATCH, "the pose is 3.1 m east of the fix")
+    farm.pass_by(1)
+    assert "3.1 m east" in stands_because_of(farm, Cause.FRAME_MISMATCH)
+    farm.control.watch.report(Cause.FRAME_MISMATCH, "")
+    goes_on(farm)
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 6 * 3600.0])
+def test_a_step_of_the_clock_is_noted_and_nothing_else(farm, step_s):
+    farm.stepped_s += step_s
+    farm.pass_by(1)
+    assert farm.alarms == {"clock_step": Response.WARN}
+    goes_on(farm)
+
+
+@pytest.mark.parametrize("wrong_s", [4000.0, -90_000.0])
+def test_records_with_an_impossible_stamp_do_not_count(farm, wrong_s):
+    farm.stamp = lambda stamp_s: stamp_s + wrong_s
+    farm.run(lambda: "counts_stamp" in farm.alarms, 20)
+    farm.pass_by(300)
+    assert farm.status.samples == 0
+    assert farm.status.raw_counts == 0
+    farm.stamp = lambda stamp_s: stamp_s
+    farm.run(lambda: farm.status.samples >= 2)
+
+
+def test_counts_of_another_frame_are_shown(farm):
+    farm.control.watch.note(Cause.COUNTS_FRAME, "1 points in frame 'odom' instead of 'map'")
+    farm.pass_by(1)
+    assert farm.alarms == {"counts_frame": Response.WARN}
+    goes_on(farm)
+
+
+def test_the_first_place_needs_more_than_one_fix():
+    farm = Farm()
+    farm.fixes = False
+    farm.control.fix((2000.0, 50.0))
+    farm.steady_s += 1
+    farm.control.fix((50.0, 50.0))
+    assert "a position" in farm.control.missing()
+    farm.fixes = True
+    farm.pass_by(3)
+    assert farm.control.missing() == ()
+
+
+@pytest.mark.parametrize("response", [Response.WARN, Response.IGNORE])
+def test_a_response_can_be_weakened(response):
+    farm = Farm(Watch(WatchLimits(), {Cause.FRAME_MISMATCH: response})).begin()
+    farm.control.watch.report(Cause.FRAME_MISMATCH, "the pose is 3.1 m east of the fix")
+    farm.pass_by(20)
+    assert farm.status.phase in (Phase.TRAVELLING, Phase.COUNTING)
+    assert set(farm.alarms) == ({"frame_mismatch"} if response is Response.WARN else set())
+
+
+def test_alarms_of_a_mission_that_was_interrupted_end(farm):
+    farm.fixes = farm.sensor = False
+    farm.run(lambda: farm.alarms, 20)
+    state = farm.control._mission.state
+    again = Farm()
+    again.steady_s = farm.steady_s
+    again.control.take_up(Mission(again.control._mission.rules, state), auto=True)
+    assert set(again.alarms) == {"fix_old"}
+    goes_on(again)
