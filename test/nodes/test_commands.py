@@ -1,11 +1,21 @@
 """Commands of an operator to a real planner (planner_commands.py): services, parameters, emergency stops."""
 
+import importlib
+import os
+import shlex
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
 from itertools import groupby
+from pathlib import Path
 
 import pytest
+import yaml
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
+from geometry_msgs.msg import Point32, PoseStamped
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 from soilmoist_msgs.msg import Mission
@@ -55,6 +65,16 @@ class Commanded(Planning):
 
     def wait_state(self, condition, message=""):
         self.ros.wait_for(lambda: self.state is not None and condition(self.state), message=message)
+
+    def press(self, publisher, data):
+        """Publish until it is heard: the first messages to a new subscription may be lost."""
+
+        def heard():
+            publisher.publish(Bool(data=data))
+            time.sleep(0.1)
+            return self.state is not None and self.state.emergency is data
+
+        self.ros.wait_for(heard, message=f"emergency stop {data}")
 
     def parameter(self, name):
         answer = self.ros.call(GetParameters, "planner/get_parameters", GetParameters.Request(names=[name]))
@@ -160,22 +180,78 @@ def test_an_emergency_stop_is_heard_from_any_publisher_and_lasts(ros, tmp_path):
         planning.wait_state(lambda state: state.emergency, "the press of before the start")
         planning.wait(lambda status: "waiting for start" in status.reason)
         assert "emergency stop" in planning.ask("start").message
-        latched.publish(Bool(data=False))
-        planning.wait_state(lambda state: not state.emergency, "the release")
+        planning.press(latched, False)
         planning.accepted("start")
         planning.wait_state(lambda state: state.phase is Phase.TRAVELLING and state.distance_m > 0, "driving")
 
         plain = ros.node.create_publisher(Bool, "emergency_stop", 10)
-        ros.wait_for(lambda: plain.get_subscription_count() > 0, message="the planner's subscription")
-        plain.publish(Bool(data=True))
+        planning.press(plain, True)
         planning.wait_state(lambda state: state.emergency and state.phase is Phase.PAUSED, "the stop")
         ros.wait_for(lambda: world.goal is None, message="the robot to be stopped")
         goals = len(navigation.goals)
         assert "release it first" in planning.ask("resume").message
-        plain.publish(Bool(data=False))
-        latched.publish(Bool(data=False))
-        planning.wait_state(lambda state: not state.emergency, "the release")
+        planning.press(plain, False)
         assert planning.state.phase is Phase.PAUSED
         assert (world.goal, len(navigation.goals)) == (None, goals), "a release moves nothing"
         planning.accepted("resume")
         planning.wait_state(lambda state: state.phase is not Phase.PAUSED, "resumed")
+
+
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "robot.md"
+DOCUMENTED = [
+    line
+    for line in PAGE.read_text().partition("## Commands")[2].partition("## Topics")[0].splitlines()
+    if line.startswith("ros2 ")
+]
+TOOL = "import sys; from ros2cli.cli import main; sys.argv[0] = 'ros2'; sys.exit(main())"
+
+
+def run_line(planning, line):
+    """Run a documented line by the real tool if it is installed, else do what it does; what it reports."""
+    if find_spec("ros2cli") is not None:
+        command = [sys.executable, "-c", TOOL, *shlex.split(line)[1:]]
+        run = subprocess.run(
+            command, env={**planning.ros.environment, "PYTHONPATH": os.environ.get("PYTHONPATH", "")},
+            capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
+        assert run.returncode == 0, run.stderr
+        return run.stdout
+    match shlex.split(line)[1:]:
+        case ["service", "call", name, kind, values]:
+            package, _, kind = kind.split("/")
+            kind = getattr(importlib.import_module(f"{package}.srv"), kind)
+            values = yaml.safe_load(values)
+            values["polygon"] = [Point32(**corner) for corner in values.get("polygon", ())]
+            return repr(planning.ros.call(kind, name, kind.Request(**values)))
+        case ["param", "set", _, name, value]:
+            return planning.set_parameter(name, yaml.safe_load(value)) or "successful"
+        case ["param", "get", _, name]:
+            return str(planning.parameter(name))
+        case ["topic", "pub", "--once", name, _, values]:
+            publisher = planning.ros.node.create_publisher(Bool, name, 10)
+            planning.press(publisher, **yaml.safe_load(values))
+            return ""
+    raise AssertionError(f"what does {line} do?")
+
+
+def test_the_documented_lines_do_what_the_page_says(ros, tmp_path):
+    commands = [line for line in DOCUMENTED if "service call" in line]
+    others = [line for line in DOCUMENTED if line not in commands]
+    assert (len(commands), len(others)) == (11, 5)
+    with World(ros, rate=5.0) as world:
+        world.place = (10.0, 10.0)
+        ros.collect(PoseStamped, "goal_pose")  # a navigation that drives nowhere
+        planning = Commanded(ros, tmp_path, graph="free", navigator="goal_pose", min_dwell_s=1.0)
+        planning.wait(lambda status: "waiting for start" in status.reason)
+        for line in commands[:-2]:
+            assert "accepted=True" in run_line(planning, line), line
+        shown = [run_line(planning, line) for line in others[:3]]
+        assert "successful" in shown[0]
+        assert "successful" in shown[1]
+        assert "2.0" in shown[2]
+        run_line(planning, others[3])
+        planning.wait_state(lambda state: state.emergency, "the emergency stop")
+        run_line(planning, others[4])
+        planning.wait_state(lambda state: not state.emergency, "its release")
+        for line in commands[-2:]:
+            ros.wait_for(lambda line=line: "accepted=True" in run_line(planning, line), message=line)

@@ -103,10 +103,11 @@ def test_every_package_is_built_into_the_environment(goto_node):
             assert share.read_text() == file.read_text(), f"{kind} is not of today: scripts/build_interfaces"
 
 
-def test_the_recorder_finds_the_definition_of_a_visit(goto_node):
-    found = find_definition("soilmoist_msgs/msg/Visit")
+@pytest.mark.parametrize(("name", "part"), [("Visit", "geometry_msgs/Point"), ("Mission", "soilmoist_msgs/Alarm")])
+def test_the_recorder_finds_the_definitions_of_this_project(goto_node, name, part):
+    found = find_definition(f"soilmoist_msgs/msg/{name}")
     assert found.type_hash.startswith("RIHS01_")
-    assert "MSG: geometry_msgs/Point" in found.text
+    assert f"MSG: {part}" in found.text
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any, Final
 
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -49,9 +50,10 @@ class PlannerCommands:
         self._show_settings()
         self._topic = EmergencyTopic()
         self._source = node.resolve_topic_name("emergency_stop")
-        # A latched press of earlier is heard by the first, a press by a publisher of any profile by the second.
+        # The first hears a latched press of earlier, the second every publisher; what one misses is no fault.
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         for profile in (LATCHED, SENSOR):
-            node.create_subscription(Bool, "emergency_stop", self._on_emergency, profile)
+            node.create_subscription(Bool, "emergency_stop", self._on_emergency, profile, event_callbacks=quiet)
         node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_trigger(self, verb: Verb, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
