@@ -16,7 +16,8 @@ TOPICS = {
     "counts": "PointCloud2", "fix": "NavSatFix", "pressure": "FluidPressure", "temperature": "Temperature",
     "relative_humidity": "RelativeHumidity", "samples": "PointCloud2", "soil_map": "PointCloud2",
     "uncertainty": "OccupancyGrid", "model": "String", "plan": "Path", "plan_markers": "MarkerArray",
-    "mission": "DiagnosticStatus", "diagnostics": "DiagnosticArray",
+    "mission": "DiagnosticStatus", "diagnostics": "DiagnosticArray", "mission_state": "Mission",
+    "emergency_stop": "Bool",
 }  # fmt: skip
 LATCHED = {"samples", "soil_map", "uncertainty", "model", "plan", "plan_markers", "mission"}
 RVIZ_SHOWS = {"PointCloud2": "PointCloud2", "Map": "OccupancyGrid", "Path": "Path", "MarkerArray": "MarkerArray"}
@@ -117,12 +118,28 @@ def test_foxglove_panels_show_topics_that_they_can_show():
     assert raw == ["/mission", "/model.data"]
     plotted = [path["value"] for path in panels["Plot!weather"]["paths"]]
     assert plotted == ["/pressure.fluid_pressure"]
+    button = panels["Publish!emergency"]
+    assert (button["topicName"], button["datatype"]) == ("/emergency_stop", "std_msgs/Bool")
+    assert json.loads(button["value"]) == {"data": True}
+
+
+def test_foxglove_plots_fields_of_the_mission():
+    pytest.importorskip("rclpy")
+    from soilmoist_msgs.msg import Mission
+
+    known = Mission.get_fields_and_field_types()
+    for path in foxglove_layout()["configById"]["Plot!mission"]["paths"]:
+        topic, _, field = path["value"].partition(".")
+        assert topic == "/mission_state"
+        assert known[field] in {"double", "uint8", "uint32", "uint64"}, "a number"
 
 
 def test_foxglove_buttons_call_the_services_of_the_planner():
     panels = foxglove_layout()["configById"]
     called = {panel["serviceName"] for name, panel in panels.items() if name.startswith("CallService!")}
-    assert called == {f"/planner/{verb}" for verb in ("start", "pause", "resume", "abort", "skip")}
+    assert called == {f"/planner/{verb}" for verb in ("start", "pause", "resume", "abort", "skip", "command")}
+    request = json.loads(panels["CallService!home"]["requestPayload"])
+    assert request == {"verb": "return_home", "who": "Foxglove"}
 
 
 def test_foxglove_layout_places_every_panel_once():
