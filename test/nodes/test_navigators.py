@@ -9,11 +9,13 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
+pytest.importorskip("nav2_msgs")
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
+from nav2_msgs.action import NavigateToPose
 from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
-from virtual_navigation import SPEED_MPS, STOPS, VirtualNavigation, World
+from virtual_navigation import SPEED_MPS, STOPS, Nav2, VirtualNavigation, World
 
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Outcome
@@ -25,6 +27,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.navigation.action_navigator import action_class
 from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
 from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator
+from soilmoist_ros.nodes.navigation.navigate_to_pose import NavigateToPoseNavigator
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -228,6 +231,86 @@ def test_nodes_on_the_way_are_goals_one_after_the_other(world, navigation, drive
     driver.navigator.go(1, FAR, Way(np.empty((0, 2)), (OTHER, FAR)))
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
     assert navigation.goals == [OTHER.name, FAR.name]
+
+
+@pytest.fixture
+def nav2(ros, world):
+    with Nav2(ros, world) as navigation:
+        yield navigation
+
+
+@pytest.fixture
+def drive_poses(ros, world):
+    drivers = []
+
+    def start(limits=LIMITS):
+        def make(report):
+            client, track = GoalClient(2.0, limits), Track(SPEED_MPS, 2.0)
+            name = "navigate_to_pose"
+            return NavigateToPoseNavigator(ros.node, name, NavigateToPose, client, track, 0.5, report)
+
+        drivers.append(Driver(ros, world, make))
+        return drivers[-1]
+
+    yield start
+    for driver in drivers:
+        driver.running = False
+        driver.thread.join(5)
+
+
+def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive_poses):
+    driver = drive_poses()
+    ros.wait_for(lambda: not driver.navigator.waiting_for)
+    corner = (FAR.x_m, 5.0)
+    driver.navigator.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
+    assert driver.end_of(1).outcome is Outcome.SUCCEEDED
+    assert world.place == (FAR.x_m, FAR.y_m)
+    assert nav2.goals == [corner, (FAR.x_m, FAR.y_m)]
+    assert nav2.headings == [0.0, pytest.approx(math.pi / 2)]
+    assert nav2.most_at_once == 1
+
+
+def test_nav2_feedback_is_shown_and_has_an_age(ros, world, nav2, drive_poses):
+    world.rate = 0.1
+    driver = drive_poses()
+    assert math.isnan(driver.navigator.feedback_age_s)
+    driver.navigator.go(1, FAR, WAY)
+
+    def heard():
+        if nav2.handle is not None:  # feedback may be lost before its subscription is discovered
+            nav2.feed_back(None)
+        return driver.navigator.on_the_way
+
+    ros.wait_for(heard, message="feedback")
+    assert driver.navigator.on_the_way == "7.5 m to go, 2 recoveries"
+    assert driver.navigator.feedback_age_s >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("quirk", "value", "reason"),
+    [
+        ("lies", True, "reported as reached, but the robot is"),
+        ("rejects", True, "rejected"),
+        ("blocked", {(FAR.x_m, FAR.y_m)}, "no path leads to the stop (Nav2 error 208: a test)"),
+    ],
+)
+def test_what_is_no_arrival_for_nav2(nav2, drive_poses, quirk, value, reason):
+    setattr(nav2, quirk, value)
+    driver = drive_poses()
+    driver.navigator.go(1, FAR, WAY)
+    assert driver.end_of(1).outcome is Outcome.FAILED
+    assert reason in driver.end_of(1).reason
+
+
+def test_nav2_is_cancelled_and_never_gets_the_next_way_point(ros, world, nav2, drive_poses):
+    world.rate, nav2.cancels = 5.0, "properly"
+    driver = drive_poses()
+    driver.navigator.go(1, FAR, Way(np.array([world.place, (FAR.x_m, 5.0), (FAR.x_m, FAR.y_m)])))
+    ros.wait_for(lambda: world.goal is not None)
+    driver.navigator.cancel(1)
+    assert driver.end_of(1).outcome is Outcome.CANCELED
+    assert nav2.ends == ["canceled"]
+    assert len(nav2.goals) == 1
 
 
 @pytest.fixture

@@ -353,3 +353,26 @@ def test_a_mission_survives_its_planner(ros, tmp_path):
         fresh = Planning(ros, tmp_path, resume="fresh", **journal)
         fresh.wait(lambda status: "waiting for start" in status.reason)
         assert fresh.status.samples == 0
+
+
+def test_a_bad_fix_before_an_abort_does_not_send_the_robot_away(ros, tmp_path):
+    """Poses alone cannot stop a robot: the place that the planner publishes must be where the robot was."""
+    poses = []
+
+    def take(message):
+        poses.append((message.pose.position.x, message.pose.position.y))
+        world.goal = poses[-1]
+
+    with World(ros, rate=5.0) as world:
+        world.has_fix, world.place = True, (3.0, 3.0)
+        ros.node.create_subscription(PoseStamped, "goal_pose", take, 10)
+        planning = Planning(ros, tmp_path, navigator="goal_pose", graph="free", hours=1.0)
+        ros.wait_for(lambda: planning.call("start").success, message="all that a mission needs")
+        ros.wait_for(lambda: poses, message="a goal")
+        start = world.place
+        ros.wait_for(lambda: world.place != start, message="motion")
+        world.bad_place = (1984.8, 25.4)
+        assert planning.call("abort").success
+        world.bad_place = None
+        ros.wait_for(lambda: len(poses) > 1, message="a pose that stops the robot")
+        assert all(-15.0 <= x_m <= 45.0 and -5.0 <= y_m <= 35.0 for x_m, y_m in poses)

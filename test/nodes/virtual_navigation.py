@@ -13,12 +13,13 @@ from collections import Counter
 from datetime import UTC, datetime
 
 import numpy as np
+from nav2_msgs.action import NavigateToPose
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import NavSatFix, PointCloud2
+from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 from std_msgs.msg import String
 from topological_navigation_msgs.action import GotoNode
 
@@ -67,6 +68,7 @@ class World:
         self.rate, self.mapper = rate, mapper
         self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
         self.sensor = True
+        self.has_fix, self.bad_place = False, None  # most missions are driven by the places of records
         self.counted = Counter()
         self.exposed = Counter()
         self.node = Node("world", context=ros.context, namespace=namespace)
@@ -119,7 +121,10 @@ class World:
     def publish_fix(self):
         fix = NavSatFix()
         fix.header.stamp = to_time(self.now_s)
-        fix.latitude, fix.longitude = (float(value) for value in FRAME.to_geographic([self.place])[0])
+        place = self.bad_place or self.place
+        fix.latitude, fix.longitude = (float(value) for value in FRAME.to_geographic([place])[0])
+        if self.has_fix:
+            fix.status.status = NavSatStatus.STATUS_FIX
         self.fixes.publish(fix)
 
     def publish_record(self):
@@ -154,16 +159,18 @@ class VirtualNavigation:
     * ``rejects``: accepts no goal; ``blocked``: names of stops where it aborts
     """
 
-    def __init__(self, ros, world, name="topological_navigation", namespace=""):
-        self.world = world
+    kind, name = GotoNode, "topological_navigation"
+
+    def __init__(self, ros, world, name="", namespace=""):
+        self.world, name = world, name or self.name
         self.cancels, self.lies, self.denies, self.rejects, self.blocked = "aborts", False, False, False, set()
         self.goals, self.ends, self.most_at_once = [], [], 0
         self._running, self._stopped, self._alive, self._spinning = 0, set(), True, True
         self.places = {stop.name: (stop.x_m, stop.y_m) for stop in (*STOPS, SHED)}
         self.node = Node("navigation", context=ros.context, namespace=namespace)
-        self.feedback = self.node.create_publisher(GotoNode.Feedback, f"{name}/feedback", SENSOR)
+        self.feedback = self.node.create_publisher(self.kind.Feedback, f"{name}/feedback", SENSOR)
         self.server = ActionServer(
-            self.node, GotoNode, name, self.execute, callback_group=ReentrantCallbackGroup(),
+            self.node, self.kind, name, self.execute, callback_group=ReentrantCallbackGroup(),
             goal_callback=lambda goal: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
             cancel_callback=self.on_cancel,
         )  # fmt: skip
@@ -202,7 +209,7 @@ class VirtualNavigation:
         return CancelResponse.ACCEPT if self.cancels == "properly" else CancelResponse.REJECT
 
     def execute(self, handle):
-        target, identity = handle.request.target, bytes(handle.goal_id.uuid)
+        target, identity = self.target(handle), bytes(handle.goal_id.uuid)
         self.goals.append(target)
         self._running += 1
         self.most_at_once = max(self.most_at_once, self._running)
@@ -217,12 +224,21 @@ class VirtualNavigation:
             handle.succeed()
         elif self._alive:
             handle.abort()
-        return GotoNode.Result(success=end == "succeeded" and not self.denies)
+        return self.result(end == "succeeded" and not self.denies)
+
+    def target(self, handle):
+        return handle.request.target
+
+    def result(self, success):
+        return GotoNode.Result(success=success)
+
+    def feed_back(self, target):
+        self.feedback.publish(GotoNode.Feedback(route=target))
 
     def drive(self, target, identity):
         if target not in self.places or target in self.blocked:
             return "aborted"
-        self.feedback.publish(GotoNode.Feedback(route=target))
+        self.feed_back(target)
         if self.lies:
             return "succeeded"
         self.world.goal = goal = self.places[target]
@@ -232,3 +248,27 @@ class VirtualNavigation:
                 return "canceled"
             time.sleep(0.005)
         return "succeeded" if self._alive else "gone"
+
+
+class Nav2(VirtualNavigation):
+    """Context manager of the action ``navigate_to_pose``: goals are places, a blocked one gives an error code."""
+
+    kind, name = NavigateToPose, "navigate_to_pose"
+
+    def __init__(self, ros, world, name="", namespace=""):
+        super().__init__(ros, world, name, namespace)
+        self.headings, self.error_code, self.handle = [], 208, None
+
+    def target(self, handle):
+        pose = handle.request.pose.pose
+        self.handle = handle
+        place = round(pose.position.x, 6), round(pose.position.y, 6)
+        self.places[place] = place
+        self.headings.append(2 * math.atan2(pose.orientation.z, pose.orientation.w))
+        return place
+
+    def result(self, success):
+        return NavigateToPose.Result(error_code=0 if success else self.error_code, error_msg="a test")
+
+    def feed_back(self, target):
+        self.handle.publish_feedback(NavigateToPose.Feedback(distance_remaining=7.5, number_of_recoveries=2))
