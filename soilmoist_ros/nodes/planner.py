@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 from typing import Final
@@ -12,8 +11,9 @@ from rclpy.node import Node
 
 from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.mission.journal import EVENT, MissionJournal, interrupted_mission, was_driving
-from soilmoist_ros.exploration.mission.types import Verb
+from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.mission.journal import MissionJournal
+from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.navigation.framed import FramedNavigator
 from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.exploration.travel.topological_map import read_topological_map
@@ -28,8 +28,7 @@ from soilmoist_ros.nodes.wiring.planner_commands import PlannerCommands
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
-from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
-from soilmoist_ros.recording.process_mark import ProcessMark
+from soilmoist_ros.recording.stored_mission import StoredMission
 
 __all__ = ["PARAMETERS", "Planner", "main"]
 
@@ -49,15 +48,18 @@ class Planner(Node):
         self._field = load_field(resource("fields", self._values.text("field")))
         settings = explorer_settings(self._values)
         rules = mission_rules(self._values, settings)
-        folder, resume = os.path.expanduser(self._values.text("journal_dir")), self._values.text("resume")
-        found = load_journal(Path(folder)) if folder and resume != "fresh" else LoadedJournal(None, (), ())
-        for problem in found.problems:
+        folder, resume = self._values.text("journal_dir"), self._values.text("resume")
+        journal_dir = Path(folder).expanduser() if folder else None
+        self._stored = StoredMission(journal_dir, rules, resume, self._values.number("respawn_limit_s"))
+        try:
+            self._wire(settings, rules)
+        except BaseException:  # a planner that cannot start has not crashed
+            self._stored.close()
+            raise
+
+    def _wire(self, settings: ExplorerSettings, rules: MissionRules) -> None:
+        for problem in self._stored.problems:
             self.get_logger().warning(problem)
-        self._journal = Journal.open(Path(folder)) if folder else None
-        self._mark = ProcessMark(Path(folder), self._values.number("respawn_limit_s")) if folder else None
-        mission = interrupted_mission(
-            rules, found.snapshot, (entry.payload for entry in found.entries if entry.kind == EVENT)
-        )
         properties = property_weights(self._values.texts("properties"))
         self._outputs = PlannerOutputs(self, self._hand_on, properties, self._values.text("frame"))
         self._frames = PlannerFrames(self, self._values, self._field)
@@ -69,17 +71,15 @@ class Planner(Node):
             self._values.number("map_wait_s"),
             lambda report: FramedNavigator(make_navigator(self, self._values, report), self._frames.robot),
             self._outputs,
-            MissionJournal(self._journal),
+            MissionJournal(self._stored.journal),
             properties,
             clock=self._mission_clock(),
             watch=make_watch(self._values),
-            mission=mission,
+            mission=self._stored.mission,
         )
-        self._autostart = self._values.flag("autostart")
-        if mission is not None:
-            crashed = self._mark is not None and self._mark.after_crash
-            self._control.take_up(mission, resume == "auto" or (crashed and was_driving(mission)))
-            self._autostart = False
+        self._autostart = self._values.flag("autostart") and self._stored.starts
+        if self._stored.mission is not None:
+            self._control.take_up(self._stored.mission, self._stored.resumes)
         graph = self._values.text("graph")
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
@@ -98,9 +98,7 @@ class Planner(Node):
     def close(self) -> None:
         """Stop the robot."""
         self._control.close()
-        if self._journal is not None and self._mark is not None:
-            self._mark.end()
-            self._journal.close()
+        self._stored.close()
 
     def _mission_clock(self) -> MissionClock:
         simulated = self.get_parameter("use_sim_time").value
@@ -129,9 +127,7 @@ class Planner(Node):
 
 def main() -> None:
     """Run the planner."""
-    run(
-        Planner, threads=1
-    )  # callbacks are short, and one thread serves each in its turn however many messages come
+    run(Planner, threads=1)  # callbacks are short, and one thread serves each in its turn
 
 
 if __name__ == "__main__":

@@ -63,7 +63,8 @@ class Journal:
             data = path.read_bytes()
             lines, _, snapshot_seq, _ = _read(folder, data)
             size_bytes = lines.good_bytes
-            os.ftruncate(descriptor, size_bytes)
+            if size_bytes != len(data):
+                os.ftruncate(descriptor, size_bytes)
             if size_bytes and data[size_bytes - 1 : size_bytes] != b"\n":
                 _write(descriptor, b"\n")
                 size_bytes += 1

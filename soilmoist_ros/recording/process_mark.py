@@ -24,7 +24,6 @@ class ProcessMark:
     :param limit_s: longest time since the crash [s]; 0 to recognise none
     :param now_s: time of day [s since 1970-01-01 UTC]
     :param boot: identifies the boot of the computer
-    :raises OSError: if the mark cannot be written
 
     Attributes
     ----------
@@ -45,6 +44,12 @@ class ProcessMark:
         age_s = now_s - journal.stat().st_mtime if journal.is_file() else float("inf")
         self.after_crash = same and abs(age_s) <= limit_s and len(crashes) <= MAX_CRASHES
         self._content: dict[str, Any] = {"boot": boot, "crashes": crashes, "ended": False}
+
+    def begin(self) -> None:
+        """Mark the folder: the journal is being written now.
+
+        :raises OSError: if the mark cannot be written
+        """
         self._write()
 
     def end(self) -> None:

@@ -19,7 +19,9 @@ def start(tmp_path):
         journal.touch()
         wrote_s = NOW_S + (after_s - 1.0 if wrote_s is None else wrote_s)
         os.utime(journal, (wrote_s, wrote_s))
-        return ProcessMark(tmp_path, limit_s, NOW_S + after_s, boot)
+        mark = ProcessMark(tmp_path, limit_s, NOW_S + after_s, boot)
+        mark.begin()
+        return mark
 
     return make
 

@@ -16,6 +16,8 @@ from typing import Final
 
 WINDOW_S: Final = 5.0
 """Time over which places are compared and the speed is measured [s]."""
+SPACING_S: Final = 0.05
+"""Places closer in time than this are not remembered apart, so that a flood of them costs little [s]."""
 MIN_SPAN_S: Final = 1.0
 """Minimum time between two places that give a speed [s]."""
 TOLERANCE: Final = 2.0
@@ -166,7 +168,7 @@ class PlaceFilter:
         return Verdict.JUMP
 
     def _accept(self, fix: PlaceFix) -> None:
-        if not self._track or self._track[-1] is not fix:
+        if not self._track or self._time_s(self._track[-1], fix) >= SPACING_S:
             self._track.append(fix)
         while self._time_s(self._track[0], fix) > WINDOW_S:
             self._track.popleft()

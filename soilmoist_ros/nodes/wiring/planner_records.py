@@ -14,7 +14,7 @@ from sensor_msgs.msg import PointCloud2
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.sensing.records import CountRecord
 
-SLICE: Final = 250
+SLICE: Final = 100
 """Records that are taken at a time; some 20 ms of work."""
 PAUSE_S: Final = 0.05
 """Shortest time between the slices of different messages [s]: each costs a sync of the disk."""

@@ -1,0 +1,100 @@
+"""What a planner does with the mission that it finds."""
+
+import os
+import time
+from dataclasses import replace
+
+import pytest
+
+from soilmoist_ros.exploration.mission.journal import MissionJournal
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import Command, MissionRules, Moved, Phase, Verb
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.recording.journal import ENTRIES
+from soilmoist_ros.recording.stored_mission import StoredMission
+
+RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
+STARTED = (Moved(1.0, 0.0, 0.0), Command(2.0, Verb.START))
+PAUSED = (*STARTED, Command(3.0, Verb.PAUSE))
+ABORTED = (*STARTED, Command(3.0, Verb.ABORT))
+
+
+def run(folder, events, resume="ask", end=False, limit_s=60.0):
+    """A planner that takes in events, and crashes; or ends on request."""
+    stored = StoredMission(folder, RULES, resume, limit_s)
+    journal, mission = MissionJournal(stored.journal), stored.mission or Mission(RULES)
+    for event in events:
+        journal.note(mission, event)
+        mission.step(event)
+        journal.keep(mission)
+    if end:
+        stored.close()
+    else:
+        stored.journal.close()
+    return stored
+
+
+def start(folder, resume="ask", limit_s=60.0):
+    stored = StoredMission(folder, RULES, resume, limit_s)
+    stored.journal.close()
+    return stored
+
+
+@pytest.mark.parametrize("resume", ["ask", "auto", "fresh"])
+def test_after_a_crash_the_mission_goes_on_by_itself(tmp_path, resume):
+    run(tmp_path, STARTED, resume)
+    again = start(tmp_path, resume)
+    assert again.mission.state.phase is Phase.PLANNING
+    assert (again.resumes, again.starts) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("resume", "resumes", "found"), [("ask", False, True), ("auto", True, True), ("fresh", False, False)]
+)
+def test_after_an_end_on_request_resume_decides(tmp_path, resume, resumes, found):
+    run(tmp_path, STARTED, end=True)
+    again = start(tmp_path, resume)
+    assert (again.resumes, again.mission is not None, again.starts) == (resumes, found, not found)
+
+
+def test_long_after_a_crash_resume_decides(tmp_path):
+    run(tmp_path, STARTED)
+    long_ago_s = time.time() - 3600.0
+    os.utime(tmp_path / ENTRIES, (long_ago_s, long_ago_s))
+    assert not start(tmp_path).resumes
+    assert start(tmp_path, limit_s=0.0).mission is not None
+
+
+def test_a_paused_mission_waits_for_the_operator(tmp_path):
+    run(tmp_path, PAUSED)
+    again = start(tmp_path)
+    assert again.mission is not None
+    assert not again.resumes
+
+
+def test_an_emergency_stop_outlives_a_crash(tmp_path):
+    stored = run(tmp_path, STARTED)
+    mission = Mission(RULES)
+    for event in STARTED:
+        mission.step(event)
+    mission.state = replace(mission.state, emergency=("button",))
+    (tmp_path / "snapshot.json").unlink(missing_ok=True)
+    with_stop = StoredMission(tmp_path, RULES, "ask", 60.0)
+    MissionJournal(with_stop.journal).keep(mission)
+    with_stop.journal.close()
+    assert stored.starts
+    again = start(tmp_path)
+    assert again.mission.state.emergency == ("button",)
+    assert not again.resumes
+
+
+def test_a_crash_after_the_end_of_a_mission_starts_no_other_one(tmp_path):
+    assert run(tmp_path, ABORTED).starts
+    assert not start(tmp_path).starts
+    assert not start(tmp_path, "fresh").starts
+
+
+def test_without_a_journal_nothing_is_found():
+    stored = StoredMission(None, RULES, "auto", 60.0)
+    assert (stored.mission, stored.resumes, stored.starts) == (None, False, True)
+    stored.close()
