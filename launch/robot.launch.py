@@ -12,12 +12,14 @@ from pathlib import Path
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.nodes.system.launching import parameters_from, property_argument
 from soilmoist_ros.recording.journal import ENTRIES
+from soilmoist_ros.recording.map_sources import open_session
 
 PARAMETERS = {
     "field": "field file, or name of a shipped one",
@@ -43,6 +45,14 @@ PROPERTY = (
     "weight 1); each has a mapper, which reads NAME/counts"
 )
 JOURNAL = "folder of the mission's journal, which survives a power cut (empty: as in params_file, or OUT/journal)"
+RESPAWN = "true: nodes that crash start again, with the map and the mission that they had"
+RESPAWN_DELAY_S = 2.0
+RESPAWN_LIMIT_S = 60.0
+"""A planner that starts again this soon after a crash goes on by itself [s]."""
+STOP_LIMIT_S = "120"
+"""Time after SIGINT until SIGTERM, and from there until SIGKILL [s]: a node that saves must not be killed."""
+FINISHED, BAD_INPUT = 0, 2
+"""Exit codes of the nodes."""
 AUTOSTART = "true: the mission starts as soon as position, map and navigation are there"
 
 
@@ -56,6 +66,7 @@ def generate_launch_description() -> LaunchDescription:
                 "use_sim_time", default_value="false", description="true: time comes from /clock"
             ),
             DeclareLaunchArgument("record", default_value="true", description="false: nothing is recorded"),
+            DeclareLaunchArgument("respawn", default_value="true", description=RESPAWN),
             DeclareLaunchArgument("autostart", default_value="false", description=AUTOSTART),
             DeclareLaunchArgument(
                 "exit_when_finished", default_value="false", description="true: all nodes end with the mission"
@@ -92,14 +103,19 @@ def nodes(context: LaunchContext) -> list[Node]:
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
     values["planner"] |= journal(given("journal_dir"), arguments["out"], given("params_file"), given("namespace"))
     start = earlier(values["planner"])
-    values["mapper"] |= start
+    records = stored_records(values["planner"], arguments["out"], given("namespace"))
+    values["sensor_driver"] |= {"record_dir": records["record_dir"]}
+    values["mapper"] |= {**start, **records}
+    if flag("respawn"):
+        values["planner"] |= {"respawn_limit_s": RESPAWN_LIMIT_S}
     if not flag("record"):
         del values["recorder"]
-    ends_all = [Shutdown(reason="the mission has ended")] if flag("exit_when_finished") else None
     files = [*filter(None, [given("params_file")])]
     started = [(node, given("namespace"), files, parameters) for node, parameters in values.items()]
     # Settings of /**/mapper in params_file, such as the counts to map, must not apply to property mappers.
-    started += [("mapper", *one) for one in property_mappers(given("namespace"), arguments, properties, start)]
+    started += [
+        ("mapper", *one) for one in property_mappers(given("namespace"), arguments, properties, start, records)
+    ]
     return [
         Node(
             package="soilmoist_ros",
@@ -107,15 +123,30 @@ def nodes(context: LaunchContext) -> list[Node]:
             name=node,  # so that the arguments override params_file
             namespace=namespace,
             parameters=[*own, {"use_sim_time": flag("use_sim_time"), **parameters}],
-            on_exit=ends_all if node == "planner" else None,
+            on_exit=end_all if node == "planner" and flag("exit_when_finished") else None,
+            respawn=flag("respawn"),
+            respawn_delay=RESPAWN_DELAY_S,
+            sigterm_timeout=STOP_LIMIT_S,
+            sigkill_timeout=STOP_LIMIT_S,
             output="screen",
         )
         for node, namespace, own, parameters in started
     ]
 
 
+def end_all(event: ProcessExited, _context: LaunchContext) -> list[Shutdown]:
+    """End everything when the planner has finished or cannot start. A planner that has crashed starts again."""
+    if event.returncode in (FINISHED, BAD_INPUT):
+        return [Shutdown(reason="the mission has ended")]
+    return []
+
+
 def property_mappers(
-    namespace: str, arguments: Mapping[str, str], properties: Sequence[str], start: Mapping[str, str]
+    namespace: str,
+    arguments: Mapping[str, str],
+    properties: Sequence[str],
+    start: Mapping[str, str],
+    records: Mapping[str, object],
 ) -> list[tuple[str, list[str], dict[str, object]]]:
     """Namespace, no files, and parameters of each property's mapper; each mapper saves to a separate folder."""
     mapper = parameters_from("mapper", {**arguments, "site": ""})
@@ -127,7 +158,10 @@ def property_mappers(
             {
                 **mapper,
                 "save_dir": f"{folder}_{Path(name).name}",
-                **({**start, "start_property": name} if start else {}),
+                **start,
+                "start_property": name,
+                **records,
+                "record_dir": f"{records['record_dir']}/properties/{name.strip('/')}",
             },
         )
         for name in property_weights(properties)
@@ -148,3 +182,13 @@ def earlier(planner: Mapping[str, object]) -> dict[str, str]:
     if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).expanduser().is_file():
         return {}
     return {"start_from": folder}
+
+
+def stored_records(planner: Mapping[str, object], out: str, namespace: str) -> dict[str, object]:
+    """Where driver and mappers store records, and where mappers find others: the same for respawned nodes."""
+    journal_dir, recordings = str(planner.get("journal_dir", "")), Path(out or RECORDINGS).expanduser().absolute()
+    journal_path = Path(journal_dir).expanduser() if journal_dir else None
+    session = open_session(
+        recordings / "records" / namespace.strip("/"), journal_path, planner.get("resume") == "fresh"
+    )
+    return {"record_dir": str(session), "merge_from": [*filter(None, [journal_dir]), str(recordings)]}

@@ -148,6 +148,8 @@ def team(
                 parameters=[*filter(None, [given("params_file"), str(path), differ.get(name)])],
                 remappings=list(shared_mapper(name, [one.name for one in properties]).items()),
                 on_exit=[OpaqueFunction(function=lambda _, robot=namespace: ended(robot))] if ends else None,
+                sigterm_timeout="120",  # a node that saves must not be killed
+                sigkill_timeout="120",
                 output="screen",
             )
         )

@@ -71,6 +71,11 @@ class ExecuteProcess:
     output: str
 
 
+@dataclass(kw_only=True)
+class ProcessExited:
+    returncode: int
+
+
 @dataclass
 class PythonLaunchDescriptionSource:
     launch_file_path: str
@@ -90,7 +95,11 @@ class Node:
     namespace: str
     parameters: list[Any]
     output: str
-    on_exit: list[Any] | None = None
+    on_exit: Any = None
+    respawn: bool = False
+    respawn_delay: float | None = None
+    sigterm_timeout: str = "5"
+    sigkill_timeout: str = "5"
     remappings: list[tuple[str, str]] | None = None
 
     def ros_arguments(self, folder: Path) -> list[str]:
@@ -114,6 +123,8 @@ MODULES = {
         DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, OpaqueFunction, Shutdown,
     ),
     "launch.conditions": (IfCondition,),
+    "launch.events": (),
+    "launch.events.process": (ProcessExited,),
     "launch.launch_description_entity": (type("LaunchDescriptionEntity", (), {}),),
     "launch.launch_description_sources": (PythonLaunchDescriptionSource,),
     "launch.substitutions": (LaunchConfiguration,),

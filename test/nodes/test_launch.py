@@ -26,6 +26,12 @@ FILES = sorted((ROOT / "launch").glob("*.launch.py"))
 ROBOT, SIMULATION, REPLAY = (ROOT / "launch" / f"{name}.launch.py" for name in ("robot", "simulation", "replay"))
 
 
+@pytest.fixture(autouse=True)
+def in_a_folder(tmp_path, monkeypatch):
+    """The robot's launch file makes a folder for records where it is started."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture
 def seen(tmp_path, monkeypatch):
     """Parameters that a launched node receives."""
@@ -71,14 +77,19 @@ def test_there_are_three_files():
     assert sorted([ROBOT, SIMULATION, REPLAY]) == FILES
 
 
-def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(monkeypatch, seen):
+def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(monkeypatch, seen, tmp_path):
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, {}))
     assert list(nodes) == ["recorder", "mapper", "planner", "sensor_driver"]
     for name, action in nodes.items():
         values = seen(action)
         if name == "planner":
-            assert values.pop("journal_dir") == str(Path("recordings/journal").absolute())
-            values["journal_dir"] = ""
+            assert values.pop("journal_dir") == str(tmp_path / "recordings" / "journal")
+            assert values["respawn_limit_s"] == 60.0
+            values |= {"journal_dir": "", "respawn_limit_s": 0.0}
+        if name in ("mapper", "sensor_driver"):
+            values["record_dir"] = ""
+        if name == "mapper":
+            values["merge_from"] = []
         assert (values.pop("node"), values.pop("use_sim_time")) == (f"/{name}", False)
         assert values == defaults(name)
         assert action.on_exit is None
@@ -173,8 +184,39 @@ def test_arguments_come_before_the_file_and_the_file_before_the_defaults(monkeyp
 def test_nothing_is_recorded_without_record_and_all_ends_with_the_mission_if_wished(monkeypatch):
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"record": "false", "exit_when_finished": "true"}))
     assert list(nodes) == ["mapper", "planner", "sensor_driver"]
-    assert isinstance(nodes["planner"].on_exit[0], stand_in.Shutdown)
+    on_exit = nodes["planner"].on_exit
+    for code in (0, 2):
+        assert isinstance(on_exit(stand_in.ProcessExited(returncode=code), None)[0], stand_in.Shutdown)
+    for code in (1, -9, -11):
+        assert on_exit(stand_in.ProcessExited(returncode=code), None) == [], "a planner that crashed starts again"
     assert nodes["mapper"].on_exit is None
+
+
+def test_nodes_that_crash_start_again_and_none_is_killed_while_it_saves(monkeypatch, seen, tmp_path):
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))
+    for action in nodes.values():
+        assert (action.respawn, action.respawn_delay) == (True, 2.0)
+        assert min(float(action.sigterm_timeout), float(action.sigkill_timeout)) >= 60
+    assert seen(nodes["planner"])["respawn_limit_s"] == 60.0
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path), "respawn": "false"}))
+    assert not any(action.respawn for action in nodes.values())
+    assert seen(nodes["planner"])["respawn_limit_s"] == 0.0
+
+
+def test_driver_and_mapper_store_records_in_one_folder_and_each_launch_is_another_map(monkeypatch, seen, tmp_path):
+    given = {"out": str(tmp_path), "namespace": "r1", "property": "salt"}
+    folders = []
+    for _ in range(2):
+        actions = [one for one in stand_in.start(ROBOT, monkeypatch, given) if isinstance(one, stand_in.Node)]
+        mapper, salt = (seen(one) for one in actions if one.executable == "mapper")
+        driver = next(seen(one) for one in actions if one.executable == "sensor_driver")
+        assert mapper["record_dir"] == driver["record_dir"]
+        assert salt["record_dir"] == f"{mapper['record_dir']}/properties/salt"
+        assert salt["start_property"] == "salt"
+        assert mapper["merge_from"] == salt["merge_from"] == [str(tmp_path / "journal" / "r1"), str(tmp_path)]
+        assert Path(mapper["record_dir"]).parent == tmp_path / "records" / "r1"
+        folders.append(mapper["record_dir"])
+    assert folders[0] != folders[1]
 
 
 def test_a_wrong_argument_stops_the_launch_with_a_message(monkeypatch):
@@ -199,7 +241,8 @@ def test_the_simulation_joins_all_nodes_on_one_simulated_field(monkeypatch, seen
     assert (planner["autostart"], planner["exit_when_finished"]) == (True, True)
     assert values["mapper"]["simulated"] is True
     assert Path(values["recorder"]["out"], values["recorder"]["name"]) == tmp_path / "run" / "bag"
-    assert isinstance(nodes["planner"].on_exit[0], stand_in.Shutdown)
+    (ends,) = nodes["planner"].on_exit(stand_in.ProcessExited(returncode=0), None)
+    assert isinstance(ends, stand_in.Shutdown)
 
 
 def test_every_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, tmp_path):
