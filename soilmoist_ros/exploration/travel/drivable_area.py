@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,8 @@ Flags = NDArray[np.bool_]
 
 TOLERANCE_M = 1e-6
 """A line this far over the border still counts as inside, so that the robot may drive along the border."""
+_PREPARED = Lock()
+"""Prepared geometries build their indices when they are used: two threads that use one crash the process."""
 
 
 class DrivableArea:
@@ -96,7 +99,8 @@ class DrivableArea:
         import shapely
 
         x, y = np.asarray(xy, float).reshape(-1, 2).T
-        return np.asarray(shapely.intersects_xy(self._tolerant, x, y), bool)
+        with _PREPARED:
+            return np.asarray(shapely.intersects_xy(self._tolerant, x, y), bool)
 
     def allows(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
         """Whether each straight line from a start to its end stays inside, shape (k,).
@@ -109,9 +113,9 @@ class DrivableArea:
         start, end = np.broadcast_arrays(
             np.atleast_2d(start_xy).astype(float), np.atleast_2d(end_xy).astype(float)
         )
-        inside = np.asarray(
-            shapely.covers(self._tolerant, shapely.linestrings(np.stack([start, end], axis=1))), bool
-        )
+        lines = shapely.linestrings(np.stack([start, end], axis=1))
+        with _PREPARED:
+            inside = np.asarray(shapely.covers(self._tolerant, lines), bool)
         point = np.all(start == end, axis=1)
         if point.any():
             inside[point] = self.contains(start[point])
