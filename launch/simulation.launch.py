@@ -51,7 +51,11 @@ MISSION = {
     "strategy": ("gcb", "how the next stop is chosen"),
     "dwell": ("optimal", "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal"),
     "hours": ("1", "simulated time of the mission [h]"),
-    "navigator": ("goto_node", "how goals are sent: goto_node (needs topological_navigation_msgs) or goal_pose"),
+    "navigator": (
+        "goto_node",
+        "how goals are sent: goto_node (needs topological_navigation_msgs), navigate_to_pose (needs nav2_msgs) or "
+        "goal_pose",
+    ),
     "autostart": ("true", "false to wait for the service planner/start"),
     "exit_when_finished": ("true", "false to keep the nodes after the mission, to look at its map"),
     "namespace": ("", "namespace of the robot"),

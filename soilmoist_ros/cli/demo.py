@@ -32,7 +32,7 @@ DEMO_HOURS = 1.0
 @click.option("--time-factor", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
               help="Simulated seconds per real second.")  # fmt: skip
 @click.option("--speed", "old_speed", type=float, hidden=True)
-@click.option("--navigator", type=click.Choice(["goto_node", "goal_pose"]),
+@click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
               help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
 @click.option("--scenario", default="", help="Simulated faults: thorvald, bad_link, or a file. Default: none.")
 @click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")

@@ -12,7 +12,7 @@ from nav_msgs.msg import Path
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from virtual_navigation import FIELD, STOPS, VirtualNavigation, World
+from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.mission import mission_from_message
@@ -376,3 +376,10 @@ def test_a_bad_fix_before_an_abort_does_not_send_the_robot_away(ros, tmp_path):
         world.bad_place = None
         ros.wait_for(lambda: len(poses) > 1, message="a pose that stops the robot")
         assert all(-15.0 <= x_m <= 45.0 and -5.0 <= y_m <= 35.0 for x_m, y_m in poses)
+
+
+def test_edges_that_the_navigation_refuses_are_named(ros, tmp_path):
+    path = tmp_path / "old_map.json"
+    path.write_text(make_map().to_json().replace("NavigateToPose", "move_base", 1))
+    planning = Planning(ros, tmp_path, graph=str(path))
+    ros.wait_for(lambda: "(move_base)" in planning.process.output(), message="a warning of the edge")

@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.stop import Stop
 
 MIN_LEG_M = 0.01
-"""Corners closer together than this count as one [m]."""
+"""Corners closer together, or closer to a straight line than this, are left out [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +27,13 @@ class WayPoint:
 
 
 def way_points(way: ArrayLike, stop: Stop) -> tuple[WayPoint, ...]:
-    """Goals along a route; the last one is the stop.
+    """Goals along a route, where it bends; the last one is the stop.
 
     :param way: corners of the route from the robot's place, shape (p, 2); none if it is not known [m]
     :param stop: end of the route; it may also be the last corner
     """
     end = (stop.x_m, stop.y_m)
-    places = [(float(x), float(y)) for x, y in np.asarray(way, float).reshape(-1, 2)]
+    places = _bends(np.asarray(way, float).reshape(-1, 2))
     before, goals = places[0] if places else end, list[WayPoint]()
     heading_rad = 0.0
     for number, place in enumerate(places[1:], 1):
@@ -45,3 +45,12 @@ def way_points(way: ArrayLike, stop: Stop) -> tuple[WayPoint, ...]:
     if math.dist(before, end) >= MIN_LEG_M:
         heading_rad = math.atan2(end[1] - before[1], end[0] - before[0])
     return *goals, WayPoint(stop, heading_rad)
+
+
+def _bends(corners: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """Ends and bends of a route: nodes of a travel graph on a straight line are no goals."""
+    import shapely
+
+    if len(corners) > 2:
+        corners = shapely.get_coordinates(shapely.LineString(corners).simplify(MIN_LEG_M, preserve_topology=False))
+    return [(float(x), float(y)) for x, y in corners]

@@ -67,6 +67,19 @@ class TopologicalMap:
         except (TypeError, KeyError, ValueError):
             return None
 
+    def unknown_actions(self, known: Sequence[str]) -> str:
+        """Which edges a navigation refuses since it does not know their action; empty if there are none.
+
+        :param known: actions that the navigation knows
+        """
+        edges = [edge for entry in self.document["nodes"] for edge in entry["node"].get("edges") or []]
+        refused = [edge for edge in edges if edge.get("action") and edge["action"] not in known]
+        if not refused:
+            return ""
+        actions = listing(sorted({str(edge["action"]) for edge in refused}))
+        names = listing(str(edge.get("edge_id", edge["node"])) for edge in refused)
+        return f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
+
     def to_json(self) -> str:
         """The document as it goes on the topic ``topological_map_2``."""
         return json.dumps(self.document, allow_nan=False)

@@ -59,7 +59,7 @@ class ActionNavigator(ABC):
         self._report = report
         self._lock = Lock()
         self._ids: dict[int, UUID] = {}
-        self._heard_s = math.nan
+        self._heard: tuple[float, float] | None = None  # of the computer's clock, and of the mission
         self._actions = ActionClient(node, kind, name)
         # Some goals are cancelled without a handle of the action client, so cancelling needs a service client.
         self._cancels = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
@@ -82,11 +82,12 @@ class ActionNavigator(ABC):
     @property
     def feedback_age_s(self) -> float:
         """See :class:`Navigator`."""
-        return time.monotonic() - self._heard_s
+        heard = self._heard
+        # Simulated time may run faster or slower than the computer's: neither is silence of the navigation.
+        return math.nan if heard is None else min(time.monotonic() - heard[0], self._track.now_s - heard[1])
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
-        self._heard_s = math.nan
         with self._lock:
             there = self._track.standing_at(stop, self._there_m)
         self._step(self._client.go, goal_id, self.goals(stop, way), then=(there,))
@@ -139,16 +140,17 @@ class ActionNavigator(ABC):
                 case CancelSent():
                     self._ask_to_cancel(request)
                 case Ended():
-                    self._heard_s = math.nan
+                    self._heard = None
                     self._report(request)
 
     def _send(self, request: SendGoal) -> None:
+        self._heard = None
         identity = self._ids[request.goal_id] = UUID(uuid=list(uuid.uuid4().bytes))
         future = self._actions.send_goal_async(self.goal_message(request.point), self._on_feedback, identity)
         future.add_done_callback(partial(self._answered, request.goal_id))
 
     def _on_feedback(self, message: Any) -> None:
-        self._heard_s = time.monotonic()
+        self._heard = time.monotonic(), self._track.now_s
         self.heard(message)
 
     def _answered(self, goal_id: int, future: Future) -> None:

@@ -115,6 +115,12 @@ PARAMETERS: Final = (
         ["recorder*", "rosbag2*", "_ros2cli*", "rviz*", "rqt*", "foxglove*", "rosbridge*", "plotjuggler*"],
         "nodes that subscribe to goal_pose but drive no robot, as patterns; all others pass for a navigation",
     ),
+    _row(
+        "edge_actions",
+        ["NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change"],
+        "actions of edges that the navigation of goto_node knows: edges with others are named in a warning; empty "
+        "for no check",
+    ),
     _row("feedback_topic", "topological_navigation/feedback", "plain topic of the navigation's feedback"),
     _row("frame", "map", "frame of plan, markers, visits and records: east, north, up about the field's datum"),
     _row("navigation_frame", "", "frame of the navigation's map and goals; empty if it is the same as frame"),

@@ -23,7 +23,7 @@ class DemoSettings:
     :param mission: the mission; the nodes always map all records and travel on a graph. Several robots share a
         mapper, and each has a planner and a driver in its namespace
     :param time_factor: simulated time per real time
-    :param navigator: ``goto_node`` (Thorvald's navigation) or ``goal_pose``
+    :param navigator: ``goto_node`` (Thorvald's navigation), ``navigate_to_pose`` or ``goal_pose``
     :param scenario: name or file with faults of navigation and links; empty for none
     :param autostart: whether the missions start as soon as they can
     :param exit_when_finished: whether the planners end with their missions

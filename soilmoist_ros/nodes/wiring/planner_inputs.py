@@ -38,6 +38,7 @@ class PlannerInputs:
     :param map_topic: topic of the navigation's map; empty for no subscription
     :param others: namespaces of the planners of other robots on the field; this node's namespace is ignored
     :param properties: namespaces of the mappers of further properties
+    :param edge_actions: actions of edges that the navigation knows; all if empty
     """
 
     def __init__(
@@ -48,7 +49,9 @@ class PlannerInputs:
         map_topic: str,
         others: Sequence[str] = (),
         properties: Iterable[str] = (),
+        edge_actions: Sequence[str] = (),
     ) -> None:
+        self._edge_actions = edge_actions
         self._node = node
         self._control = control
         self._frames = frames
@@ -128,6 +131,8 @@ class PlannerInputs:
 
         :raises InputError: if it does not fit the field
         """
+        if self._edge_actions and (unknown := found.unknown_actions(self._edge_actions)):
+            self._warn_once(f"the navigation may refuse to drive: {unknown}; see the parameter edge_actions")
         self._frames.robot.take_map_datum(found.datum)
         move = self._frames.robot.move
         self._map = found if move is None else None
@@ -142,6 +147,11 @@ class PlannerInputs:
                 self.use_map(self._map)
             except InputError as error:
                 self._ignore("the map of the navigation", error)
+
+    def _warn_once(self, text: str) -> None:
+        if self._faults.get("warning") != text:
+            self._faults["warning"] = text
+            self._node.get_logger().warning(text)
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()

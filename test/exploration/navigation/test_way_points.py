@@ -30,3 +30,15 @@ def test_each_heading_comes_from_the_corner_before():
     way = [(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (10.0, 0.0)]
     headings = [round(math.degrees(point.heading_rad)) for point in way_points(way, STOP)]
     assert headings == [45, -90, 0]
+
+
+def test_nodes_on_a_straight_line_are_no_goals():
+    way = [(0.0, 0.0), (2.0, 0.0), (4.0, 0.0), (10.0, 0.0)]
+    assert way_points(way, STOP) == (WayPoint(STOP, 0.0),)
+
+
+def test_a_way_back_is_kept():
+    way = [(0.0, 0.0), (12.0, 0.0), (10.0, 0.0)]
+    assert [(point.stop.x_m, round(point.heading_rad, 3)) for point in way_points(way, STOP)] == [
+        (12.0, 0.0), (10.0, 3.142),
+    ]  # fmt: skip

@@ -198,3 +198,13 @@ def test_the_datum_of_a_map_and_its_graph_in_another_plane():
     np.testing.assert_allclose(moved.xy - found.graph.xy, [(10.0, -5.0)] * 3)
     np.testing.assert_array_equal(moved.length_m, found.graph.length_m)
     assert found.graph.moved(PlaneMove()) is found.graph
+
+
+def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
+    content = document()
+    assert parse(content).unknown_actions(["NavigateToPose"]) == ""
+    edge = content["nodes"][0]["node"]["edges"][0]
+    edge["action"] = "move_base"
+    found = parse(content).unknown_actions(["NavigateToPose"])
+    assert "1 of" in found
+    assert f"(move_base): {edge['edge_id']}" in found
