@@ -99,6 +99,7 @@ class Planner(Node):
     def close(self) -> None:
         """Stop the robot."""
         self._control.close()
+        self._frames.close()
         self._stored.close()
 
     def _mission_clock(self) -> MissionClock:

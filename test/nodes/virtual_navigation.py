@@ -31,6 +31,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
@@ -50,11 +51,12 @@ SHED = Stop("shed", -10.0, 5.0)
 CADENCE_S, SPEED_MPS = 10.0, 1.0
 
 
-def make_map():
-    """A lattice in the field, with an edge to a shed outside."""
+def make_map(move=None):
+    """A lattice in the field, with an edge to a shed outside; in the frame of a navigation that is moved."""
     ends = [(a.name, b.name) for a in STOPS for b in STOPS if math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) == 10]
     ends += [("shed", "n00"), ("n00", "shed")]
-    return make_topological_map(TravelGraph.from_edges([*STOPS, SHED], ends), "test", datetime(2026, 1, 1))
+    graph = TravelGraph.from_edges([*STOPS, SHED], ends).moved(move or PlaneMove())
+    return make_topological_map(graph, "test", datetime(2026, 1, 1))
 
 
 class World:
@@ -62,10 +64,12 @@ class World:
 
     :param ros: the ROS system of the test
     :param rate: simulated time per real time
+    :param navigations_map: map of the navigation as JSON
     """
 
-    def __init__(self, ros, rate=45.0, namespace="", clock=True, mapper=True):
+    def __init__(self, ros, rate=45.0, namespace="", clock=True, mapper=True, navigations_map=None):
         self.rate, self.mapper = rate, mapper
+        self.navigations_map = navigations_map or make_map().to_json()
         self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
         self.sensor = True
         self.has_fix, self.bad_place = False, None  # most missions are driven by the places of records
@@ -82,7 +86,7 @@ class World:
         self.thread = threading.Thread(target=self.run, daemon=True)
 
     def __enter__(self):
-        self.maps.publish(String(data=make_map().to_json()))
+        self.maps.publish(String(data=self.navigations_map))
         self.thread.start()
         return self
 
@@ -120,6 +124,7 @@ class World:
 
     def publish_fix(self):
         fix = NavSatFix()
+        fix.status.status = NavSatStatus.STATUS_FIX
         fix.header.stamp = to_time(self.now_s)
         place = self.bad_place or self.place
         fix.latitude, fix.longitude = (float(value) for value in FRAME.to_geographic([place])[0])

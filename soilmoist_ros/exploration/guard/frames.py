@@ -29,7 +29,7 @@ MIN_GAP_S = 0.5
 PAIR_LIFE_S = 30.0
 """Age beyond which a pair no longer counts [s]."""
 LATENCY_S = 1.0
-"""Delay between fix and TF that is allowed for while the robot moves [s]."""
+"""Smallest delay between fix and TF that is allowed for while the robot moves [s]."""
 STEP_M = 1.0
 """Distance between the pairs to which a frame is fitted [m]."""
 BASE_M = 20.0
@@ -81,6 +81,7 @@ class _Pair:
     fix_m: Place
     tf_m: Place
     """In the frame of the navigation."""
+    delay_s: float
 
 
 class FrameCheck:
@@ -100,16 +101,17 @@ class FrameCheck:
         self._pairs: deque[_Pair] = deque(maxlen=PAIRS)
         self._apart: deque[_Pair] = deque(maxlen=MAX_FITTED)
 
-    def add(self, now_s: float, fix_m: Place, tf_m: Place) -> None:
+    def add(self, now_s: float, fix_m: Place, tf_m: Place, delay_s: float = 0.0) -> None:
         """Add a pair.
 
         :param now_s: time of both [s]
         :param fix_m: place of the robot's base by the fix, in the plane of the field [m]
         :param tf_m: place of the robot's base by TF, in the frame of the navigation [m]
+        :param delay_s: largest time between the measurements of the two [s]
         """
         if not all(map(math.isfinite, (*fix_m, *tf_m))):
             return
-        pair = _Pair(now_s, fix_m, tf_m)
+        pair = _Pair(now_s, fix_m, tf_m, delay_s)
         if self._pairs and now_s < self._pairs[-1].now_s:
             self._pairs.clear()  # the clock stepped back
         if self._pairs and now_s - self._pairs[-1].now_s < MIN_GAP_S:
@@ -128,7 +130,8 @@ class FrameCheck:
         back = self.move.inverse
         found = np.array([back.place(pair.tf_m) for pair in pairs]) - [pair.fix_m for pair in pairs]
         east_m, north_m = np.median(found, axis=0).tolist()
-        limit_m = self._limit_m + LATENCY_S * _speed_mps(pairs)
+        delay_s = max(LATENCY_S, median(pair.delay_s for pair in pairs))
+        limit_m = self._limit_m + delay_s * _speed_mps(pairs)
         away_m = math.hypot(east_m, north_m)
         if away_m <= limit_m:
             message = f"TF and fix agree within {away_m:.1f} m (limit {limit_m:.1f} m)"

@@ -105,7 +105,7 @@ class RobotFrames:
         self._track = Track(max_positions=_KEPT_FIXES)
         self._map_fault = ""
         self._unchecked = ""
-        self._compared = False
+        self._agreed = False
 
     @property
     def waiting_for(self) -> str:
@@ -140,11 +140,11 @@ class RobotFrames:
         east_m, north_m = self._settings.arms.base_from_antenna(yaw_rad) or (0.0, 0.0)
         place = (x + east_m, y + north_m)
         if tf is not None:
-            self._check.add(now_s, place, (tf.x_m, tf.y_m))
+            delay_s = max(tf.age_s, min(max(now_s - fix.stamp_s, 0.0), MAX_TF_AGE_S))
+            self._check.add(now_s, place, (tf.x_m, tf.y_m), delay_s)
             if self.move is None and self._settings.datum == ROBOT and (found := self._check.fitted()) is not None:
                 self._use(found)
-            self._compared = self._compared or self._check.verdict(now_s).agreement is not Agreement.UNKNOWN
-        self._unchecked = "" if tf is None or self._compared else "the first comparison of TF and fixes"
+        self._unchecked = self._doubt(tf, now_s)
         return RobotPose(place, yaw_rad, fix.covariance_m2)
 
     def take_map_datum(self, datum: LocalFrame | None) -> None:
@@ -240,6 +240,14 @@ class RobotFrames:
         settings = self._settings
         pose = self._tree.pose(settings.base_frame, settings.navigation_frame, now_s)
         return pose if pose is not None and pose.age_s <= MAX_TF_AGE_S else None
+
+    def _doubt(self, tf: FramePose | None, now_s: float) -> str:
+        """Why the frames are not trusted yet; empty without TF, and once they have agreed: then faults decide."""
+        if tf is None or self._agreed:
+            return ""
+        verdict = self._check.verdict(now_s)
+        self._agreed = verdict.agreement is Agreement.AGREE
+        return "" if self._agreed else f"agreement of TF and fixes ({verdict.message})"
 
     def _heading(self, tf: FramePose | None, now_s: float) -> float:
         """Heading in the plane of the field: by TF, else from the last fixes; NaN if unknown [rad]."""

@@ -42,7 +42,8 @@ class FramePose:
     :param x_m: x of its origin [m]
     :param y_m: y of its origin [m]
     :param yaw_rad: direction of its x axis, counter-clockwise [rad]
-    :param age_s: time since the oldest transform in it arrived [s]; 0 if all are static
+    :param age_s: age of the oldest transform in it [s]: since its stamp or its arrival, whichever is longer; 0 if
+        all are static
     """
 
     x_m: float
@@ -52,13 +53,10 @@ class FramePose:
 
 
 class TransformTree:
-    """Keeps the newest transform of every frame.
-
-    Ages count from the arrival, because publishers stamp with different clocks, some ahead of time.
-    """
+    """Keeps the newest transform of every frame; may be filled in one thread and read in another."""
 
     def __init__(self) -> None:
-        self._above: dict[str, tuple[Transform, float]] = {}
+        self._above: dict[str, tuple[Transform, float]] = {}  # with the earlier of stamp and arrival
 
     def __len__(self) -> int:
         return len(self._above)
@@ -75,7 +73,7 @@ class TransformTree:
             last = self._above.get(new.child)
             if last is not None and not new.static and 0 < last[0].stamp_s - new.stamp_s < CLOCK_JUMP_S:
                 continue
-            self._above[new.child] = (new, now_s)
+            self._above[new.child] = (new, min(new.stamp_s, now_s) if new.stamp_s > 0 else now_s)
 
     def pose(self, frame: str, within: str, now_s: float) -> FramePose | None:
         """Newest pose of a frame in another; ``None`` if they are not connected.
@@ -97,23 +95,24 @@ class TransformTree:
 
     def gap(self, frame: str, within: str) -> str:
         """Why a frame has no pose in another, in words."""
+        known = {name for above, _ in list(self._above.values()) for name in (above.parent, above.child)}
         for name in (frame, within):
-            if name not in self._above and not any(name == above.parent for above, _ in self._above.values()):
+            if name not in known:
                 return f"TF has no frame {name}"
         return f"TF does not connect {frame} with {within}"
 
     def _roots(self, frame: str) -> dict[str, tuple[Vector, Quaternion, float]]:
-        """Pose of a frame in itself and in every frame above, and the arrival of its oldest transform [s]."""
+        """Pose of a frame in itself and in every frame above, and the time of its oldest transform [s]."""
         place: Vector = (0.0, 0.0, 0.0)
         turn, oldest_s = _STILL, math.inf
         found = {frame: (place, turn, oldest_s)}
         while (above := self._above.get(frame)) is not None and above[0].parent not in found:
-            link, arrived_s = above
+            link, time_s = above
             rotation = _unit(link.rotation)
             x, y, z = _rotated(rotation, place)
             shift = link.translation_m
             place, turn = (x + shift[0], y + shift[1], z + shift[2]), _product(rotation, turn)
-            oldest_s = oldest_s if link.static else min(oldest_s, arrived_s)
+            oldest_s = oldest_s if link.static else min(oldest_s, time_s)
             frame = link.parent
             found[frame] = (place, turn, oldest_s)
         return found

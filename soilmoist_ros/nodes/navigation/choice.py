@@ -27,16 +27,19 @@ def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], Non
     """
     text, number = values.text, values.number
     radius_m, speed_mps = number("arrival_radius_m"), number("speed_mps")
+    frame = text("navigation_frame") or text("frame")
     if text("navigator") == "goal_pose":
         poses = PoseClient(radius_m, number("settle_s"), speed_mps)
         action = text("action_name") or navigate_to_pose.NAME
-        return GoalPoseNavigator(node, action, values.texts("pose_observers"), poses, report)
+        return GoalPoseNavigator(node, action, values.texts("pose_observers"), poses, report, frame)
     client = GoalClient(radius_m, GoalLimits(start_s=number("navigation_wait_s")))
     track = Track(speed_mps, radius_m)
     if text("navigator") == "navigate_to_pose":
         kind = action_class(text("action_type") or navigate_to_pose.TYPE, navigate_to_pose.GOAL_FIELD)
         name = text("action_name") or navigate_to_pose.NAME
-        return navigate_to_pose.NavigateToPoseNavigator(node, name, kind, client, track, track.still_m, report)
+        return navigate_to_pose.NavigateToPoseNavigator(
+            node, name, kind, client, track, track.still_m, report, frame
+        )
     if text("graph") == "free":
         raise InputError("goto_node goes to nodes of a map, but graph is free", "set graph: topic, or a map file")
     kind = action_class(text("action_type") or goto_node.TYPE, goto_node.GOAL_FIELD)

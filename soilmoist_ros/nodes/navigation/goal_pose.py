@@ -11,6 +11,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from msg_adapters.plan import pose_stamped
+from msg_adapters.point_cloud import FRAME
 from soilmoist_ros.exploration.navigation.navigator import Ended
 from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, Request, SendPose, drivers
 from soilmoist_ros.exploration.navigation.way_points import way_points
@@ -29,6 +30,7 @@ class GoalPoseNavigator:
     :param observers: nodes that subscribe to poses but drive no robot, patterns of names
     :param client: decides on arrival and stops
     :param report: called at the end of each goal
+    :param frame: frame of the navigation
     """
 
     def __init__(
@@ -38,8 +40,10 @@ class GoalPoseNavigator:
         observers: Sequence[str],
         client: PoseClient,
         report: Callable[[Ended], None],
+        frame: str = FRAME,
     ) -> None:
         self._node = node
+        self._frame = frame
         self._observers = tuple(observers)
         self._client = client
         self._report = report
@@ -109,7 +113,7 @@ class GoalPoseNavigator:
                 case SendPose():
                     now_s = self._node.get_clock().now().nanoseconds * 1e-9
                     place = (request.x_m, request.y_m)
-                    self._poses.publish(pose_stamped(*place, now_s, heading_rad=request.heading_rad))
+                    self._poses.publish(pose_stamped(*place, now_s, self._frame, request.heading_rad))
                 case CancelAll():
                     self._cancels.call_async(CancelGoal.Request())  # without an id it cancels all goals
                 case Ended():

@@ -8,6 +8,7 @@ from typing import Any, Final
 from rclpy.node import Node
 
 from msg_adapters.plan import pose_stamped
+from msg_adapters.point_cloud import FRAME
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient
 from soilmoist_ros.exploration.navigation.nav2_words import failure, progress
 from soilmoist_ros.exploration.navigation.navigator import Ended
@@ -34,6 +35,7 @@ class NavigateToPoseNavigator(ActionNavigator):
     :param track: recent places of the robot
     :param there_m: a robot that stands this close to a stop is there already [m]
     :param report: called at the end of each goal
+    :param frame: frame of the navigation
     """
 
     def __init__(
@@ -45,8 +47,10 @@ class NavigateToPoseNavigator(ActionNavigator):
         track: Track,
         there_m: float,
         report: Callable[[Ended], None],
+        frame: str = FRAME,
     ) -> None:
         super().__init__(node, name, kind, client, track, there_m, report)
+        self._frame = frame
         self._progress = ""
 
     @property
@@ -63,7 +67,7 @@ class NavigateToPoseNavigator(ActionNavigator):
         """Goal with the pose, stamped as the newest one: Nav2 transforms it by its time."""
         goal = self._kind.Goal()
         now_s = self._node.get_clock().now().nanoseconds * 1e-9
-        goal.pose = pose_stamped(point.stop.x_m, point.stop.y_m, now_s, heading_rad=point.heading_rad)
+        goal.pose = pose_stamped(point.stop.x_m, point.stop.y_m, now_s, self._frame, point.heading_rad)
         return goal
 
     def heard(self, message: Any) -> None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import importlib
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from threading import Thread
 from typing import Any, Final
 
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -46,13 +49,18 @@ class PlannerFrames:
         self.robot = RobotFrames(field, self.settings)
         self._poses = node.create_publisher(PoseWithCovarianceStamped, "robot_pose", DEFAULT)
         self._ask = self._datum_client(values.text("datum_service"))
+        self._listener: _Listener | None = None
         try:
             kind = importlib.import_module("tf2_msgs.msg").TFMessage
         except ImportError:
             node.get_logger().warning("the frames are not checked: tf2_msgs is not installed")
         else:
-            node.create_subscription(kind, "/tf", partial(self._on_tf, False), TF)
-            node.create_subscription(kind, "/tf_static", partial(self._on_tf, True), TF_STATIC)
+            self._listener = _Listener(node, kind, self._on_tf)
+
+    def close(self) -> None:
+        """Stop listening to TF."""
+        if self._listener is not None:
+            self._listener.close()
 
     def place(self, fix: Fix) -> tuple[float, float] | None:
         """Place of the robot's base by a fix of its antenna [m], ``None`` without a fix; publishes the pose."""
@@ -112,6 +120,45 @@ class PlannerFrames:
                 asked.append((time.monotonic(), [client.call_async(question) for question in questions]))
 
         return ask
+
+
+class _Listener:
+    """Listens to TF in a node and a thread of its own.
+
+    TF has up to some hundred messages a second. In the executor of the planner each would cost several times more,
+    and delay commands.
+    """
+
+    def __init__(self, node: Node, kind: Any, heard: Callable[[bool, Any], None]) -> None:
+        # Without global arguments, a new name for the planner does not rename this node as well.
+        self._node = Node(
+            f"{node.get_name()}_tf",
+            context=node.context,
+            namespace=node.get_namespace(),
+            use_global_arguments=False,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        for topic, static, profile in (("/tf", False, TF), ("/tf_static", True, TF_STATIC)):
+            name = node.resolve_topic_name(topic)
+            self._node.create_subscription(kind, name, partial(heard, static), profile)
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(self._node)
+        self._closing = False
+        self._thread = Thread(target=self._run, name="tf", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        with suppress(ExternalShutdownException):
+            while not self._closing:
+                self._executor.spin_once(timeout_sec=0.2)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing = True
+        self._thread.join(2.0)
+        self._executor.shutdown(timeout_sec=1.0)
+        self._node.destroy_node()
 
 
 def frame_settings(values: Parameters) -> FrameSettings:

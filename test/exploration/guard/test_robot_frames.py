@@ -25,9 +25,9 @@ def frames(datum="field", **settings):
     return RobotFrames(FIELD, FrameSettings(datum=datum, **settings))
 
 
-def fix(place, status=FixStatus.RTK):
+def fix(place, status=FixStatus.RTK, stamp_s=math.nan):
     latitude, longitude = DATUM.to_geographic([place])[0].tolist()
-    return Fix(0.0, Position(latitude, longitude, 30.0, 0.02), status)
+    return Fix(stamp_s, Position(latitude, longitude, 30.0, 0.02), status)
 
 
 def drive(robot, move=None, steps=30, start_s=0.0, turn=0.0, arms=NO_ARMS, tf=True):
@@ -61,6 +61,7 @@ def test_a_shifted_navigation_is_a_fault_with_numbers():
     robot = frames()
     _, now_s = drive(robot, PlaneMove(0.0, (0.0, 30.0)))
     assert "TF places the robot 30.0 m north of its fix" in robot.fault(now_s)
+    assert robot.fault(now_s) in robot.waiting_for
     health = robot.health(now_s)
     assert health.level is Level.ERROR
     assert health.values["TF minus fix, north [m]"] == "30.00"
@@ -70,7 +71,7 @@ def test_a_shifted_navigation_is_a_fault_with_numbers():
 def test_the_same_frame_agrees():
     robot = frames()
     drive(robot, steps=3)
-    assert robot.waiting_for == "the first comparison of TF and fixes"
+    assert robot.waiting_for == "agreement of TF and fixes (not checked yet: 3 pairs of TF and fix of 5)"
     _, now_s = drive(robot, start_s=3.0)
     assert robot.fault(now_s) == robot.waiting_for == ""
     assert robot.health(now_s).message.startswith("TF and fix agree within 0.0 m")
@@ -156,6 +157,19 @@ def test_tf_that_ends_or_is_not_connected_is_named():
     drive(apart)
     assert apart.health(30.0).message == "not checked: TF has no frame chassis"
     assert apart.health(30.0).level is Level.WARN
+
+
+def test_a_delay_counts_only_while_the_robot_moves():
+    robot = frames()
+    for second in range(40):
+        place_m = 2.0 * min(second, 20)
+        x, y = (max(place_m - 6.0, 0.0) if second <= 20 else place_m), 0.0
+        robot.take_transforms([Transform("map", "base_link", (x, y, 0.0), stamp_s=second - 3.0)], float(second))
+        robot.take_fix(fix((place_m, 0.0), stamp_s=second), float(second))
+        if second == 19:
+            assert robot.fault(19.0) == ""  # TF is 3 s late
+    assert robot.fault(39.0) == ""
+    assert robot.health(46.0).message == "not checked: TF is 10 s old"  # by its stamp; it came 7 s ago
 
 
 def test_a_robot_is_where_its_base_is():

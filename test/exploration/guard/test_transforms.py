@@ -52,10 +52,12 @@ def test_a_rotation_of_any_length_counts():
 
 
 def test_the_age_is_that_of_the_oldest_link_that_is_not_static():
-    grown = tree(link("odom", "base_link", stamp_s=5.0))
-    grown.add([link("map", "odom", stamp_s=7.0)], 103.0)
-    grown.add([link("base_link", "gnss", static=True)], 50.0)
+    grown = tree(link("odom", "base_link", stamp_s=102.0))  # stamped ahead of its arrival
+    grown.add([link("map", "odom", stamp_s=101.0)], 103.0)
+    grown.add([link("base_link", "gnss", stamp_s=40.0, static=True)], 50.0)
     assert grown.pose("gnss", "map", 104.0).age_s == pytest.approx(4.0)
+    grown.add([link("odom", "base_link", stamp_s=103.5)], 103.6)
+    assert grown.pose("gnss", "map", 104.0).age_s == pytest.approx(3.0)
     assert tree(link("map", "base_link", static=True)).pose("base_link", "map", 1e9).age_s == 0.0
 
 
