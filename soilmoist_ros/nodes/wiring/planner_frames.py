@@ -30,7 +30,7 @@ DATUM_TYPE: Final = ("robot_localization.srv", "ToLL")
 
 
 class PlannerFrames:
-    """Subscribes to TF if its message type is installed, and publishes ``robot_pose`` with each fix.
+    """Listens to TF if its message type is installed, and publishes ``robot_pose`` with each fix.
 
     :param node: the planner
     :param values: its parameters
@@ -50,12 +50,15 @@ class PlannerFrames:
         self._poses = node.create_publisher(PoseWithCovarianceStamped, "robot_pose", DEFAULT)
         self._ask = self._datum_client(values.text("datum_service"))
         self._listener: _Listener | None = None
+
+    def listen(self) -> None:
+        """Start listening to TF: last, as a thread must not run while the planner refuses its parameters."""
         try:
             kind = importlib.import_module("tf2_msgs.msg").TFMessage
         except ImportError:
-            node.get_logger().warning("the frames are not checked: tf2_msgs is not installed")
+            self._node.get_logger().warning("the frames are not checked: tf2_msgs is not installed")
         else:
-            self._listener = _Listener(node, kind, self._on_tf)
+            self._listener = _Listener(self._node, kind, self._on_tf)
 
     def close(self) -> None:
         """Stop listening to TF."""
