@@ -26,7 +26,7 @@ from soilmoist_ros.simulation.fields.field_files import write_field_file, write_
 from soilmoist_ros.simulation.robot.line_server import write_ports_file
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
-from soilmoist_ros.simulation.robot.waiting_clock import WaitingClock, awaited
+from soilmoist_ros.simulation.robot.waiting_clock import WaitingClock
 from soilmoist_ros.simulation.simulated_robot import Output, robot_namespaces
 from soilmoist_ros.simulation.system import VirtualSystem
 
@@ -50,8 +50,7 @@ class FieldSimulator(Node):
         start_s = read_start_time(given.text("start_time"))
         self._system = VirtualSystem(settings, start_s, given.number("gnss_period_s"), scenario)
         self._time = SimulatedTime(given.number("speed"), MAX_STEP_S)
-        self._epoch_s = given.number("gnss_period_s")
-        self._waiting = WaitingClock()
+        self._waiting = WaitingClock(given.number("gnss_period_s"))
         self._noted = ""
         self._started = not given.flag("start_when_connected")
         self._connected_s = math.inf
@@ -121,15 +120,10 @@ class FieldSimulator(Node):
     def _advance(self, wall_s: float, step_s: float) -> list[list[Output]]:
         """Output of the robots until the time after a step, or until time has to wait for a planner."""
         system = self._system
-        progress = [robot.progress for robot in self._robots]
-        waits = [
-            (robot.name, found)
-            for robot, its in zip(self._robots, progress, strict=True)
-            if (found := awaited(its, system.now_s, self._epoch_s)) is not None
-        ]
-        stands = self._waiting.stands(wall_s, waits)
-        has_planner = any(its.phase is not None for its in progress)
-        return system.advance(system.now_s + (0.0 if stands else step_s), step_by_step=has_planner)
+        progress = {robot.name: robot.progress for robot in self._robots}
+        end_s = max(self._waiting.may_run_to(wall_s, progress), system.now_s)
+        has_planner = any(its.phase is not None for its in progress.values())
+        return system.advance(min(system.now_s + step_s, end_s), step_by_step=has_planner)
 
     def _report(self) -> None:
         health = self._waiting.health

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.health import Health, Level
-
-ARRIVAL_EPOCHS = 2
-"""Epochs of the receiver after the end of a goal that the planner may need to check its place."""
 
 
 class Awaited(StrEnum):
@@ -23,7 +20,7 @@ class Awaited(StrEnum):
     RECORD = "the last record"
     """The planner counts, and has not received the last record of the logger yet."""
     ARRIVAL = "the reaction to the end of a goal"
-    """A goal has ended, and the mission has not reacted."""
+    """A goal has ended, and the mission has not reacted. It needs positions, so time crawls."""
     DEPARTURE = "the next goal"
     """The mission travels, and the navigation has no goal yet."""
     SAVE = "the end of the planner"
@@ -36,6 +33,8 @@ LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
 """Longest waits [s of the wall clock]."""
 SHORT_S = 0.5
 """Longest wait for what did not come in time before [s of the wall clock]."""
+CRAWL_S = 0.2
+"""Real time between the first two epochs after the end of a goal, if the mission does not react [s]."""
 NOTED_S = 5.0
 """Waits from this length on are worth a message [s of the wall clock]."""
 
@@ -64,14 +63,12 @@ class RobotProgress:
     waits_for_goal: bool = False
 
 
-def awaited(progress: RobotProgress, now_s: float, epoch_s: float) -> Awaited | None:
+def awaited(progress: RobotProgress) -> Awaited | None:
     """What simulated time waits for at a robot, ``None`` for nothing.
 
     A mission that is paused or has not started, and a robot on its way do not stop the time.
 
     :param progress: how far robot and planner are
-    :param now_s: simulated time [s]
-    :param epoch_s: time between epochs of the receiver [s]
     """
     match progress.phase:
         case Phase.PLANNING:
@@ -81,38 +78,42 @@ def awaited(progress: RobotProgress, now_s: float, epoch_s: float) -> Awaited | 
         case Phase.COUNTING if 1e-3 < progress.sent_s - progress.handled_s < math.inf:
             return Awaited.RECORD
         case Phase.TRAVELLING | Phase.RETURNING:
-            if now_s >= progress.goal_ended_s + ARRIVAL_EPOCHS * epoch_s:
+            if not math.isnan(progress.goal_ended_s):
                 return Awaited.ARRIVAL
-            if progress.waits_for_goal and math.isnan(progress.goal_ended_s):
+            if progress.waits_for_goal:
                 return Awaited.DEPARTURE
     return None
 
 
 class WaitingClock:
-    """Decides whether simulated time stands still, and never waits forever.
+    """Decides how far simulated time may run, and never waits forever.
 
     A wait ends at its limit, see :data:`LIMITS_S`. What did not come in time is waited for only briefly
     (:data:`SHORT_S`) until it comes in time again.
+
+    :param epoch_s: time between epochs of the receivers [s]
     """
 
-    def __init__(self) -> None:
+    def __init__(self, epoch_s: float) -> None:
+        self._epoch_s = epoch_s
         self.waited_s = 0.0
-        """Wall-clock time for which simulated time stood still [s]."""
+        """Wall-clock time for which simulated time waited [s]."""
         self._since: dict[tuple[str, Awaited], float] = {}
         self._late: set[tuple[str, Awaited]] = set()
         self._excused: set[tuple[str, Awaited]] = set()
         self._wall_s = math.nan
-        self._stood = False
+        self._waits = False
 
-    def stands(self, wall_s: float, waits: Collection[tuple[str, Awaited]]) -> bool:
-        """Whether time stands still now.
+    def may_run_to(self, wall_s: float, robots: Mapping[str, RobotProgress]) -> float:
+        """Simulated time that may be reached now [s]; inf if nothing is awaited, -inf if time stands still.
 
         :param wall_s: wall-clock time [s]
-        :param waits: names of robots, and what is awaited of each
+        :param robots: how far each robot is, by name
         """
-        if self._stood:
+        if self._waits:
             self.waited_s += wall_s - self._wall_s
-        for key in self._since.keys() - set(waits):  # it has come
+        waits = {(name, found): its for name, its in robots.items() if (found := awaited(its)) is not None}
+        for key in self._since.keys() - waits.keys():  # it has come
             del self._since[key]
             if key in self._excused:
                 self._excused.discard(key)
@@ -123,8 +124,18 @@ class WaitingClock:
             if wall_s - since_s >= (SHORT_S if key in self._late else LIMITS_S[key[1]]):
                 self._late.add(key)
                 self._excused.add(key)
-        self._wall_s, self._stood = wall_s, any(key not in self._excused for key in waits)
-        return self._stood
+        open_waits = waits.keys() - self._excused
+        self._wall_s, self._waits = wall_s, bool(open_waits)
+        return min((self._end_s(key, waits[key]) for key in open_waits), default=math.inf)
+
+    def _end_s(self, key: tuple[str, Awaited], progress: RobotProgress) -> float:
+        """Simulated time that may be reached in spite of a wait [s]."""
+        if key[1] is not Awaited.ARRIVAL:
+            return -math.inf
+        # The planner checks the place by a position after the result, which may be late. The time between two
+        # positions doubles: a result is never without one for long, and a long wait takes little simulated time.
+        epochs = 1 + math.log2(1 + (self._wall_s - self._since[key]) / CRAWL_S)
+        return progress.goal_ended_s + epochs * self._epoch_s
 
     @property
     def health(self) -> Health:

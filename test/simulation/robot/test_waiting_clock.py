@@ -19,7 +19,23 @@ from soilmoist_ros.simulation.robot.waiting_clock import (
 WAITED_FOR = (Phase.PLANNING, Phase.COUNTING, Phase.TRAVELLING, Phase.RETURNING, Phase.FINISHED)
 COUNTING = RobotProgress(Phase.COUNTING, sent_s=100.0, handled_s=100.0)
 TRAVELLING = RobotProgress(Phase.TRAVELLING, sent_s=100.0, handled_s=50.0)
-PLAN, RECORD = ("robot_1", Awaited.PLAN), ("robot_2", Awaited.RECORD)
+PLAN = {"robot_1": RobotProgress(Phase.PLANNING)}
+RECORD = {"robot_2": replace(COUNTING, handled_s=90.0)}
+ARRIVAL = {"robot_1": replace(TRAVELLING, goal_ended_s=107.0)}
+
+
+class Clock(WaitingClock):
+    """A clock with receivers of one epoch a second."""
+
+    def __init__(self):
+        super().__init__(epoch_s=1.0)
+
+    def stands(self, wall_s, *waits):
+        """Whether time stands still; the robots that are given are the ones that do not run."""
+        robots = {"robot_1": TRAVELLING, "robot_2": COUNTING}
+        for one in waits:
+            robots |= one
+        return self.may_run_to(wall_s, robots) < math.inf
 
 
 @pytest.mark.parametrize(
@@ -35,82 +51,96 @@ PLAN, RECORD = ("robot_1", Awaited.PLAN), ("robot_2", Awaited.RECORD)
         (replace(COUNTING, sent_s=-math.inf), None),  # no driver
         (TRAVELLING, None),
         (replace(TRAVELLING, goal_ended_s=107.0), Awaited.ARRIVAL),
-        (replace(TRAVELLING, goal_ended_s=109.0), None),  # the receiver has not reported the place yet
-        (replace(TRAVELLING, goal_ended_s=109.0, waits_for_goal=True), None),
+        (replace(TRAVELLING, goal_ended_s=107.0, waits_for_goal=True), Awaited.ARRIVAL),
         (replace(TRAVELLING, waits_for_goal=True), Awaited.DEPARTURE),
         (replace(TRAVELLING, phase=Phase.RETURNING, waits_for_goal=True), Awaited.DEPARTURE),
     ],
 )
 def test_what_is_awaited(progress, expected):
-    assert awaited(progress, 110.0, 1.0) is expected
+    assert awaited(progress) is expected
 
 
 @pytest.mark.parametrize("phase", [None, *(set(Phase) - {*WAITED_FOR})])
 def test_other_missions_do_not_stop_the_time(phase):
-    assert awaited(RobotProgress(phase, 100.0, 0.0, 0.0, True), 110.0, 1.0) is None
+    assert awaited(RobotProgress(phase, 100.0, 0.0, 0.0, True)) is None
 
 
 def test_time_stands_still_until_all_is_there():
-    clock = WaitingClock()
-    assert not clock.stands(0.0, [])
-    assert clock.stands(1.0, [PLAN, RECORD])
-    assert clock.stands(5.0, [PLAN])
-    assert not clock.stands(9.0, [])
+    clock = Clock()
+    assert not clock.stands(0.0)
+    assert clock.stands(1.0, PLAN, RECORD)
+    assert clock.stands(5.0, PLAN)
+    assert not clock.stands(9.0)
     assert clock.waited_s == 8.0
-    assert not clock.stands(20.0, [])
+    assert not clock.stands(20.0)
     assert clock.waited_s == 8.0
 
 
 def test_what_does_not_come_is_not_waited_for_again_until_it_comes_in_time():
-    clock = WaitingClock()
+    clock = Clock()
     limit_s = LIMITS_S[Awaited.RECORD]
-    assert clock.stands(0.0, [RECORD])
-    assert clock.stands(limit_s - 0.1, [RECORD])
-    assert not clock.stands(limit_s, [RECORD])
-    assert not clock.stands(limit_s + 100, [RECORD]), "it stays excused"
-    assert not clock.stands(200.0, [])
-    assert clock.stands(201.0, [RECORD]), "the next time it has a short limit"
-    assert not clock.stands(201.0 + SHORT_S, [RECORD])
-    assert not clock.stands(202.0, [])
-    assert clock.stands(203.0, [RECORD])
-    assert not clock.stands(203.0 + SHORT_S / 2, []), "it came in time"
-    assert clock.stands(204.0, [RECORD])
-    assert clock.stands(204.0 + limit_s - 0.1, [RECORD]), "the long limit applies again"
+    assert clock.stands(0.0, RECORD)
+    assert clock.stands(limit_s - 0.1, RECORD)
+    assert not clock.stands(limit_s, RECORD)
+    assert not clock.stands(limit_s + 100, RECORD), "it stays excused"
+    assert not clock.stands(200.0)
+    assert clock.stands(201.0, RECORD), "the next time it has a short limit"
+    assert not clock.stands(201.0 + SHORT_S, RECORD)
+    assert not clock.stands(202.0)
+    assert clock.stands(203.0, RECORD)
+    assert not clock.stands(203.0 + SHORT_S / 2), "it came in time"
+    assert clock.stands(204.0, RECORD)
+    assert clock.stands(204.0 + limit_s - 0.1, RECORD), "the long limit applies again"
 
 
 def test_one_that_is_excused_does_not_excuse_others():
-    clock = WaitingClock()
-    clock.stands(0.0, [RECORD])
-    assert not clock.stands(LIMITS_S[Awaited.RECORD], [RECORD])
-    assert clock.stands(LIMITS_S[Awaited.RECORD], [RECORD, PLAN])
+    clock = Clock()
+    clock.stands(0.0, RECORD)
+    assert not clock.stands(LIMITS_S[Awaited.RECORD], RECORD)
+    assert clock.stands(LIMITS_S[Awaited.RECORD], RECORD, PLAN)
 
 
 def test_a_long_wait_is_reported_by_its_cause():
-    clock = WaitingClock()
-    clock.stands(0.0, [RECORD])
-    clock.stands(3.0, [RECORD, PLAN])
+    clock = Clock()
+    clock.stands(0.0, RECORD)
+    clock.stands(3.0, RECORD, PLAN)
     assert clock.long_wait is None
     assert (clock.health.level, clock.health.values["waits_for"]) == (Level.OK, "")
-    clock.stands(6.0, [RECORD, PLAN])
-    assert clock.long_wait == RECORD
+    clock.stands(6.0, RECORD, PLAN)
+    assert clock.long_wait == ("robot_2", Awaited.RECORD)
     assert clock.health.level is Level.WARN
     assert clock.health.values == {"waits_for": "the last record of robot_2", "waited_s": "6.0"}
-    clock.stands(9.0, [PLAN])
-    assert clock.long_wait == PLAN
-    clock.stands(10.0, [])
+    clock.stands(9.0, PLAN)
+    assert clock.long_wait == ("robot_1", Awaited.PLAN)
+    clock.stands(10.0)
     assert clock.long_wait is None
 
 
-WAITS = st.sets(st.tuples(st.sampled_from(["robot_1", "robot_2"]), st.sampled_from(Awaited)))
+def test_time_crawls_after_a_goal_because_the_planner_needs_positions():
+    clock = WaitingClock(epoch_s=1.0)
+    ends_s = [clock.may_run_to(wall_s, ARRIVAL) - 107.0 for wall_s in (5.0, 5.2, 5.6, 6.4, 8.0, 11.2)]
+    assert ends_s == pytest.approx([1, 2, 3, 4, 5, 6])
+    assert clock.may_run_to(12.0, ARRIVAL | RECORD) == -math.inf
+    assert clock.may_run_to(12.1, {"robot_1": TRAVELLING}) == math.inf
 
 
-@given(st.lists(st.tuples(st.floats(0.01, 10), WAITS), max_size=30), WAITS)
+PROGRESS = st.builds(
+    RobotProgress,
+    st.sampled_from([None, *Phase]),
+    st.sampled_from([-math.inf, 90.0, 100.0]),
+    st.sampled_from([-math.inf, math.nan, 90.0, 100.0]),
+    st.sampled_from([math.nan, 95.0]),
+    st.booleans(),
+)
+ROBOTS = st.fixed_dictionaries({"robot_1": PROGRESS, "robot_2": PROGRESS})
+
+
+@given(st.lists(st.tuples(st.floats(0.01, 10), ROBOTS), max_size=30), ROBOTS)
 def test_time_never_stands_forever(history, forever):
-    clock = WaitingClock()
+    clock = WaitingClock(epoch_s=1.0)
     wall_s = 0.0
-    for step_s, waits in history:
+    for step_s, robots in history:
         wall_s += step_s
-        assert waits or not clock.stands(wall_s, waits)
-        clock.stands(wall_s, waits)
-    clock.stands(wall_s, forever)
-    assert not clock.stands(wall_s + max(LIMITS_S.values()) + 0.1, forever)
+        clock.may_run_to(wall_s, robots)
+    clock.may_run_to(wall_s, forever)
+    assert clock.may_run_to(wall_s + max(LIMITS_S.values()) + 0.1, forever) == math.inf
