@@ -174,9 +174,8 @@ def test_simulated_time_waits_for_a_planner_that_is_slow(ros, tmp_path):
     status = robot.wait_finished()
     robot.stop()
     assert status.samples >= 5
-    visits = [line for line in robot.processes["planner"].output().splitlines() if " visit: " in line]
-    assert visits
-    assert all("in 60 s" in line for line in visits)
+    *visits, _ = [line for line in robot.processes["planner"].output().splitlines() if " visit: " in line]
+    assert all("in 60 s" in line for line in visits), "only the end of the mission may cut a visit short"
 
 
 def test_two_robots_do_not_hear_each_other(ros, tmp_path):

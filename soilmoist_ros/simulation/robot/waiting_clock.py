@@ -33,8 +33,8 @@ LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
 """Longest waits [s of the wall clock]."""
 SHORT_S = 0.5
 """Longest wait for what did not come in time before [s of the wall clock]."""
-CRAWL_S = 0.2
-"""Real time between the first two epochs after the end of a goal, if the mission does not react [s]."""
+CRAWL_S = 0.1
+"""Least real time until the first epoch after the end of a goal, if the mission does not react [s]."""
 NOTED_S = 5.0
 """Waits from this length on are worth a message [s of the wall clock]."""
 
@@ -98,6 +98,7 @@ class WaitingClock:
         self._epoch_s = epoch_s
         self.waited_s = 0.0
         """Wall-clock time for which simulated time waited [s]."""
+        self._answer_s = 0.0  # time that planners take to receive a record
         self._since: dict[tuple[str, Awaited], float] = {}
         self._late: set[tuple[str, Awaited]] = set()
         self._excused: set[tuple[str, Awaited]] = set()
@@ -114,7 +115,9 @@ class WaitingClock:
             self.waited_s += wall_s - self._wall_s
         waits = {(name, found): its for name, its in robots.items() if (found := awaited(its)) is not None}
         for key in self._since.keys() - waits.keys():  # it has come
-            del self._since[key]
+            lasted_s = wall_s - self._since.pop(key)
+            if key[1] is Awaited.RECORD:
+                self._answer_s = max(0.8 * self._answer_s, min(lasted_s, 1.0))
             if key in self._excused:
                 self._excused.discard(key)
             else:
@@ -132,9 +135,10 @@ class WaitingClock:
         """Simulated time that may be reached in spite of a wait [s]."""
         if key[1] is not Awaited.ARRIVAL:
             return -math.inf
-        # The planner checks the place by a position after the result, which may be late. The time between two
-        # positions doubles: a result is never without one for long, and a long wait takes little simulated time.
-        epochs = 1 + math.log2(1 + (self._wall_s - self._since[key]) / CRAWL_S)
+        # The planner checks the place by a position after the result, so the next position comes when the result
+        # should be there. If it is late, more positions come, and the time between two doubles: a result is never
+        # without one for long, and a long wait takes little simulated time.
+        epochs = math.log2(1 + (self._wall_s - self._since[key]) / max(CRAWL_S, 2 * self._answer_s))
         return progress.goal_ended_s + epochs * self._epoch_s
 
     @property

@@ -118,10 +118,18 @@ def test_a_long_wait_is_reported_by_its_cause():
 
 def test_time_crawls_after_a_goal_because_the_planner_needs_positions():
     clock = WaitingClock(epoch_s=1.0)
-    ends_s = [clock.may_run_to(wall_s, ARRIVAL) - 107.0 for wall_s in (5.0, 5.2, 5.6, 6.4, 8.0, 11.2)]
-    assert ends_s == pytest.approx([1, 2, 3, 4, 5, 6])
+    ends_s = [clock.may_run_to(wall_s, ARRIVAL) - 107.0 for wall_s in (5.0, 5.1, 5.3, 5.7, 6.5, 8.1, 11.3)]
+    assert ends_s == pytest.approx([0, 1, 2, 3, 4, 5, 6])
     assert clock.may_run_to(12.0, ARRIVAL | RECORD) == -math.inf
     assert clock.may_run_to(12.1, {"robot_1": TRAVELLING}) == math.inf
+
+
+def test_a_slow_computer_has_more_time_until_the_next_position():
+    clock = WaitingClock(epoch_s=1.0)
+    clock.may_run_to(0.0, RECORD)
+    clock.may_run_to(0.5, {"robot_2": COUNTING})
+    ends_s = [clock.may_run_to(wall_s, ARRIVAL) - 107.0 for wall_s in (5.0, 6.0, 8.0)]
+    assert ends_s == pytest.approx([0, 1, 2])
 
 
 PROGRESS = st.builds(
