@@ -106,7 +106,31 @@ def replay_mission(
         properties=[_mapped(one, title) for one, title in zip(properties, titles, strict=True)],
         frame=survey.field.frame,
         ended="; ".join(ends),
+        log=mission_log(robots, later_s),
     )
+
+
+def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> list[str]:
+    """Lines of the mission log: changes of the state, and who commanded what when.
+
+    :param robots: the robots of the mission
+    :param later_s: start of each after the start of the first [s]
+    """
+    lines = []
+    for robot, later in zip(robots, later_s, strict=True):
+        name = f"robot {robot.number}: " if len(robots) > 1 else ""
+        said, commanded = ("", ""), ("", math.nan)
+        for status in robot.statuses:
+            time_s = status.time_used_s + later
+            command = status.last_command, status.last_command_s
+            if status.last_command and command != commanded:
+                commanded = command
+                lines.append((time_s, f"{name}{status.last_command}"))
+            if (status.state, status.reason) != said:
+                said = status.state, status.reason
+                lines.append((time_s, f"{name}{status.state}: {status.reason}"))
+    lines.sort(key=lambda line: line[0])
+    return [f"{time_s:8.0f} s  {text}" for time_s, text in lines]
 
 
 def _mapped(one: ReplayedProperty, title: str) -> MappedProperty:

@@ -25,6 +25,8 @@ class Status(NamedTuple):
     :param counting_s: time spent counting at all stops [s]
     :param raw_counts: counts at the stop so far
     :param stamp_s: time of the status [s]
+    :param last_command: last command of an operator, with its answer; empty without one
+    :param last_command_s: its time, on the clock of ``stamp_s`` [s]; NaN without one
     """
 
     state: str
@@ -40,9 +42,12 @@ class Status(NamedTuple):
     counting_s: float
     raw_counts: int
     stamp_s: float
+    last_command: str = ""
+    last_command_s: float = math.nan
 
 
-_MAY_BE_UNKNOWN = {"target_x_m", "target_y_m", "stamp_s"}
+_MAY_BE_UNKNOWN = {"target_x_m", "target_y_m", "stamp_s", "last_command_s"}
+_OF_LATER_VERSIONS = {name: str(value) for name, value in Status._field_defaults.items()}
 
 
 def read_statuses(topics: RunTopics) -> list[Status]:
@@ -69,6 +74,7 @@ def last_mission(statuses: Sequence[Status]) -> list[Status]:
 def _status(values: dict[str, str]) -> Status | None:
     """The status of a message; ``None`` if the message lacks a value: another node may use the topic."""
     try:
+        values = {**_OF_LATER_VERSIONS, **values}
         status = Status(**{name: kind(values[name]) for name, kind in get_type_hints(Status).items()})
     except (KeyError, ValueError):
         return None

@@ -132,6 +132,7 @@ def test_words(mission):
     assert "counts/10 s" in part.text
     assert part.text.endswith("The mission ended: time is up.")
     assert part.hidden == 0
+    assert part.log == tuple(mission.log) != ()
     travelled = [fact for fact in facts(mission_run(mission, NOW)) if fact.meaning == "travelled"]
     assert travelled[0].value == f"{mission.series[-1].distance_m:.0f}"
     many = dataclasses.replace(mission, visits=mission.visits * 30)

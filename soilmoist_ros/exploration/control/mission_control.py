@@ -179,7 +179,8 @@ class MissionControl:
         self._no_access = "the map of the navigation"
         self._asked_at: tuple[float, float] | None = None  # where the part of the map was last looked for
         self._journal = journal or MissionJournal(None)
-        self._interrupted = self._last_command = ""
+        self._interrupted = ""
+        self._last_command = "", math.nan
         self._resume_when_ready = False
         self._closed = False
         self._start(mission or Mission(rules))
@@ -312,10 +313,9 @@ class MissionControl:
         if answer.accepted and command.changes is not None and command.changes.home is not None:
             self._use(self._graph, self._cell_m, self._feed.place)
         if answer.accepted:
-            self._last_command = f"{verb} by {command.by}: {answer.message}"
-        if answer.accepted and verb in _DECISIONS:
-            self._interrupted, self._resume_when_ready = "", False
-        if answer.accepted and verb is not Verb.PAUSE:
+            self._last_command = f"{verb} by {command.by}: {answer.message}", command.now_s
+            if verb in _DECISIONS:
+                self._interrupted, self._resume_when_ready = "", False
             self.show()
         return answer
 
@@ -496,7 +496,8 @@ class MissionControl:
             "on_the_way": self.navigator.on_the_way,
             "records_without_place": str(self._records_lost),
             RECORD_STAMP: repr(self._record_stamp_s),
-            "last_command": self._last_command,
+            "last_command": self._last_command[0],
+            "last_command_s": repr(self._last_command[1]),
         }
         self._outputs.show(status, ahead, more)
 

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MAX_VISITS = 100
 MAX_NUMBERS = 80
+MAX_LINES = 1000
 ROBOTS = {"blue": BLUE, "orange": ORANGE, "green": GREEN, "purple": PURPLE, "gold": GOLD, "black": INK}
 """Colours of the robots in order; further robots repeat them from the first."""
 
@@ -53,6 +54,7 @@ class MissionPart:
     :param visits: the first stops
     :param hidden: number of stops missing from the table
     :param several: whether there are several robots
+    :param log: lines of the mission log: what happened when, and what operators did
     """
 
     text: str
@@ -60,6 +62,7 @@ class MissionPart:
     visits: tuple[Visit, ...]
     hidden: int
     several: bool = False
+    log: tuple[str, ...] = ()
 
 
 def mission_part(run: MapRun) -> MissionPart | None:
@@ -96,7 +99,7 @@ def mission_part(run: MapRun) -> MissionPart | None:
     shown = tuple(mission.visits[:MAX_VISITS])
     hidden = len(mission.visits) - len(shown)
     several = len(mission.tracks) > 1
-    return MissionPart(_text(mission), tuple(sections), shown, hidden, several)
+    return MissionPart(_text(mission), tuple(sections), shown, hidden, several, tuple(mission.log[:MAX_LINES]))
 
 
 def _text(mission: MissionResult) -> str:
