@@ -132,7 +132,9 @@ def test_words(mission):
     assert "counts/10 s" in part.text
     assert part.text.endswith("The mission ended: time is up.")
     assert part.hidden == 0
-    assert part.log == tuple(mission.log) != ()
+    logged = dataclasses.replace(mission, log=["       0 s  start by <Ada>: started"])
+    assert mission_part(mission_run(logged, NOW)).log == tuple(logged.log)
+    assert "0 s  start by &lt;Ada&gt;: started" in render_report(mission_run(logged, NOW))
     travelled = [fact for fact in facts(mission_run(mission, NOW)) if fact.meaning == "travelled"]
     assert travelled[0].value == f"{mission.series[-1].distance_m:.0f}"
     many = dataclasses.replace(mission, visits=mission.visits * 30)
