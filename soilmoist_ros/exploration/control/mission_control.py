@@ -211,11 +211,12 @@ class MissionControl:
         """Go on with a mission that was interrupted; the robot does not move before somebody resumes it.
 
         :param mission: the mission as it was
-        :param auto: resume by itself, once all that is needed is there
+        :param auto: resume by itself, once all that is needed is there, unless it was paused until people resume
         """
         doing, stop = mission.state.phase, mission.state.target
         self._interrupted = f"resumable: interrupted while {doing}{f' ({stop.stop.name})' if stop else ''}"
-        self._resume_when_ready = auto
+        waits_for_people = mission.state.resume is not None and not mission.state.held
+        self._resume_when_ready = auto and not waits_for_people
         self._start(mission)
         self._clock.go_on_from(mission.state)
         now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)

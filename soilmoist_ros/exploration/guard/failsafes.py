@@ -16,8 +16,10 @@ class Cause(StrEnum):
 
     OUTSIDE = "outside"
     JUMP = "jump"
+    RELOCATED = "relocated"
     SPEED = "speed"
     FIX_OLD = "fix_old"
+    FIX_FROZEN = "fix_frozen"
     RECORDS_OLD = "records_old"
     MAP_OLD = "map_old"
     NAVIGATION_SILENT = "navigation_silent"
@@ -60,6 +62,12 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             ("max_jump_m", "max_speed_mps", "agree_fixes"),
             "check the GNSS receiver and its corrections",
         ),
+        Cause.RELOCATED: Failsafe(
+            "the fixes agree on another place, which the robot cannot have reached by itself",
+            Response.PAUSE,
+            ("max_jump_m", "agree_fixes"),
+            "check that the robot is where the map shows it, then resume",
+        ),
         Cause.SPEED: Failsafe(
             "the robot moves faster than it can",
             Response.PAUSE,
@@ -71,6 +79,12 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             Response.HOLD,
             ("fix_old_s", "max_fix_sd_m"),
             "check the GNSS receiver and its view of the sky",
+        ),
+        Cause.FIX_FROZEN: Failsafe(
+            "the fixes repeat the very same place for the limit, while the robot is to drive",
+            Response.PAUSE,
+            ("fix_frozen_s",),
+            "check the GNSS receiver, and whether the robot is stuck",
         ),
         Cause.RECORDS_OLD: Failsafe(
             "no record has come for the limit in a mission",

@@ -22,6 +22,8 @@ MIN_SPAN_S: Final = 1.0
 """Minimum time between two places that give a speed [s]."""
 TOLERANCE: Final = 2.0
 """A place is plausible up to this multiple of the highest speed; the cause ``speed`` covers what lies between."""
+STOPPING_S: Final = 3.0
+"""Time until a robot stands whose place is lost [s]."""
 SDS: Final = 3.0
 """Errors up to this many standard deviations are noise."""
 
@@ -108,6 +110,9 @@ class PlaceFilter:
         number of places in a row that contradict it
     rejected_since_s : float
         when the first of them came [s]
+    relocated_m : float
+        distance of the last plausible place from the one before, if the robot cannot have driven there after
+        places in between were rejected [m]; otherwise 0
     counts : dict[Verdict, int]
         number of places by verdict
     """
@@ -117,6 +122,7 @@ class PlaceFilter:
         self.fix: PlaceFix | None = None
         self.rejected = 0
         self.rejected_since_s = math.inf
+        self.relocated_m = 0.0
         self.counts = dict.fromkeys(Verdict, 0)
         self._track: deque[PlaceFix] = deque()
         self._candidates: deque[PlaceFix] = deque()
@@ -172,6 +178,9 @@ class PlaceFilter:
             self._track.append(fix)
         while self._time_s(self._track[0], fix) > WINDOW_S:
             self._track.popleft()
+        away_m = self.jump_m(fix) if self.rejected else 0.0
+        reach_m = self.limits.max_jump_m + STOPPING_S * self.limits.max_speed_mps
+        self.relocated_m = away_m if away_m > reach_m else 0.0
         self.fix = fix
         self.rejected, self.rejected_since_s = 0, math.inf
         self._candidates.clear()

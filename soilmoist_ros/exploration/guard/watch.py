@@ -21,13 +21,19 @@ from soilmoist_ros.mapping.record_check import StampLimits
 MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
 MIN_JUMP_S: Final = 2.0
-"""Minimum time over which implausible fixes come [s]."""
+"""Minimum time over which implausible fixes come until the place counts as lost [s]."""
+FROZEN_M: Final = 1e-3
+"""Places this close are the very same one [m]: a receiver that works has more noise."""
 MIN_BATTERY: Final = 3
 """Number of messages in a row that must report a low battery: a peak load does not empty it."""
 RECHARGED: Final = 0.05
 """A battery is no longer low this far above the limit: charge [-], or share of the voltage [-]."""
 MIN_USE: Final = 0.02
 """Charge that must have been used before its mean use is known [-]."""
+
+
+_LOST: Final = frozenset((Cause.OUTSIDE, Cause.JUMP, Cause.RELOCATED, Cause.SPEED))
+"""While these are on, the way home is not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +44,7 @@ class WatchLimits:
     :param stamps: stamps that a record can have
     :param max_outside_m: distance to the field that is still allowed [m]
     :param fix_old_s: longest time without a plausible place [s]
+    :param fix_frozen_s: longest time in which the place of a driving robot does not change at all [s]; 0: any
     :param records_old_s: longest time without a record in a mission [s]
     :param map_old_s: longest time that the map stays without the newest records [s]
     :param navigation_silent_s: longest time without the navigation, or its feedback where that is regular [s]
@@ -55,6 +62,7 @@ class WatchLimits:
     stamps: StampLimits = field(default_factory=StampLimits)
     max_outside_m: float = 10.0
     fix_old_s: float = 10.0
+    fix_frozen_s: float = 20.0
     records_old_s: float = 60.0
     map_old_s: float = 300.0
     navigation_silent_s: float = 10.0
@@ -145,6 +153,8 @@ class Watch:
         self._under_way = False
         self._fast = 0
         self._outside_m = 0.0
+        self._frozen: tuple[tuple[float, float], float] | None = None  # a place, and since when it is the last
+        self._driving_since_s = math.inf
         self._record_stamp_s = self._map_stamp_s = -math.inf
         self._charge = self._voltage_v = math.nan
         self._drained = dict.fromkeys((Cause.BATTERY_LOW, Cause.BATTERY_EMPTY), 0)
@@ -167,6 +177,10 @@ class Watch:
             return None
         self._hear("fix", fix.now_s)
         self.report(Cause.JUMP, "")
+        if places.relocated_m > 0:
+            self.note(Cause.RELOCATED, f"the fixes agree on a place {places.relocated_m:.0f} m from the last one")
+        if self._frozen is None or math.dist(self._frozen[0], fix.xy) > FROZEN_M:
+            self._frozen = fix.xy, fix.now_s
         fast = places.speed_mps > self.limits.place.max_speed_mps
         self._fast = self._fast + 1 if fast else 0
         self.report(
@@ -327,8 +341,21 @@ class Watch:
         ):
             silent_s = self._silent_s(name, now_s) if missed else 0.0
             self.report(cause, f"{what} {silent_s:.0f} s" if silent_s > limit_s else "")
+        self.report(Cause.FIX_FROZEN, self._frozen_fault(now_s, doing))
         self.report(Cause.NAVIGATION_SILENT, self._navigation_fault(now_s, doing))
         self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))
+
+    def _frozen_fault(self, now_s: float, doing: Doing) -> str:
+        if not doing.driving:
+            self._driving_since_s = math.inf
+            return ""
+        self._driving_since_s = min(self._driving_since_s, now_s)
+        limit_s = self.limits.fix_frozen_s
+        heard = self._heard.get("fix")
+        if self._frozen is None or heard is None or not limit_s:
+            return ""
+        frozen_s = heard.now_s - max(self._frozen[1], self._driving_since_s)
+        return f"the place has not changed at all for {frozen_s:.0f} s" if frozen_s > limit_s else ""
 
     def _navigation_fault(self, now_s: float, doing: Doing) -> str:
         limit_s = self.limits.navigation_silent_s
@@ -342,7 +369,7 @@ class Watch:
         return f"no feedback of the navigation for {doing.feedback_age_s:.0f} s" if silent else ""
 
     def _reserve_fault(self, now_s: float, doing: Doing) -> str:
-        if not doing.under_way or doing.going_home or doing.way_home_s <= 0:
+        if not doing.under_way or doing.going_home or doing.way_home_s <= 0 or _LOST & set(self.on):
             return ""
         if doing.time_left_s < doing.way_home_s:
             return f"the way home takes {doing.way_home_s:.0f} s and {doing.time_left_s:.0f} s are left"

@@ -521,7 +521,7 @@ class Moves:
                 assert goal is not None
                 return [(self.leave_by_s(), self.time_up), (goal.deadline_s, self.goal_late)]
             case Phase.PAUSED if state.resume is not Todo.RETURN and state.resume is not Todo.FINISH:
-                return [(self.leave_by_s(), self.time_up_in_pause)]
+                return [(self.end_of_pause_s(), self.time_up_in_pause)]
             case Phase.CANCELLING:
                 assert goal is not None
                 assert goal.cancelled_s is not None
@@ -554,6 +554,16 @@ class Moves:
         away = self.rules.way_home_s(self.place) > 0
         reason = "the time left is needed for the way home" if away else "the mission time is used up"
         self.end(MissionEnd.TIME_UP, reason)
+
+    def end_of_pause_s(self) -> float:
+        """When the time is up in a pause [s].
+
+        In a pause that the mission began, the place may be wrong, so it does not decide.
+        """
+        assert self.state.started_s is not None
+        if self.state.needs_operator or self.state.held:
+            return self.state.started_s + self.rules.budget_s
+        return self.leave_by_s()
 
     def time_up_in_pause(self) -> None:
         """Time is up in a pause: the robot must not move before the operator resumes."""

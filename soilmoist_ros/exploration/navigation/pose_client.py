@@ -74,11 +74,12 @@ class PoseClient:
         self._cancels = False
         self._asked_s = -math.inf
         self._kept: Place | None = None  # the place that was published to stop the robot
+        self._kept_s = self._begun_s = -math.inf
 
     @property
     def caution(self) -> str:
         """Why the robot cannot be stopped now; empty if it can, or if there is nothing to stop."""
-        if self._goal is None or self._cancels or self._track.place is not None:
+        if self._goal is None or self._cancels or self._place_to_stop is not None:
             return ""
         what = "is not asked to stop" if self._cancelling else "could not be stopped"
         return f"the robot {what}: its recent positions do not agree on a place"
@@ -94,6 +95,7 @@ class PoseClient:
         if not replaced and self._track.standing_at(ahead[-1].stop, self._track.still_m):
             return (Ended(goal_id, Outcome.SUCCEEDED, f"already at {ahead[-1].stop.name}"),)
         self._goal = _Goal(goal_id, ahead, self._track.now_s)
+        self._begun_s = self._track.now_s
         return *replaced, self._pose(ahead[0])
 
     def cancel(self, goal_id: int) -> tuple[Request, ...]:
@@ -105,6 +107,7 @@ class PoseClient:
         if goal.ahead or goal is not self._goal:
             goal.ahead, goal.since_s = (), math.inf
             self._asked_s, self._kept = -math.inf, None
+            self._begun_s = self._begun_s if goal is self._goal else -math.inf
         self._goal = goal
         return *replaced, *self._stop()
 
@@ -143,9 +146,21 @@ class PoseClient:
     def _cancelling(self) -> bool:
         return self._goal is not None and not self._goal.ahead
 
+    @property
+    def _place_to_stop(self) -> Place | None:
+        """Where the robot is [m]; ``None`` if it seems to have leaped there, since the pose would drive it there.
+
+        After a pose that lets it stay, any other place after a gap of positions is a leap.
+        """
+        track = self._track
+        leaped = track.leaped and track.resumed_s >= self._begun_s
+        if leaped or (self._kept is not None and track.resumed_s > self._kept_s):
+            return None
+        return track.place
+
     def _stop(self) -> tuple[Request, ...]:
         """Stop the robot if it may still be driving."""
-        goal, now_s, here = self._goal, self._track.now_s, self._track.place
+        goal, now_s, here = self._goal, self._track.now_s, self._place_to_stop
         assert goal is not None
         stays = here is not None and self._kept is not None and math.dist(here, self._kept) <= self._radius_m
         if now_s - self._asked_s < STOP_AGAIN_S or (not self._cancels and (here is None or stays)):
@@ -153,7 +168,7 @@ class PoseClient:
         self._asked_s, goal.since_s = now_s, min(goal.since_s, now_s)
         if self._cancels or here is None:
             return (CancelAll(),)
-        self._kept = here
+        self._kept, self._kept_s = here, now_s
         return (SendPose(*here, self._track.heading_rad or 0.0),)
 
     def _pose(self, point: WayPoint) -> SendPose:

@@ -15,6 +15,8 @@ MAX_SPAN_S = 45.0
 """... and of the oldest of them [s]; without fixes there are only the places of records, one in 10 s."""
 SPEED_FACTOR = 3.0
 """The robot may be this many times as fast as its expected speed."""
+USUAL_FACTOR = 1.2
+"""The robot is seldom faster than this multiple of its expected speed."""
 KEPT_S = 60.0
 """Time for which places are kept [s]."""
 STILL_S = 2.0
@@ -33,12 +35,17 @@ class Track:
     """
 
     def __init__(self, speed_mps: float, noise_m: float) -> None:
+        self._speed_mps = speed_mps
         self._max_speed_mps = SPEED_FACTOR * speed_mps
         self._noise_m = noise_m
         self._newest: deque[tuple[float, Place]] = deque(maxlen=MIN_AGREEING)
         self._verdicts: deque[bool] = deque(maxlen=AMONG)
         self._places: deque[tuple[float, Place]] = deque()
         self.now_s = -math.inf
+        self.resumed_s = -math.inf
+        """Time of the first place after the last gap of more than :data:`MAX_AGE_S` [s]."""
+        self.leaped = False
+        """Whether the robot would have had to be faster than expected in that gap."""
 
     def tick(self, now_s: float) -> None:
         """Time has passed [s]; a clock that goes back far starts a new track."""
@@ -55,6 +62,10 @@ class Track:
         self._newest.append((now_s, place))
         if self._places:
             plausible = all(self._agree(at, self._newest[-1]) for at in self._places)
+            last_s, last = self._places[-1]
+            if plausible and now_s - last_s > MAX_AGE_S:
+                reach_m = USUAL_FACTOR * self._speed_mps * (now_s - last_s) + self._noise_m
+                self.resumed_s, self.leaped = now_s, math.dist(last, place) > reach_m
             self._places.extend([self._newest[-1]] if plausible else [])
             self._verdicts.append(plausible)
         elif len(self._newest) == MIN_AGREEING and all(self._agree(at, self._newest[-1]) for at in self._newest):

@@ -56,6 +56,12 @@ WATCH_PARAMETERS: Final = (
         low=1,
     ),
     _row("fix_old_s", _WATCH.fix_old_s, "longest time without a plausible position", "s"),
+    _row(
+        "fix_frozen_s",
+        _WATCH.fix_frozen_s,
+        "longest time without any change of the position while the robot is to drive; 0 for no limit",
+        "s",
+    ),
     _row("records_old_s", _WATCH.records_old_s, "longest time without a record in a mission", "s"),
     _row("map_old_s", _WATCH.map_old_s, "longest time that the map stays without the newest records", "s"),
     _row(
@@ -102,6 +108,7 @@ def make_watch(parameters: Parameters) -> Watch:
             stamps=stamp_limits(parameters),
             max_outside_m=number("max_outside_m"),
             fix_old_s=number("fix_old_s"),
+            fix_frozen_s=number("fix_frozen_s"),
             records_old_s=number("records_old_s"),
             map_old_s=number("map_old_s"),
             navigation_silent_s=number("navigation_silent_s"),

@@ -86,6 +86,7 @@ class World:
         self.published: list[CountRecord] = []
         self._rng = np.random.default_rng(case.seed)
         self._clock_step_s = 0.0
+        self._fixed_s = -math.inf
 
     @property
     def now_s(self) -> float:
@@ -119,7 +120,7 @@ class World:
             place = (place[0] + (20.0 + 180.0 * span.size) * (self.time_s - span.at_s), place[1])
         elif self.faults.on(Fault.FIX_FROZEN, self.time_s) and self.fixed is not None:
             place = self.fixed
-        self.fixed = place
+        self.fixed, self._fixed_s = place, self.time_s
         return place
 
     def record(self) -> CountRecord | None:
@@ -133,7 +134,8 @@ class World:
             return None
         if self.faults.on(Fault.SENSOR_ZERO, self.time_s):
             counts = 0
-        record = CountRecord(self.now_s, *self.fixed, 0.0, counts, CADENCE_S, CADENCE_S)
+        place = self.fixed if self.time_s - self._fixed_s <= CADENCE_S / 2 else (math.nan, math.nan)
+        record = CountRecord(self.now_s, *place, 0.0, counts, CADENCE_S, CADENCE_S)
         self.published.append(record)
         return record
 

@@ -365,6 +365,19 @@ def test_a_mission_to_resume_by_itself_does_not_after_an_emergency_stop():
     assert around.status.phase is Phase.PAUSED
 
 
+def test_a_mission_to_resume_by_itself_does_not_if_people_have_paused_it():
+    mission = under_way()
+    mission.step(Command(mission.state.now_s, Verb.PAUSE))
+    around = Around()
+    around.time_s = 2000.0
+    around.control.use_graph(None)
+    around.control.take_up(mission, auto=True)
+    around.control.fix((1.0, 1.0))
+    around.control.tick()
+    assert around.status.phase is Phase.PAUSED
+    assert ask(around, "resume").accepted
+
+
 # Journal -----------------------------------------------------------------------------------------------------
 
 

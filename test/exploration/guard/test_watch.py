@@ -25,12 +25,14 @@ class Observed:
         self.alarms, self.overs, self.events = [], [], []
         self.fixes = self.records = self.maps = True
         self.place = (0.0, 0.0)
+        self.frozen = False
 
     def run(self, seconds):
         for _ in range(seconds):
             self.now_s += 1.0
             if self.fixes:
-                self.watch.fix(PlaceFix(self.now_s, *self.place))
+                noise_m = 0.0 if self.frozen else 0.01 * (self.now_s % 2)
+                self.watch.fix(PlaceFix(self.now_s, self.place[0] + noise_m, self.place[1]))
             if self.records and self.now_s % 10 == 0:
                 self.watch.record(self.now_s, self.now_s, True)
                 if self.maps:
@@ -70,6 +72,47 @@ def test_each_cause_has_a_row():
         assert row.remedy
 
 
+@pytest.mark.parametrize("away_m", [16.0, 30.0, 60.0, 2000.0])
+def test_fixes_that_agree_on_another_place(away_m):
+    observed = Observed().run(20)
+    observed.place = (away_m, 0.0)
+    observed.run(13)
+    assert observed.on() & {Cause.RELOCATED, Cause.SPEED}
+    assert observed.watch.responses[Cause.RELOCATED] is Response.PAUSE
+    observed.run(30)
+    assert observed.on() == set()
+
+
+def test_fixes_that_come_back_are_no_other_place():
+    observed = Observed().run(20)
+    observed.place = (30.0, 0.0)
+    observed.run(4)
+    observed.place = (0.0, 0.0)
+    observed.run(30)
+    assert observed.alarms == [Cause.JUMP]
+
+
+@pytest.mark.parametrize("driving", [False, True])
+def test_frozen_fixes_of_a_driving_robot(driving):
+    observed = Observed(doing=Doing(under_way=True, driving=driving))
+    observed.frozen = True
+    observed.run(int(LIMITS.fix_frozen_s))
+    assert observed.on() == set()
+    observed.run(5)
+    assert observed.on() == ({Cause.FIX_FROZEN} if driving else set())
+    observed.frozen = False
+    observed.run(30)
+    assert observed.on() == set()
+
+
+def test_a_wrong_place_does_not_end_a_mission_for_want_of_time():
+    observed = Observed(doing=Doing(under_way=True, time_left_s=600.0, way_home_s=20.0)).run(20)
+    observed.watch.outside(2000.0)
+    observed.doing = replace(observed.doing, way_home_s=2000.0)
+    observed.run(20)
+    assert observed.on() == {Cause.OUTSIDE}
+
+
 def test_outside():
     observed = Observed().run(5)
     observed.watch.outside(LIMITS.max_outside_m)
@@ -93,7 +136,7 @@ def test_jump_and_speed_of_a_bad_receiver():
     assert observed.events[0].response is Response.HOLD
     assert "3 fixes in a row are implausible, the last one 2600 m from" in observed.events[0].reason
     observed.run(3)
-    assert observed.watch.places.fix.xy == (0.0, 0.0)
+    assert observed.watch.places.fix.xy == pytest.approx((0.0, 0.0), abs=0.02)
     observed.place = (1.0, 0.0)
     observed.run(int(LIMITS.clear_s) - 1)
     assert observed.overs == []
@@ -328,7 +371,14 @@ def test_responses_can_be_chosen(cause, response):
     observed.records = False
     observed.watch.report(cause, "wrong") if cause is Cause.OUTSIDE else observed.watch.note(cause, "wrong")
     events = observed.watch.check(observed.now_s, IDLE)
-    time_based = {Cause.FIX_OLD, Cause.RECORDS_OLD, Cause.MAP_OLD, Cause.NAVIGATION_SILENT, Cause.RESERVE}
+    time_based = {
+        Cause.FIX_OLD,
+        Cause.FIX_FROZEN,
+        Cause.RECORDS_OLD,
+        Cause.MAP_OLD,
+        Cause.NAVIGATION_SILENT,
+        Cause.RESERVE,
+    }
     if response is Response.IGNORE or cause in time_based:
         assert events == ()
     else:

@@ -48,6 +48,24 @@ def test_already_there_needs_no_pose():
     assert client.go(2, TO_GOAL) == (SendPose(10.0, 0.0, 0.0),), "it moved"
 
 
+def test_a_robot_that_is_told_to_stay_is_not_sent_to_where_positions_leap():
+    client = make()
+    client.go(1, TO_GOAL)
+    drive(client, [(x / 2, 0.0) for x in range(10)])
+    assert client.cancel(1) == (SendPose(4.5, 0.0, 0.0),)
+    assert drive(client, [(18.0, 12.0)] * 20, 20.0)[:-1] == [], "no pose after a gap of positions"
+
+
+def test_a_stop_after_a_gap_is_no_pose_where_the_robot_cannot_be():
+    client = make()
+    client.go(1, TO_GOAL)
+    drive(client, [(x / 2, 0.0) for x in range(10)])
+    client.tick(False, 18.0)
+    assert client.cancel(1) == ()
+    assert drive(client, [(18.0, 12.0)] * 3, 20.0) == []
+    assert "is not asked to stop" in client.caution
+
+
 def test_way_points_one_after_the_other_facing_along_the_way():
     client = make()
     way = [(0.0, 0.0), (0.0, 10.0), (10.0, 10.0), (10.0, 0.0)]
