@@ -229,6 +229,7 @@ def test_a_mission_by_poses_alone_in_a_namespace(ros, tmp_path):
         world.goal = (message.pose.position.x, message.pose.position.y)
 
     with World(ros, rate=20.0, namespace="/robot_1") as world:
+        world.place = (-3.0, 5.0)
         ros.node.create_subscription(PoseStamped, "/robot_1/goal_pose", take, 10)
         planning = Planning(
             ros, tmp_path, "/robot_1", navigator="goal_pose", graph="free", autostart=True, home="r0c0",
@@ -258,6 +259,7 @@ def test_two_robots_share_one_mapper_and_never_count_at_the_same_place(ros, tmp_
     ]
     with first, second:
         for name, world in zip(names, worlds, strict=True):
+            world.place = (-3.0, 5.0)
             ros.node.create_subscription(PoseStamped, f"{name}/goal_pose", partial(drive, world), 10)
         robots = [
             Planning(ros, tmp_path, name, remaps, **team) for name, remaps in zip(names, ((), shared), strict=True)
