@@ -80,6 +80,7 @@ class RobotInterface:
         )
         self._node, self._mission, self._progress = node, f"{below}mission", RobotProgress()
         self._target_xy: tuple[float, float] | None = None
+        self._by_topic = False
         self._navigation = navigation_servers(node, robot, group, below, plain_feedback)
         host, greeting = given.text("host"), "".join(f"{line}\r\n" for line in robot.logger.header).encode()
         port = partial(_port, given, robot.number)
@@ -147,7 +148,8 @@ class RobotInterface:
                 )
                 for server in self._navigation:
                     server.end(output)
-                self._progress = replace(self._progress, goal_ended_s=self.robot.now_s)
+                if not self._by_topic:  # whoever sends poses gets no results, and watches the place instead
+                    self._progress = replace(self._progress, goal_ended_s=self.robot.now_s)
             case ServerPresent(present):
                 self._log.info(f"the {self._below}navigation server is {'back' if present else 'gone'}")
                 for server in self._navigation:
@@ -178,6 +180,7 @@ class RobotInterface:
             self._log.warning(f"a goal pose in frame {pose.header.frame_id!r}, not {MAP_FRAME!r}: ignored")
         elif poses := [server for server in self._navigation if isinstance(server, NavigateToPoseServer)]:
             poses[0].send(pose)
+            self._by_topic = True
         elif self.robot.drive_to((x_m, y_m)) is None:
             self._log.warning(f"no path leads to the goal pose at x = {x_m:g} m, y = {y_m:g} m: ignored")
         else:
