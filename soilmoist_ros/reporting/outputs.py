@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 
 NAMES = ("summary.json", "map.tif", "samples.geojson", "report.html")
 MISSION_NAMES = ("series.csv", "visits.csv")
+_WORKSHOP = ".writing-"
+_LEFT_S = 3600.0
+"""Age from which nobody writes such a folder any more [s]."""
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
@@ -31,6 +36,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
 
     The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
     half a file, nor files of different runs after a failure.
+    What a killed process left is removed.
 
     :param folder: output folder; made if missing
     :param run: the run
@@ -43,7 +49,10 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     names += tuple(name for other in run.others for name in property_names(other.name))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        workshop = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+        for left in folder.glob(f"{_WORKSHOP}*"):
+            if time.time() - left.stat().st_mtime > _LEFT_S:
+                shutil.rmtree(left, ignore_errors=True)
+        workshop = Path(tempfile.mkdtemp(prefix=_WORKSHOP, dir=folder))
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
     try:
@@ -57,7 +66,10 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
             write_visits(workshop / "visits.csv", run.mission)
         write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=names)
         for name in names:
+            sync_file(workshop / name)
+        for name in names:
             os.replace(workshop / name, folder / name)
+        sync_folder(folder)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
     return [folder / name for name in names]

@@ -14,6 +14,8 @@ pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
+from test_mapper import FIELD as MAPPED
+from test_mapper import survey_records
 from test_planner import Planning
 from virtual_navigation import VirtualNavigation, World
 
@@ -27,6 +29,8 @@ from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.journal_lines import decode
+from soilmoist_ros.recording.map_sources import DRIVER
+from soilmoist_ros.recording.record_log import RecordLog
 from soilmoist_ros.replay import replay_bag
 from soilmoist_ros.reporting.field_survey import open_survey
 
@@ -192,6 +196,29 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
     assert set(stamps) <= set(received.stamps)
 
 
+def test_a_planner_that_is_started_again_after_a_crash_goes_on_unless_it_was_paused(ros, tmp_path):
+    given = {"journal_dir": str(tmp_path / "journal"), "respawn_limit_s": 600.0, **MISSION, "hours": 2.0}
+    with World(ros, rate=RATE) as world, VirtualNavigation(ros, world) as navigation:
+        first = Planning(ros, tmp_path, **given)
+        first.wait_phase(Phase.TRAVELLING)
+        first.process.kill()
+        world.rate = SLOW_RATE
+        goals = len(navigation.goals)
+        again = Planning(ros, tmp_path, **given)
+        again.wait(lambda status: status.phase in (Phase.TRAVELLING, Phase.COUNTING), "the mission to go on")
+        ros.wait_for(lambda: len(navigation.goals) > goals, message="another goal")
+        assert again.call("pause").success
+        again.wait_phase(Phase.PAUSED)
+        again.process.kill()
+        last = Planning(ros, tmp_path, **given)
+        last.wait_phase(Phase.PAUSED)
+        used_s = last.status.time_used_s
+        world.rate = RATE
+        last.wait(lambda status: status.time_used_s > used_s + 20, "time to pass")
+        assert last.status.phase is Phase.PAUSED
+        assert "resumable" in last.status.reason
+
+
 def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
     rng = np.random.default_rng(5)
     received, folder = Received(ros), tmp_path / "journal"
@@ -290,6 +317,50 @@ def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
         again = Planning(ros, tmp_path, journal_dir=str(folder), resume="auto", properties=["salt:0.5"], **MISSION)
         again.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
         ros.wait_for(lambda: mapped("salt") > before, message="the map to go on")
+
+
+@pytest.mark.slow
+def test_a_mapper_that_is_killed_again_and_again_has_every_record_of_the_driver(ros, tmp_path):
+    """Neither planner nor recorder runs: the driver's log is the only source of what the mapper misses."""
+    rng = np.random.default_rng(11)
+    (tmp_path / "field.yaml").write_text(MAPPED)
+    session, records = tmp_path / "session", survey_records(120)
+    params = {"field": str(tmp_path / "field.yaml"), "record_dir": str(session), "max_stamp_age_s": 0.0}
+    samples = ros.collect(PointCloud2, "samples", LATCHED)
+    publisher = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
+    log = RecordLog(session / DRIVER, "map")
+    published, full = [], open_survey(params["field"]).map
+
+    def publish(count):
+        for _ in range(count):
+            message = counts_to_message(records[len(published) : len(published) + 1])
+            published.extend(counts_from_message(message))
+            log.write(published[-1:])
+            publisher.publish(message)
+            time.sleep(0.005)
+
+    for _ in range(4):
+        samples.clear()
+        mapper = ros.start("mapper", params=params)
+        publish(rng.integers(1, 10))
+        ros.wait_for(lambda: samples, message="a map")
+        publish(rng.integers(1, 20))
+        mapper.kill()
+        publish(rng.integers(0, 5))
+    for record in published:
+        full.add(record)
+    expected = full.state.samples
+    samples.clear()
+    mapper = ros.start("mapper", params=params)
+    ros.wait_for(
+        lambda: samples and samples_from_message(samples[-1]).counts.sum() >= expected.counts.sum(),
+        message="every count",
+    )
+    found = samples_from_message(samples[-1])
+    np.testing.assert_array_equal(found.counts, expected.counts)
+    np.testing.assert_array_equal(found.exposure_s, expected.exposure_s)
+    assert mapper.stop() == 0
+    log.close()
 
 
 def names(folder):

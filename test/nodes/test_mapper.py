@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -225,6 +226,34 @@ def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start,
     start(start_from=str(tmp_path / "saved"))
     ros.wait_for(lambda: again.complete(records[-2].stamp_s), message="the map of the earlier records")
     assert soil_map_from_message(again.soil_map[-1]).tobytes() == map_before.tobytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_save_that_a_signal_meets_is_finished_or_leaves_the_one_before(ros, start, tmp_path, number):
+    records, folder = survey_records(24), tmp_path / "saved"
+    outputs = Outputs(ros)
+    process, publisher = start()
+    publish(publisher, records[:16])
+    ros.wait_for(lambda: outputs.complete(records[15].stamp_s))
+    assert ros.call(Trigger, "mapper/save").success
+    publish(publisher, records[16:])
+    ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
+    client = ros.node.create_client(Trigger, "mapper/save")
+    ros.wait_for(client.service_is_ready)
+    saving = client.call_async(Trigger.Request())
+    ros.wait_for(lambda: saving.done() or any(folder.glob(".writing-*")), message="a save")
+    code = process.stop(number)
+    summary = json.loads((folder / "summary.json").read_text())
+    with (folder / "records.csv").open() as table:
+        rows = len(list(csv.reader(table))) - 1
+    if number == signal.SIGKILL:
+        assert summary["n_records"] in (16, 24)
+        assert rows in (16, 24)
+    else:
+        assert (code, summary["n_records"], rows) == (0, 24, 24)
+    assert (folder / "map.tif").stat().st_size > 1000
+    assert (folder / "report.html").read_text().rstrip().endswith("</html>")
 
 
 def test_reset_forgets_everything_also_for_who_comes_late(ros, start):

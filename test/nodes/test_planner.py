@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 from visualization_msgs.msg import MarkerArray
 
+from msg_adapters.counts import counts_to_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.plan import path_to_places
 from msg_adapters.samples import samples_from_message
@@ -22,9 +23,10 @@ from soilmoist_ros.exploration.mission.journal import VISIT
 from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.nodes.runtime.qos import LATCHED, VISITS
+from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, VISITS
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.journal import load_journal
+from soilmoist_ros.sensing.records import CountRecord
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -88,6 +90,29 @@ def test_a_whole_mission_by_itself(ros, tmp_path):
     assert 5.0 <= path_to_places(next(plan for plan in plans if plan.poses))[0][0] <= 35.0
     texts = [marker.text for array in markers for marker in array.markers if marker.text]
     assert any(text.endswith(", 20 s") for text in texts)
+
+
+@pytest.mark.slow
+def test_abort_is_not_behind_a_flood_of_records(ros, tmp_path):
+    with World(ros) as world, VirtualNavigation(ros, world):
+        journal = tmp_path / "journal"
+        planning = Planning(ros, tmp_path, autostart=True, dwell="fmi:3000", hours=3.0, journal_dir=str(journal))
+        planning.wait_phase(Phase.COUNTING)
+        world.rate = 1.0
+        abort = ros.node.create_client(Trigger, "planner/abort")
+        counts = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
+        ros.wait_for(lambda: abort.service_is_ready() and counts.get_subscription_count(), message="the planner")
+        flood = [CountRecord(world.now_s + i * 1e-6, *world.place, 0.0, 3, 1e-6, 1e-6) for i in range(10_000)]
+        message = counts_to_message(flood)
+        for _ in range(30):
+            counts.publish(message)
+        answer = abort.call_async(Trigger.Request())
+        ros.wait_for(answer.done, message="the answer")
+        assert answer.result().success
+        planning.process.kill()
+    kinds = [entry.payload.get("event") for entry in load_journal(journal, whole=True).entries]
+    aborted = len(kinds) - 1 - kinds[::-1].index("Command")
+    assert kinds[:aborted].count("RecordArrived") < 30 * len(flood), "commands come between the slices"
 
 
 def test_every_visit_is_published_and_recorded_as_the_mission_had_it(ros, tmp_path):
