@@ -27,6 +27,7 @@ from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.planner_commands import PlannerCommands
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
+from soilmoist_ros.nodes.wiring.planner_keepout import PlannerKeepout
 from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
 from soilmoist_ros.recording.stored_mission import StoredMission
 
@@ -89,6 +90,7 @@ class Planner(Node):
             self._control.use_graph(None)
         elif graph != "topic":
             self._inputs.use_map(read_topological_map(Path(graph)))
+        self._keepout = PlannerKeepout(self, self._values)
         self._commands = PlannerCommands(self, self._control, self._values, self._stay)
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.
         self.create_timer(MISSION_TICK_S, self._control.tick)
@@ -102,6 +104,7 @@ class Planner(Node):
         self._control.close()
         self._frames.close()
         self._stored.close()
+        self._keepout.close()
 
     def _mission_clock(self) -> MissionClock:
         simulated = self.get_parameter("use_sim_time").value
@@ -124,6 +127,7 @@ class Planner(Node):
 
     def _show(self) -> None:
         self._inputs.tick()
+        self._keepout.tick(self._control.fence, self._frames.robot.move)
         self._control.show()
         self._outputs.diagnose([*self._control.health(), self._frames.health()])
 

@@ -36,6 +36,7 @@ from soilmoist_ros.exploration.control.operator_request import (
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.control.watching import Watching
+from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.journal import MissionJournal
@@ -268,6 +269,11 @@ class MissionControl:
         if self._access is not None and self._access.grid.cell_m != cell_m:
             self._use(self._graph, cell_m, self._access.place)
         self._cell_m = cell_m
+
+    @property
+    def fence(self) -> Fence | None:
+        """Where the robot may be; ``None`` while that is not known."""
+        return None if self._access is None else self._access.fence
 
     @property
     def under_way(self) -> bool:

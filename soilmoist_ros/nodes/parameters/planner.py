@@ -93,6 +93,18 @@ PARAMETERS: Final = (
         0.0,
     ),
     _row(
+        "keepout_topic",
+        "",
+        "topic on which the fence is published as a keep-out mask for Nav2, with costmap_filter_info, if any",
+    ),
+    _row(
+        "keepout_resolution_m",
+        0.2,
+        "side of a cell of the mask; with half of robot_radius_m or less, no cell of a no-go area is free",
+        "m",
+        0.01,
+    ),
+    _row(
         "navigator",
         "goto_node",
         "how goals are sent: to the nodes of a topological map (goto_node), to Nav2 (navigate_to_pose), or as "
