@@ -39,7 +39,7 @@ class AccessRules:
     robot_radius_m: float = 0.0
     beyond_m: float = 0.1
     outside: Outside = Outside.HOME
-    entry_m: float = 5.0
+    entry_m: float = 10.0
     by_name: bool = False
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+_ROUNDING_M = 1e-3
 _STEP_M = 0.5
 """Step along a route at which its distance from the allowed area is measured [m]."""
 
@@ -96,7 +97,9 @@ class Fence:
         return bool(self.area.contains(corners).all() and self.area.allows(corners[:-1], corners[1:]).all())
 
     def outside_m(self, place: ArrayLike) -> float:
-        """Distance from a place to the nearest one that is allowed [m]; 0 inside, inf if it is not finite.
+        """How far a place is outside the field, or in a no-go area [m]: 0 inside and in the margin.
+
+        Inf for a place that is not finite.
 
         :param place: shape (2,) [m]
         """
@@ -105,7 +108,8 @@ class Fence:
         xy = np.asarray(place, float)
         if not np.isfinite(xy).all():
             return float("inf")
-        return 0.0 if self.contains(xy)[0] else float(self.area.shape.distance(shapely.Point(xy)))
+        away_m = float(self.area.shape.distance(shapely.Point(xy))) - self.margin_m
+        return max(0.0, round(away_m, 3))  # errors of rounding make nobody stand outside
 
     def refusal(self, polyline: ArrayLike) -> str:
         """Why a route or place is not allowed: what it enters or leaves, where, and by how much; empty if it is.
@@ -140,16 +144,17 @@ class Fence:
         import shapely
 
         line = np.array([place, first], float)
-        outside_m = self.outside_m(line[0])
-        if outside_m == 0 or not np.isfinite(line).all():
+        if self.contains(line[0])[0] or not np.isfinite(line).all():
             return self.refusal(line)
+        outside_m = self.outside_m(line[0])
         if outside_m > entry_m:
             return f"the robot stands {outside_m:.1f} m outside, more than {entry_m:g} m: {self.refusal(line[:1])}"
         driven = shapely.LineString(line)
         entered = [area for area in self._no_go_areas if not area.contains(shapely.Point(line[0]))]
         outside = driven.difference(self.area.shape.buffer(TOLERANCE_M))
         far_m = np.hypot(*(shapely.get_coordinates(outside) - line[0]).T).max(initial=0.0)
-        if far_m > entry_m or any(driven.intersection(area).length > TOLERANCE_M for area in entered):
+        too_far = far_m > entry_m + self.margin_m + _ROUNDING_M
+        if too_far or any(driven.intersection(area).length > TOLERANCE_M for area in entered):
             return self.refusal(line)
         return ""
 

@@ -39,7 +39,13 @@ WATCH_PARAMETERS: Final = (
         )
         for cause, row in FAILSAFES.items()
     ),
-    _row("max_outside_m", _WATCH.max_outside_m, "distance from the allowed area that counts as outside", "m"),
+    _row(
+        "max_outside_m",
+        _WATCH.max_outside_m,
+        "distance from the field, or depth in a no-go area, that counts as outside: no goal is sent from there; "
+        "from nearer the robot drives straight back in",
+        "m",
+    ),
     _row("max_jump_m", _PLACE.max_jump_m, "moves between two fixes up to this distance are plausible", "m"),
     _row(
         "max_speed_mps",

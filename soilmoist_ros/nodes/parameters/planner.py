@@ -85,14 +85,6 @@ PARAMETERS: Final = (
         choices=tuple(Outside),
     ),
     _row(
-        "entry_m",
-        5.0,
-        "how far outside the robot may set off; it drives straight back in, across no no-go area. Further "
-        "outside no goal is sent",
-        "m",
-        0.0,
-    ),
-    _row(
         "keepout_topic",
         "",
         "topic on which the fence is published as a keep-out mask for Nav2, with costmap_filter_info, if any",
@@ -236,7 +228,7 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
             robot_radius_m=number("robot_radius_m"),
             beyond_m=number("beyond_m"),
             outside=Outside(text("outside")),
-            entry_m=number("entry_m"),
+            entry_m=number("max_outside_m"),
             by_name=text("navigator") == "goto_node",
         ),
     )

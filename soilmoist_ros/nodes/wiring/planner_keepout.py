@@ -9,7 +9,7 @@ from typing import Final
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
 
-from msg_adapters.keepout import filter_info, mask_to_message
+from msg_adapters.nav2.keepout import filter_info, mask_to_message
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.keepout import keepout_mask
 from soilmoist_ros.foundation.errors import InputError

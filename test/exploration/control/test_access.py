@@ -57,7 +57,7 @@ def test_free_travel_keeps_the_robots_radius():
 def test_a_robot_a_little_outside_drives_straight_back_in_and_one_far_outside_is_not_sent():
     access = FieldAccess(FIELD, RobotMotion(), None, RADIUS)
     assert access.way((-3.0, 6.0), Stop("s", 10.0, 6.0)).corners.tolist() == [[-3, 6], [0.75, 6], [10, 6]]
-    with pytest.raises(InputError, match=r"the robot stands 2000\.8 m outside, more than 5 m"):
+    with pytest.raises(InputError, match=r"the robot stands 2000\.0 m outside, more than 10 m"):
         access.way((-2000.0, 6.0), Stop("s", 10.0, 6.0))
     assert len(access.way((20.1, 20.0), Stop("s", 10.0, 6.0)).corners) == 3, "out of the pond it stands in"
 

@@ -7,7 +7,7 @@ pytest.importorskip("nav_msgs")
 from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message, serialize_message
 
-from msg_adapters.keepout import filter_info, mask_to_message
+from msg_adapters.nav2.keepout import filter_info, mask_to_message
 from soilmoist_ros.exploration.guard.keepout import KeepoutMask
 
 
