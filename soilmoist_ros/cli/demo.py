@@ -34,7 +34,9 @@ DEMO_HOURS = 1.0
 @click.option("--speed", "old_speed", type=float, hidden=True)
 @click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
               help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
-@click.option("--scenario", default="", help="Simulated faults: thorvald, bad_link, or a file. Default: none.")
+@click.option(
+    "--scenario", default="", help="Simulated faults: thorvald, nav2, bad_link, or a file. Default: none."
+)
 @click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
 @report_errors
 def command(

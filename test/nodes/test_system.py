@@ -119,7 +119,7 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     robot = Robot(ros, tmp_path, simulator={"speed": 75.0, "seed": 1}, **choices)
     status = robot.wait_finished()
     robot.stop()
-    assert status.samples >= 3
+    assert status.samples >= 3, robot.processes["planner"].output()
     names = {path.name for path in (tmp_path / "map").iterdir()}
     assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv"}
 
@@ -139,15 +139,23 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     assert mission.series[-1].coverage95 > 0.7
 
 
-@pytest.mark.parametrize("scenario", ["thorvald", "bad_link"])
-def test_a_mission_survives_what_goes_wrong(ros, tmp_path, scenario):
+@pytest.mark.parametrize(
+    ("scenario", "navigator", "hours"),
+    [
+        ("thorvald", "goto_node", 0.28),
+        ("bad_link", "goto_node", 0.28),
+        ("nav2", "navigate_to_pose", 0.6),
+        ("", "goal_pose", 0.28),
+    ],
+)
+def test_a_mission_survives_what_goes_wrong(ros, tmp_path, scenario, navigator, hours):
     robot = Robot(
         ros, tmp_path, simulator={"speed": 90.0, "scenario": scenario}, record=False,
-        strategy="random", dwell="fmi:30", hours=0.28, min_dwell_s=20.0, return_margin_s=0.0,
+        strategy="random", dwell="fmi:30", hours=hours, min_dwell_s=20.0, return_margin_s=0.0, navigator=navigator,
     )  # fmt: skip
     status = robot.wait_finished()
     robot.stop()
-    assert status.samples >= 3
+    assert status.samples >= 3, robot.processes["planner"].output()
     stamps = [record.stamp_s for record in robot.records()]
     assert len(stamps) > 20
     assert np.diff(stamps).min() > 5.0, "an interval was counted twice"

@@ -98,7 +98,9 @@ def test_an_additional_property_does_not_change_the_first():
 
 @pytest.mark.slow
 @settings(deadline=None, max_examples=10)
-@given(st.lists(st.floats(0.01, 300), min_size=1, max_size=30), st.sampled_from(["", "bad_link", "thorvald"]))
+@given(
+    st.lists(st.floats(0.01, 300), min_size=1, max_size=30), st.sampled_from(["", "bad_link", "nav2", "thorvald"])
+)
 def test_the_output_does_not_depend_on_the_number_of_steps(steps, scenario):
     def outputs(times):
         system = VirtualSystem(SETTINGS, START_S, scenario=load_scenario(scenario))
