@@ -17,10 +17,13 @@ TOPICS = {
     "relative_humidity": "RelativeHumidity", "samples": "PointCloud2", "soil_map": "PointCloud2",
     "uncertainty": "OccupancyGrid", "model": "String", "plan": "Path", "plan_markers": "MarkerArray",
     "mission": "DiagnosticStatus", "diagnostics": "DiagnosticArray", "mission_state": "Mission",
-    "emergency_stop": "Bool",
+    "emergency_stop": "Bool", "robot_pose": "PoseWithCovarianceStamped",
 }  # fmt: skip
 LATCHED = {"samples", "soil_map", "uncertainty", "model", "plan", "plan_markers", "mission"}
-RVIZ_SHOWS = {"PointCloud2": "PointCloud2", "Map": "OccupancyGrid", "Path": "Path", "MarkerArray": "MarkerArray"}
+RVIZ_SHOWS = {
+    "PointCloud2": "PointCloud2", "Map": "OccupancyGrid", "Path": "Path", "MarkerArray": "MarkerArray",
+    "PoseWithCovariance": "PoseWithCovarianceStamped",
+}  # fmt: skip
 """Message type by display of RViz."""
 
 
@@ -79,6 +82,7 @@ def test_rviz_shows_topics_in_their_type_and_quality_of_service():
         "/counts",
         "/plan",
         "/plan_markers",
+        "/robot_pose",
     }
 
 
@@ -90,6 +94,7 @@ def test_rviz_opens_with_one_map_that_covers_nothing_else():
         "Records of the last 10 min",
         "Plan",
         "Stops ahead, with dwell",
+        "Robot",
     ]
 
 
@@ -111,7 +116,7 @@ def test_coloured_fields_exist(fields):
 def test_foxglove_panels_show_topics_that_they_can_show():
     panels = foxglove_layout()["configById"]
     for name, settings in panels["3D!map"]["topics"].items():
-        assert TOPICS[base(name)] in {"PointCloud2", "OccupancyGrid", "Path", "MarkerArray"}, settings
+        assert TOPICS[base(name)] in set(RVIZ_SHOWS.values()), settings
     assert TOPICS[panels["map!fix"]["followTopic"].removeprefix("/")] == "NavSatFix"
     assert TOPICS[panels["DiagnosticSummary!health"]["topicToRender"].removeprefix("/")] == "DiagnosticArray"
     raw = [panel["topicPath"] for name, panel in panels.items() if name.startswith("RawMessages!")]
