@@ -38,6 +38,7 @@ class Batches(Generic[Item]):
         self._idle_s = idle_s
         self._max_items = max_items
         self._items: list[Item] = []
+        self._handling = False
         self._closing = False
         self._wake = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -50,13 +51,18 @@ class Batches(Generic[Item]):
                 self.lost += 1
                 return
             self._items.append(item)
-            self._wake.notify()
+            self._wake.notify_all()
+
+    def flush(self, timeout_s: float) -> bool:
+        """Wait until everything that has arrived is handled; whether it is within this time [s]."""
+        with self._wake:
+            return self._wake.wait_for(lambda: not self._items and not self._handling, timeout_s)
 
     def close(self, timeout_s: float | None = None) -> None:
         """Handle what waits, then end the thread; may be called twice."""
         with self._wake:
             self._closing = True
-            self._wake.notify()
+            self._wake.notify_all()
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
@@ -65,10 +71,14 @@ class Batches(Generic[Item]):
                 self._handle(batch)
             except Exception:  # one bad item must not end the work of a mission
                 _log.exception("%d items of %s are lost", len(batch), self._thread.name)
+            with self._wake:
+                self._handling = False
+                self._wake.notify_all()
 
     def _wait(self) -> list[Item] | None:
         """The items that wait, or none after :attr:`_idle_s`; ``None`` at the end."""
         with self._wake:
             self._wake.wait_for(lambda: self._closing or bool(self._items), self._idle_s)
             batch, self._items = self._items, []
+            self._handling = bool(batch)
             return None if self._closing and not batch else batch

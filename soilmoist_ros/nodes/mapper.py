@@ -25,6 +25,7 @@ from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
 from soilmoist_ros.foundation.batches import Batches
+from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
@@ -44,6 +45,7 @@ from soilmoist_ros.sensing.records import CountRecord
 __all__ = ["PARAMETERS", "Mapper", "main"]
 
 _POLL_S: Final = 1.0
+_FLUSH_S: Final = 5.0
 _SLICE: Final = 500
 """Records that are added at a time, so that reports and services need not wait for a flood."""
 
@@ -153,6 +155,7 @@ class Mapper(Node):
         return response
 
     def _on_save(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._arrived.flush(_FLUSH_S)  # the last records of a mission may still wait
         with self._guard:
             snapshot = self._online.snapshot()
         try:
@@ -167,8 +170,14 @@ class Mapper(Node):
     def _report(self) -> None:
         now_s = self.get_clock().now().nanoseconds * 1e-9
         with self._guard:
-            health = map_health(self._online, self._worker, now_s)
-        self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
+            parts = [map_health(self._online, self._worker, now_s)]
+        if problem := self._sources.problem:
+            parts.append(Health("records", Level.ERROR, problem))
+        if lost := self._arrived.lost:
+            parts.append(
+                Health("messages", Level.ERROR, f"{lost} messages with counts came too fast")
+            )
+        self._diagnostics.publish(diagnostics_to_message(parts, now_s, self.get_fully_qualified_name()))
 
     def close(self) -> None:
         """Add what has arrived, and wait until the current map is finished."""

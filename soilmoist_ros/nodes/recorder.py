@@ -67,8 +67,9 @@ class Recorder(Node):
         self._skipped: set[str] = set()
         self._mixed: set[str] = set()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
-        self.create_service(Trigger, "recorder/start", self._start)
-        self.create_service(Trigger, "recorder/stop", self._stop)
+        aside = MutuallyExclusiveCallbackGroup()  # a slow disk must not delay messages, nor a flood the services
+        self.create_service(Trigger, "recorder/start", self._start, callback_group=aside)
+        self.create_service(Trigger, "recorder/stop", self._stop, callback_group=aside)
         if self._settings.flag("autostart"):
             self._recorder.start()
         self._discover()
@@ -77,7 +78,6 @@ class Recorder(Node):
         self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._configuration = RunConfiguration()
         self._complaint = ""
-        aside = MutuallyExclusiveCallbackGroup()  # a slow disk must not delay messages
         self._collector = ParameterCollector(self, _RECORDED, self._take_parameters, aside)
         self.create_timer(_CONFIGURATION_S, self._keep_configuration, callback_group=aside, clock=steady)
 

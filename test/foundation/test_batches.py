@@ -47,6 +47,26 @@ def test_a_batch_that_fails_does_not_end_the_thread():
     assert handled == ["good"]
 
 
+def test_a_flush_waits_until_everything_is_handled():
+    begun, go_on, handled = threading.Event(), threading.Event(), []
+
+    def handle(batch):
+        begun.set()
+        go_on.wait(LIMIT_S)
+        handled.extend(batch)
+
+    thread = Batches(handle, "test")
+    assert thread.flush(0.0)
+    thread.put(1)
+    assert begun.wait(LIMIT_S)
+    thread.put(2)
+    assert not thread.flush(0.01)
+    go_on.set()
+    assert thread.flush(LIMIT_S)
+    assert handled == [1, 2]
+    thread.close()
+
+
 def test_the_handler_is_called_when_nothing_arrives():
     called = threading.Event()
     thread = Batches(lambda batch: called.set() if not batch else None, "test", idle_s=0.01)

@@ -77,7 +77,7 @@ class ProcessGroup:
         """Exit codes of the nodes that have ended, by name; negative for a signal."""
         return {name: process.returncode for name, process in self._processes.items() if _has_ended(process)}
 
-    def stop(self, limit_s: float = 15.0) -> None:
+    def stop(self, limit_s: float = 60.0) -> None:
         """End all nodes, the last started first. Kill a node that does not end in time.
 
         :param limit_s: time limit of each node [s]

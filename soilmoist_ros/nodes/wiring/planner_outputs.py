@@ -23,7 +23,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 
-SAVE_LIMIT_S: Final = 30.0
+SAVE_LIMIT_S: Final = 120.0
 """Longest wait for the saved map at the end of the process [s]."""
 
 
