@@ -174,9 +174,7 @@ class Mapper(Node):
         if problem := self._sources.problem:
             parts.append(Health("records", Level.ERROR, problem))
         if lost := self._arrived.lost:
-            parts.append(
-                Health("messages", Level.ERROR, f"{lost} messages with counts came too fast")
-            )
+            parts.append(Health("messages", Level.ERROR, f"{lost} messages with counts came too fast"))
         self._diagnostics.publish(diagnostics_to_message(parts, now_s, self.get_fully_qualified_name()))
 
     def close(self) -> None:
