@@ -11,7 +11,7 @@ from soilmoist_ros.exploration.travel.travel import GraphTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import mission_map, start_stop
+from soilmoist_ros.simulation.mission.simulator import fenced_map, mission_map, start_stop
 from soilmoist_ros.simulation.robot.scenario import Scenario
 from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded
 from soilmoist_ros.simulation.simulated_robot import Output, SimulatedRobot
@@ -49,7 +49,7 @@ class VirtualSystem:
         _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
         motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
         travel = GraphTravel(self.map.graph, motion)
-        start = start_stop(self.field.field, self.map.graph.stops)
+        start = start_stop(self.field.field, fenced_map(self.field.field, self.map).stops)
         self.robots = tuple(
             SimulatedRobot(
                 number, settings, fields, travel, (start.x_m, start.y_m), start_s, gnss_period_s, scenario

@@ -141,7 +141,7 @@ class FieldAccess:
             fence = Fence(field, rules.robot_radius_m, rules.beyond_m)
             self._fenced = FencedGraph(graph, fence, rules.outside, home, place, max(rules.beyond_m, 1.0))
             self.fence, self.warning = self._fenced.fence, self._fenced.warning
-            self.travel = GraphTravel(self._fenced.graph, motion)
+            self.travel = GraphTravel(self._fenced.graph, motion, self.fence.area)
             self.stops = self._fenced.stops
         if self.home is not None and (refusal := self.refusal(self.home)):
             raise InputError(f"the home {home} is not allowed: {refusal}", "choose another home")

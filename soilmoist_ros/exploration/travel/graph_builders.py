@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import listing
@@ -63,7 +63,7 @@ def open_lattice(
     area = DrivableArea((field.polygon,), field.no_go, margin_m)
     digits = len(str(max(len(x_m), len(y_m))))
     nodes = {
-        (row, column): Stop(f"r{row + 1:0{digits}d}c{column + 1:0{digits}d}", float(x), float(y))
+        (row, column): _node(f"r{row + 1:0{digits}d}c{column + 1:0{digits}d}", float(x), float(y))
         for row, y in enumerate(y_m)
         for column, x in enumerate(x_m)
     }
@@ -153,7 +153,7 @@ class _Row:
         digits = len(str(len(inner)))
         labels = ["start", *(f"{number:0{digits}d}" for number in range(1, len(at) - 1)), "end"]
         nodes = zip(labels, places.tolist(), strict=True)
-        return cls(tuple(Stop(f"{name}-{label}", x, y) for label, (x, y) in nodes))
+        return cls(tuple(_node(f"{name}-{label}", x, y) for label, (x, y) in nodes))
 
 
 def _part_names() -> list[str]:
@@ -204,6 +204,11 @@ def _connected(nodes: list[Stop], ways: list[tuple[Stop, Stop]], remedy: str) ->
         raise InputError(f"the travel graph would have {found}: there is nowhere to drive", remedy)
     dropped = tuple(stop for stop, kept in zip(whole.stops, main, strict=True) if not kept)
     return BuiltGraph(whole.part(main), dropped)
+
+
+def _node(name: str, x_m: float, y_m: float) -> Stop:
+    """A node, rounded as in a topological map: what is validated here is what is driven."""
+    return Stop(name, round(x_m, PLACE_DIGITS) + 0.0, round(y_m, PLACE_DIGITS) + 0.0)
 
 
 def _places(stops: Sequence[Stop]) -> Array:

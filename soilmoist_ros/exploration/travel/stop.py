@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+PLACE_DIGITS = 4
+"""Decimals of the coordinates in metres of a node in a topological map."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stop:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.configuration import read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
@@ -160,7 +160,7 @@ def make_topological_map(
         targets[start].append(graph.names[end])
     nodes = []
     for stop, ends in zip(graph.stops, targets, strict=True):
-        position = {"x": round(stop.x_m, 4) + 0.0, "y": round(stop.y_m, 4) + 0.0, "z": 0.0}
+        position = {"x": round(stop.x_m, PLACE_DIGITS) + 0.0, "y": round(stop.y_m, PLACE_DIGITS) + 0.0, "z": 0.0}
         node = {
             "edges": [_edge(stop.name, end, action, action_type) for end in ends],
             "localise_by_topic": "",

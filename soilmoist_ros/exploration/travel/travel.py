@@ -225,24 +225,39 @@ class GraphTravel(_Model):
 
     :param graph: nodes and edges; stops have the names of its nodes
     :param motion: how the robot moves
+    :param area: where the robot may drive: it enters the graph at the nearest node to which a straight line stays
+        inside, if there is one
     """
 
-    def __init__(self, graph: TravelGraph, motion: RobotMotion) -> None:
+    def __init__(self, graph: TravelGraph, motion: RobotMotion, area: DrivableArea | None = None) -> None:
         self.graph = graph
         self.motion = motion
+        self._area = area
 
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """See :class:`TravelModel`."""
         start = np.asarray(from_xy, float)
-        way = self.graph.path(self.graph.nearest(start), stop.name)
+        entry = self._entry(start)
+        way = self.graph.path(entry, stop.name)
         if not way:
-            raise ValueError(f"no way of the graph leads from {self.graph.nearest(start)} to {stop.name}")
+            raise ValueError(f"no way of the graph leads from {entry} to {stop.name}")
         corners = self.graph.xy[[self.graph.index(name) for name in way]]
         if np.array_equal(corners[0], start) and len(corners) > 1:
             return corners
         return np.vstack([start, corners])
 
     def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
-        entry = self.graph.nearest(from_xy)
+        entry = self._entry(from_xy)
         lead = np.hypot(*(self.graph.xy[self.graph.index(entry)] - from_xy))
         return np.asarray(self.graph.distances_from(entry)[[self.graph.index(stop.name) for stop in stops]] + lead)
+
+    def _entry(self, place: Array) -> str:
+        """Node at which a robot enters the graph."""
+        nearest = self.graph.nearest(place)
+        xy = self.graph.xy
+        if self._area is None or self._area.allows(place, xy[self.graph.index(nearest)])[0]:
+            return nearest
+        free = self._area.allows(place, xy)
+        if not free.any():
+            return nearest
+        return self.graph.names[int(np.argmin(np.where(free, np.hypot(*(xy - place).T), np.inf)))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.control.mission_setup import strategy_stream
 from soilmoist_ros.exploration.control.team import PendingMeasurement, pending_measurement
+from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
     Action,
@@ -62,6 +65,8 @@ from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 
 Array = NDArray[np.float64]
+
+_log = logging.getLogger(__name__)
 
 LATTICE_NODES = 300
 """Approximate number of nodes of the default lattice, used when travel needs a graph and none is given."""
@@ -364,14 +369,16 @@ class _Simulation:
 def travel_and_stops(
     field: Field, grid: FieldGrid, motion: RobotMotion, settings: MissionSettings
 ) -> tuple[TravelModel, tuple[Stop, ...]]:
-    """Travel model of the robot and its candidate stops.
+    """Travel model of the robot and its candidate stops, all in the field and out of its no-go areas.
 
     :raises InputError: if the graph cannot be used
     """
     if settings.travel == "free":
         return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
-    graph = mission_map(field, grid, settings.graph).graph
-    return GraphTravel(graph, motion), graph.stops
+    fenced = fenced_map(field, mission_map(field, grid, settings.graph))
+    if fenced.warning:
+        _log.warning(fenced.warning)
+    return GraphTravel(fenced.graph, motion, fenced.fence.area), fenced.stops
 
 
 _cell_stops = lru_cache(maxsize=4)(cell_stops)
@@ -389,6 +396,14 @@ def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> Topo
         return read_topological_map(Path(graph))
     lattice = open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
     return make_topological_map(lattice, "lattice", _LATTICE_TIME)
+
+
+def fenced_map(field: Field, navigated: TopologicalMap) -> FencedGraph:
+    """The largest part of a topological map that stays in the field and out of its no-go areas.
+
+    :raises InputError: if no node does
+    """
+    return FencedGraph(navigated.graph, Fence(field))
 
 
 def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
