@@ -59,6 +59,7 @@ from soilmoist_ros.exploration.mission.types import (
     Planned,
     Publish,
     RequestPlan,
+    Response,
     Save,
     Tick,
     Verb,
@@ -295,6 +296,14 @@ class MissionControl:
         }
         return tuple(what for what, lacks in missing.items() if lacks)
 
+    @property
+    def dangers(self) -> str:
+        """Why a start would be refused now although nothing is missing; empty without a reason."""
+        state = self._mission.state
+        stops = (alarm for alarm in state.alarms if alarm.response.stops or alarm.response is Response.RETURN)
+        pressed = ("the emergency stop is pressed",) if state.emergency else ()
+        return "; ".join((*pressed, *(alarm.reason for alarm in stops)))
+
     def command(self, verb: Verb) -> Answer:
         """The operator asks for something that needs no details."""
         return self._command(Command(self._clock.now_s(), verb))
@@ -491,6 +500,8 @@ class MissionControl:
         missing = self.missing() if status.phase is Phase.IDLE else ()
         if missing:
             status = replace(status, reason=f"waiting for {', '.join(missing)}")
+        elif status.phase is Phase.IDLE and self.dangers:
+            status = replace(status, reason=f"waiting for start, which is refused: {self.dangers}")
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
             status = replace(status, reason=f"{self._interrupted}; resume or abort", needs_operator=True)
         target, choice = status.target, self._choice

@@ -20,7 +20,17 @@ from soilmoist_ros.exploration.control.operator_request import (
 )
 from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import Command, MissionRules, Moved, Phase, Tick, Verb
+from soilmoist_ros.exploration.mission.types import (
+    Alarm,
+    AlarmOver,
+    Command,
+    MissionRules,
+    Moved,
+    Phase,
+    Response,
+    Tick,
+    Verb,
+)
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -351,6 +361,22 @@ def test_an_emergency_stop_from_every_state_lasts_until_an_operator_resumes(when
     assert around.status.phase is Phase.PAUSED
     assert ask(around, "resume").accepted
     assert around.status.phase is (before if before is not Phase.PAUSED else Phase.TRAVELLING)
+
+
+def test_an_idle_mission_says_why_it_would_not_start():
+    around = Around()
+    around.time_s = 1000.0
+    around.control.use_graph(None)
+    around.control.fix((1.0, 1.0))
+    assert around.control.dangers == ""
+    around.control.emergency(True, "/emergency_stop")
+    around.control._feed.give(Alarm(1000.0, "battery", Response.RETURN, "the battery has 9 %"))
+    assert around.status.reason.startswith("waiting for start, which is refused: the emergency stop is pressed")
+    around.control.emergency(False, "/emergency_stop")
+    assert around.control.dangers == "the battery has 9 %"
+    assert not around.control.command(Verb.START).accepted
+    around.control._feed.give(AlarmOver(1001.0, "battery"))
+    assert around.status.reason == "waiting for start"
 
 
 def test_a_mission_to_resume_by_itself_does_not_after_an_emergency_stop():
