@@ -26,6 +26,7 @@ from soilmoist_ros.simulation.fields.field_files import write_field_file, write_
 from soilmoist_ros.simulation.robot.line_server import write_ports_file
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
+from soilmoist_ros.simulation.robot.waiting_clock import MAX_STEP_S as MAX_PLANNED_STEP_S
 from soilmoist_ros.simulation.robot.waiting_clock import WaitingClock
 from soilmoist_ros.simulation.simulated_robot import Output, robot_namespaces
 from soilmoist_ros.simulation.system import VirtualSystem
@@ -123,6 +124,7 @@ class FieldSimulator(Node):
         progress = {robot.name: robot.progress for robot in self._robots}
         end_s = max(self._waiting.may_run_to(wall_s, progress), system.now_s)
         has_planner = any(its.phase is not None for its in progress.values())
+        step_s = min(step_s, MAX_PLANNED_STEP_S) if has_planner else step_s
         return system.advance(min(system.now_s + step_s, end_s), step_by_step=has_planner)
 
     def _report(self) -> None:

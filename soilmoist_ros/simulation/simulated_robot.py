@@ -81,6 +81,8 @@ class SimulatedRobot:
         self.now_s = 0.0
         self.sent_s = -math.inf
         """End of the last record that the logger sent whole [s]."""
+        self.fixed_s = -math.inf
+        """Time of the last fix that the receiver sent whole [s]."""
         self.goal_id: int | None = None
         """Goal of the navigation that has not ended."""
         self._cadence_s, self._position_sd_m = settings.cadence_s, settings.position_sd_m
@@ -199,7 +201,8 @@ class SimulatedRobot:
             has_fix = not any(span.covers(self.now_s) for span in self._no_fix)
             sentences = self._gnss.sentences(self.now_s, self.body.at(self.now_s), has_fix)
             self._epochs += 1
-            self._gnss_link.send(self.now_s, sentences, spoilt=_GGA)
+            if self._gnss_link.send(self.now_s, sentences, spoilt=_GGA) and has_fix:
+                self.fixed_s = self.now_s
             self.navigation.look(self.now_s)
 
     def _count(

@@ -80,6 +80,10 @@ from soilmoist_ros.sensing.records import CountRecord
 
 POSITION_OLD_S = 10.0
 """A position older than this is a fault [s]."""
+PLACE_TIME = "place_s"
+"""Value of the status: when the newest place has come [s]; -inf for none."""
+PLACE_SHOWN_S = 2.0
+"""In a mission the status shows places that are not older than this [s]; a simulated clock waits for that."""
 RECORD_STAMP = "record_stamp_s"
 """Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
 RECORD_OLD_S = 60.0
@@ -194,7 +198,7 @@ class MissionControl:
         self._explorer: tuple[_MadeFor, Explorer] | None = None  # of the pool's thread
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
-        self._record_stamp_s = self._shown_stamp_s = -math.inf
+        self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self.navigator = make_navigator(self.ended)
 
     def _start(self, mission: Mission) -> None:
@@ -366,6 +370,8 @@ class MissionControl:
         now_s = self._clock.now_s()
         if self._feed.fix(PlaceFix(now_s, *place, sd_m, stamp_s)):
             self._moved(now_s)
+            if self.under_way and now_s - self._shown_place_s >= PLACE_SHOWN_S:
+                self.show()
 
     def _moved(self, now_s: float) -> None:
         place = self._feed.place
@@ -509,11 +515,12 @@ class MissionControl:
         ahead = requested if target is None else (target, *requested)
         if choice is not None and choice.stop == target:
             ahead = (choice.stop, *requested, *choice.ahead)
-        self._shown_stamp_s = self._record_stamp_s
+        self._shown_stamp_s, self._shown_place_s = self._record_stamp_s, self._feed.place_s
         more = {
             "on_the_way": self.navigator.on_the_way,
             "records_without_place": str(self._records_lost),
             RECORD_STAMP: repr(self._record_stamp_s),
+            PLACE_TIME: repr(self._feed.place_s + offset_s),
             "last_command": self._last_command[0],
             "last_command_s": repr(self._last_command[1]),
         }

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from msg_adapters.counts import counts_to_message
 from msg_adapters.diagnostics import health_from_status
 from msg_adapters.mission import mission_from_message
-from soilmoist_ros.exploration.control.mission_control import RECORD_STAMP
+from soilmoist_ros.exploration.control.mission_control import PLACE_TIME, RECORD_STAMP
 from soilmoist_ros.nodes.navigation.virtual_navigation import MAP_FRAME, NavigateToPoseServer, navigation_servers
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS
@@ -115,6 +115,7 @@ class RobotInterface:
             sent_s=self.robot.sent_s if has_driver else -math.inf,
             goal_ended_s=self._progress.goal_ended_s if self.robot.goal_id is None else math.nan,
             waits_for_goal=idle,
+            fixed_s=self.robot.fixed_s if self._servers[GNSS].clients else -math.inf,
         )
 
     def poll(self) -> None:
@@ -167,11 +168,11 @@ class RobotInterface:
         except ValueError:
             return
         values = health_from_status(message).values
-        handled_s = float(values.get(RECORD_STAMP, "nan")) - self._start_s
+        handled_s, placed_s = (float(values.get(key, "nan")) - self._start_s for key in (RECORD_STAMP, PLACE_TIME))
         target = None if status.target is None else (status.target.x_m, status.target.y_m)
         same = (status.phase, target) == (self._progress.phase, self._target_xy)
         ended_s = self._progress.goal_ended_s if same else math.nan
-        self._progress = RobotProgress(status.phase, handled_s=handled_s, goal_ended_s=ended_s)
+        self._progress = RobotProgress(status.phase, handled_s=handled_s, goal_ended_s=ended_s, placed_s=placed_s)
         self._target_xy = target
 
     def _on_goal_pose(self, pose: PoseStamped) -> None:

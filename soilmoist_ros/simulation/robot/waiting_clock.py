@@ -23,18 +23,31 @@ class Awaited(StrEnum):
     """A goal has ended, and the mission has not reacted. It needs positions, so time crawls."""
     DEPARTURE = "the next goal"
     """The mission travels, and the navigation has no goal yet."""
+    POSITION = "positions"
+    """The planner has not received the positions of the last seconds, and would take them for stale."""
     SAVE = "the end of the planner"
     """The mission has ended, and the map is being saved."""
 
 
 LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
-    {Awaited.PLAN: 120.0, Awaited.RECORD: 30.0, Awaited.ARRIVAL: 30.0, Awaited.DEPARTURE: 5.0, Awaited.SAVE: 40.0}
+    {
+        Awaited.PLAN: 120.0,
+        Awaited.RECORD: 30.0,
+        Awaited.ARRIVAL: 30.0,
+        Awaited.DEPARTURE: 5.0,
+        Awaited.POSITION: 30.0,
+        Awaited.SAVE: 40.0,
+    }
 )
 """Longest waits [s of the wall clock]."""
 SHORT_S = 0.5
 """Longest wait for what did not come in time before [s of the wall clock]."""
 CRAWL_S = 0.1
 """Least real time until the first epoch after the end of a goal, if the mission does not react [s]."""
+MAX_BEHIND_S = 5.0
+"""Simulated time that the positions of a planner may be behind; half the age at which a guard acts [s]."""
+MAX_STEP_S = 3.0
+"""Longest step of simulated time with planners; this and :data:`MAX_BEHIND_S` stay below that age [s]."""
 NOTED_S = 5.0
 """Waits from this length on are worth a message [s of the wall clock]."""
 
@@ -43,6 +56,9 @@ CLOCK_PART = "clock"
 """Name of the clock in diagnostics."""
 WAITS_FOR = "waits_for"
 """Value of the clock in diagnostics: what it waits for, if that has lasted long."""
+
+
+_USES_POSITIONS = (Phase.TRAVELLING, Phase.RETURNING, Phase.COUNTING, Phase.CANCELLING, Phase.WAITING)
 
 
 @dataclass(frozen=True)
@@ -54,6 +70,8 @@ class RobotProgress:
     :param handled_s: end of the last record that the planner has received [s]; NaN or -inf if unknown
     :param goal_ended_s: end of a goal to which the mission has not reacted [s]; NaN for none
     :param waits_for_goal: whether the robot stands away from the mission's target, without a goal
+    :param fixed_s: time of the last fix that the receiver sent whole to a client [s]; -inf for none
+    :param placed_s: when the planner received its last position [s]; NaN or -inf if unknown
     """
 
     phase: Phase | None = None
@@ -61,6 +79,8 @@ class RobotProgress:
     handled_s: float = math.nan
     goal_ended_s: float = math.nan
     waits_for_goal: bool = False
+    fixed_s: float = -math.inf
+    placed_s: float = math.nan
 
 
 def awaited(progress: RobotProgress) -> Awaited | None:
@@ -82,7 +102,8 @@ def awaited(progress: RobotProgress) -> Awaited | None:
                 return Awaited.ARRIVAL
             if progress.waits_for_goal:
                 return Awaited.DEPARTURE
-    return None
+    is_behind = MAX_BEHIND_S <= progress.fixed_s - progress.placed_s < math.inf
+    return Awaited.POSITION if is_behind and progress.phase in _USES_POSITIONS else None
 
 
 class WaitingClock:

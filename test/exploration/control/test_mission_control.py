@@ -326,6 +326,18 @@ def test_no_stop_of_another_robot_is_chosen():
     assert with_others.status.target != there.target, "the same seed draws the same stop, if it is free"
 
 
+def test_the_status_shows_places_of_the_last_seconds():
+    """A simulated clock waits for it, so that places do not become stale on a busy computer."""
+    around = Around()
+    around.begin()
+    shown = []
+    around.show = lambda status, ahead, more: shown.append(float(more["place_s"]))
+    for step in range(1, 9):
+        around.time_s = 1000.0 + step
+        around.control.fix((1.0 + 0.1 * step, 1.0))
+    assert shown == pytest.approx([1002.0, 1004.0, 1006.0, 1008.0])
+
+
 def test_each_record_is_acknowledged_while_the_robot_counts():
     """A simulated clock waits for it, with or without a place."""
     around = Around(dwell="fmi:60")

@@ -16,7 +16,15 @@ from soilmoist_ros.simulation.robot.waiting_clock import (
     awaited,
 )
 
-WAITED_FOR = (Phase.PLANNING, Phase.COUNTING, Phase.TRAVELLING, Phase.RETURNING, Phase.FINISHED)
+WAITED_FOR = (
+    Phase.WAITING,
+    Phase.CANCELLING,
+    Phase.PLANNING,
+    Phase.COUNTING,
+    Phase.TRAVELLING,
+    Phase.RETURNING,
+    Phase.FINISHED,
+)
 COUNTING = RobotProgress(Phase.COUNTING, sent_s=100.0, handled_s=100.0)
 TRAVELLING = RobotProgress(Phase.TRAVELLING, sent_s=100.0, handled_s=50.0)
 PLAN = {"robot_1": RobotProgress(Phase.PLANNING)}
@@ -50,6 +58,11 @@ class Clock(WaitingClock):
         (replace(COUNTING, handled_s=-math.inf), None),
         (replace(COUNTING, sent_s=-math.inf), None),  # no driver
         (TRAVELLING, None),
+        (replace(TRAVELLING, fixed_s=104.0, placed_s=100.0), None),
+        (replace(TRAVELLING, fixed_s=105.0, placed_s=100.0), Awaited.POSITION),
+        (replace(COUNTING, fixed_s=105.0, placed_s=100.0), Awaited.POSITION),
+        (replace(TRAVELLING, fixed_s=105.0, placed_s=-math.inf), None),
+        (replace(TRAVELLING, fixed_s=105.0, placed_s=math.nan), None),
         (replace(TRAVELLING, goal_ended_s=107.0), Awaited.ARRIVAL),
         (replace(TRAVELLING, goal_ended_s=107.0, waits_for_goal=True), Awaited.ARRIVAL),
         (replace(TRAVELLING, waits_for_goal=True), Awaited.DEPARTURE),
@@ -62,7 +75,7 @@ def test_what_is_awaited(progress, expected):
 
 @pytest.mark.parametrize("phase", [None, *(set(Phase) - {*WAITED_FOR})])
 def test_other_missions_do_not_stop_the_time(phase):
-    assert awaited(RobotProgress(phase, 100.0, 0.0, 0.0, True)) is None
+    assert awaited(RobotProgress(phase, 100.0, 0.0, 0.0, True, 100.0, 0.0)) is None
 
 
 def test_time_stands_still_until_all_is_there():
@@ -139,6 +152,8 @@ PROGRESS = st.builds(
     st.sampled_from([-math.inf, math.nan, 90.0, 100.0]),
     st.sampled_from([math.nan, 95.0]),
     st.booleans(),
+    st.sampled_from([-math.inf, 90.0, 100.0]),
+    st.sampled_from([-math.inf, math.nan, 90.0, 100.0]),
 )
 ROBOTS = st.fixed_dictionaries({"robot_1": PROGRESS, "robot_2": PROGRESS})
 
