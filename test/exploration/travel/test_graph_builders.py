@@ -46,7 +46,7 @@ def test_a_lattice_is_symmetric_connected_and_stays_off_no_go_areas(spacing, nei
     area = shapely.Polygon(field.polygon).difference(shapely.Polygon(no_go)).buffer(-margin).buffer(0.01)
     if len(graph.edges):
         assert shapely.covers(area, lines_of(graph)).all()
-        assert graph.length_m.max() <= spacing * (1.5 if neighbours == 8 else 1) + 1e-9
+        assert graph.length_m.max() <= spacing * (1.5 if neighbours == 8 else 1) + 2e-4, "places are rounded"
 
 
 def test_a_full_lattice_has_all_its_ways():
