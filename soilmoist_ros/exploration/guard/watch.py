@@ -62,7 +62,7 @@ class WatchLimits:
     stamps: StampLimits = field(default_factory=StampLimits)
     max_outside_m: float = 10.0
     fix_old_s: float = 10.0
-    fix_frozen_s: float = 20.0
+    fix_frozen_s: float = 12.0
     records_old_s: float = 60.0
     map_old_s: float = 300.0
     navigation_silent_s: float = 10.0

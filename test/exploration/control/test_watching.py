@@ -232,6 +232,33 @@ def test_a_receiver_that_recovers_elsewhere_is_believed_after_a_while(farm):
     farm.run(lambda: "jump" not in farm.alarms, 60)
 
 
+@pytest.mark.parametrize("away_m", [20.0, 500.0])
+def test_fixes_that_agree_on_another_place_wait_for_an_operator(farm, away_m):
+    farm.fix = lambda true: (true[0] + away_m, true[1])
+    farm.run(lambda: "relocated" in farm.alarms, 30)
+    assert farm.alarms["relocated"] is Response.PAUSE
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
+    assert farm.status.needs_operator
+    farm.fix = lambda true: true
+    farm.run(lambda: not farm.alarms, 120)
+    assert farm.status.phase is Phase.PAUSED
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)
+
+
+def test_frozen_fixes_wait_for_an_operator(farm):
+    frozen = farm.place
+    farm.fix = lambda true: frozen
+    farm.run(lambda: "fix_frozen" in farm.alarms, 30)
+    assert farm.alarms["fix_frozen"] is Response.PAUSE
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
+    assert farm.goal is None
+    farm.fix = lambda true: true
+    farm.run(lambda: not farm.alarms, 120)
+    farm.run(lambda: farm.control.command(Verb.RESUME).accepted, 60)
+    goes_on(farm)
+
+
 def test_a_robot_outside_the_field_waits_for_an_operator(farm):
     """The receiver drifts slowly, so that each fix is plausible."""
     drift_m = 0.0

@@ -5,11 +5,15 @@ import importlib.util
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.simulation.rehearsal.cases import make_case
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
-from soilmoist_ros.simulation.rehearsal.rehearsal import rehearse
+from soilmoist_ros.simulation.rehearsal.judge import Kind, Violation
+from soilmoist_ros.simulation.rehearsal.rehearsal import Outcome, rehearse
 from soilmoist_ros.simulation.rehearsal.world import NAVIGATORS
 
 ROOT = Path(__file__).parents[3]
@@ -62,3 +66,67 @@ def test_a_killed_planner_comes_back_with_its_mission(rehearsed):
     assert outcome.kills == 1
     assert outcome.visits >= 3
     assert outcome.ended.startswith("finished")
+
+
+FIX_JUMPS = Faults([Span(Fault.FIX_JUMP, 60.0, 200.0, 0.3), Span(Fault.FIX_RUNS, 300.0, 100.0, 0.5)])
+
+
+@pytest.fixture
+def no_fence(monkeypatch):
+    """Everything is allowed."""
+    everywhere = 1000.0 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+
+    def open_fence(field, *margins):
+        return Fence(replace(field, polygon=everywhere, no_go=()), *margins)
+
+    monkeypatch.setattr("soilmoist_ros.exploration.control.mission_setup.Fence", open_fence)
+
+
+@pytest.fixture
+def no_watch(monkeypatch):
+    """Every fix is believed, and nothing is wrong."""
+    monkeypatch.setattr(Watch, "fix", lambda self, fix: fix.xy)
+    monkeypatch.setattr(Watch, "check", lambda self, now_s, doing: ())
+
+
+def violated(rehearsed, numbers, faults):
+    cases = [replace(make_case(1, number), faults=faults, budget_s=900.0, strategy="random") for number in numbers]
+    return {violation.kind for case in cases for violation in rehearsed(case).violations}
+
+
+@pytest.mark.slow
+def test_without_the_fence_the_judge_finds_violations(rehearsed, no_fence):
+    found = violated(rehearsed, range(0, 24, 3), Faults())
+    assert {Kind.NO_GO, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= found
+
+
+@pytest.mark.slow
+def test_without_the_watch_the_judge_finds_violations(rehearsed, no_watch):
+    assert Kind.WRONG_PLACE in violated(rehearsed, range(6), FIX_JUMPS)
+
+
+@pytest.mark.slow
+def test_with_both_there_are_none(rehearsed):
+    assert violated(rehearsed, range(0, 24, 3), Faults()) == set()
+    assert violated(rehearsed, range(6), FIX_JUMPS) == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(12))
+def test_rehearsals_without_violations(rehearsed, number):
+    outcome = rehearsed(make_case(1, number))
+    assert outcome.violations == ()
+    assert not outcome.refused
+
+
+def test_the_script_ends_with_the_sum(safety, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["safety", "--fields", "1", "--seed", "5", "--workers", "1"])
+    short = lambda seed, number: replace(make_case(seed, number), budget_s=120.0, faults=Faults())  # noqa: E731
+    monkeypatch.setattr(safety, "make_case", short)
+    assert safety.main() == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "violations: 0"
+    monkeypatch.setattr(
+        safety, "rehearse", lambda case, store: Outcome(violations=(Violation(Kind.NO_GO, 1, ""),))
+    )
+    assert safety.main() == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "violations: 3"
