@@ -334,8 +334,10 @@ class MissionControl:
             self._use(self._graph, self._cell_m, self._feed.place)
         if answer.accepted:
             self._last_command = f"{verb} by {command.by}: {answer.message}", command.now_s
+            if verb in _DECISIONS or verb is Verb.PAUSE:
+                self._resume_when_ready = False
             if verb in _DECISIONS:
-                self._interrupted, self._resume_when_ready = "", False
+                self._interrupted = ""
             self.show()
         return answer
 

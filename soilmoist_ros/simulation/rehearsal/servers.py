@@ -131,6 +131,8 @@ class ActionServer:
         self._goals = 0
         self._active: _Active | None = None
         self._replies: list[tuple[float, Reply]] = []
+        self._brake_s = math.inf
+        self._dead = False
         self.replaced = 0
         """Goals that were replaced by another before they had ended."""
 
@@ -179,8 +181,11 @@ class ActionServer:
         if self._faults.on(Fault.SERVER_DEAD, now_s):
             if self._active is not None and not self._faults.on(Fault.RUNAWAY, now_s):
                 self._robot.stop()
-            self._active, self._replies = None, []
+            self._active, self._replies, self._dead = None, [], True
             return []
+        if self._dead:
+            self._robot.stop()  # it starts anew
+            self._dead = False
         active = self._active
         if active is not None:
             runs_on_s = 8.0 if self._faults.on(Fault.RUNS_ON, now_s) else 0.5
@@ -197,8 +202,6 @@ class ActionServer:
         heard = [reply for due_s, reply in self._replies if due_s <= now_s]
         self._replies = [(due_s, reply) for due_s, reply in self._replies if due_s > now_s]
         return heard
-
-    _brake_s = math.inf
 
     def _over(self, now_s: float, status: Status, success: bool, stop: bool = True) -> None:
         assert self._active is not None

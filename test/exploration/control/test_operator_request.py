@@ -391,13 +391,17 @@ def test_a_mission_to_resume_by_itself_does_not_after_an_emergency_stop():
     assert around.status.phase is Phase.PAUSED
 
 
-def test_a_mission_to_resume_by_itself_does_not_if_people_have_paused_it():
+@pytest.mark.parametrize("before", [True, False])
+def test_a_mission_to_resume_by_itself_does_not_if_people_have_paused_it(before):
     mission = under_way()
-    mission.step(Command(mission.state.now_s, Verb.PAUSE))
+    if before:
+        mission.step(Command(mission.state.now_s, Verb.PAUSE))
     around = Around()
     around.time_s = 2000.0
     around.control.use_graph(None)
     around.control.take_up(mission, auto=True)
+    if not before:
+        assert ask(around, "pause").accepted
     around.control.fix((1.0, 1.0))
     around.control.tick()
     assert around.status.phase is Phase.PAUSED
