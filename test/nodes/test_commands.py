@@ -96,7 +96,7 @@ class Commanded(Planning):
 def test_every_verb(ros, tmp_path):
     with World(ros, rate=20.0) as world, VirtualNavigation(ros, world) as navigation:
         planning = Commanded(ros, tmp_path)
-        planning.wait(lambda status: "waiting for start" in status.reason)
+        planning.wait(lambda status: status.reason == "waiting for start")
         planning.refused("refused", "measure", stops=("n11",))
         planning.refused("unknown_verb", "go")
         planning.accepted("start")
@@ -147,7 +147,7 @@ def test_every_verb(ros, tmp_path):
 def test_parameters_are_set_while_it_runs(ros, tmp_path):
     with World(ros, rate=5.0) as world, VirtualNavigation(ros, world):
         planning = Commanded(ros, tmp_path, home="n00")
-        planning.wait(lambda status: "waiting for start" in status.reason)
+        planning.wait(lambda status: status.reason == "waiting for start")
         assert planning.set_parameter("dwell", "fmi:300") == ""
         assert planning.call("start").success
         planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "travelling")
@@ -242,7 +242,7 @@ def test_the_documented_lines_do_what_the_page_says(ros, tmp_path):
         world.place = (10.0, 10.0)
         ros.collect(PoseStamped, "goal_pose")  # a navigation that drives nowhere
         planning = Commanded(ros, tmp_path, graph="free", navigator="goal_pose", min_dwell_s=1.0)
-        planning.wait(lambda status: "waiting for start" in status.reason)
+        planning.wait(lambda status: status.reason == "waiting for start")
         for line in commands[:-2]:
             assert "accepted=True" in run_line(planning, line), line
         shown = [run_line(planning, line) for line in others[:3]]
