@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from soilmoist_ros.exploration.mission.types import Finish, MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.simulation.rehearsal.ground import Ground
 
@@ -280,6 +281,12 @@ class Judge:
         used_s = now_s - self._started_s
         if finish.code is MissionEnd.TIME_UP and used_s < self._limits.early * self._budget_s:
             self.blame(Kind.EARLY, now_s, f"time is said to be up after {used_s:.0f} s: {finish.reason}")
+
+    def home_by(self, now_s: float, place: Place, home: Stop | None) -> None:
+        """The battery has been low for a while: the robot must be home now."""
+        away_m = 0.0 if home is None else math.dist(place, (home.x_m, home.y_m))
+        if away_m > self._limits.visit_m:
+            self.blame(Kind.NOT_HOME, now_s, f"{away_m:.1f} m away")
 
     def mapped(self, now_s: float, samples: Samples, whole: Samples) -> None:
         """The samples of the map at the end, and those of all that was published."""

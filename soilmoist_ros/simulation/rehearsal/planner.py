@@ -86,7 +86,7 @@ class PlannerProcess:
     def __init__(self, world: World, store: Store, judge: Judge) -> None:
         case = world.case
         self._world, self._judge = world, judge
-        self._home = home_stop(case.ground) if case.home else None
+        self.home = home_stop(case.ground) if case.home else None
         self._later = _Later(lambda: world.time_s + THINKING_S[world.faults.on(Fault.PLANNER_SLOW, world.time_s)])
         self.status: MissionStatus | None = None
         self.visits = 0
@@ -114,7 +114,7 @@ class PlannerProcess:
             case.ground.field,
             settings,
             rules,
-            self._home.name if self._home else "",
+            self.home.name if self.home else "",
             20.0,
             self._navigator,
             self,
@@ -146,7 +146,7 @@ class PlannerProcess:
     def _sent(self, place: Place, what: str) -> None:
         if self._world.server.active:
             self._judge.replaced(self._world.time_s, what)
-        home = None if self._home is None else (self._home.x_m, self._home.y_m)
+        home = None if self.home is None else (self.home.x_m, self.home.y_m)
         self._judge.sent(self._world.time_s, place, what, home)
 
     def _stopped(self, place: Place) -> None:

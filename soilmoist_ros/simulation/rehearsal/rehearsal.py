@@ -18,6 +18,8 @@ from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind, Violation
 from soilmoist_ros.simulation.rehearsal.planner import PlannerProcess, Store
 from soilmoist_ros.simulation.rehearsal.world import Case, World
 
+HOME_WITHIN_S = 250.0
+"""A robot with a low battery is home within this time [s]."""
 BACK_AFTER_S = 8.0
 """A killed process is back after this time [s]."""
 ANSWER_S = 30.0
@@ -25,6 +27,8 @@ ANSWER_S = 30.0
 AFTER_RELEASE_S = 15.0
 """Time between the release of the emergency stop and the resume [s]."""
 BUTTON = "button"
+POLL_S = 4.0
+"""Time between looks of the mapper at the disk [s]; each second would take long."""
 OVERTIME_S = 900.0
 """A rehearsal ends this long after the budget at the latest [s]."""
 AFTERWARDS_S = 30.0
@@ -73,6 +77,14 @@ def rehearse(case: Case, store: Store) -> Outcome:
     return rehearsal.outcome()
 
 
+def home_by_s(case: Case) -> float:
+    """When the robot must be home because its battery is low [s]; inf if something else goes wrong, too."""
+    low = [span for span in case.faults.spans if span.fault is Fault.LOW_BATTERY]
+    if not low or len(case.faults.spans) > 1 or not case.home:
+        return math.inf
+    return math.ceil(low[0].at_s) + HOME_WITHIN_S
+
+
 class _Crashes(logging.Handler):
     """Exceptions that the package logs and survives."""
 
@@ -101,7 +113,8 @@ class MapperProcess:
         """Let a second pass, in which a record may have come."""
         if record is not None:
             self.store.received([record])
-        self.store.second(self._world.time_s - self._begun_s)
+        elif self._world.time_s % POLL_S == 0:
+            self.store.second(self._world.time_s - self._begun_s)
 
 
 class _Rehearsal:
@@ -122,6 +135,7 @@ class _Rehearsal:
         self._visits = self._kills = self._alarms = 0
         self._refused = self._ended = ""
         self._on: set[str] = set()
+        self._home_by_s = home_by_s(case)
 
     def run(self) -> None:
         """Rehearse until the mission has ended, and a little longer."""
@@ -181,6 +195,7 @@ class _Rehearsal:
         if record is not None:
             self.planner.control.records([record])
             self._map()
+        self.planner.control.battery(world.charge, math.nan)
         self.planner.second()
         self._operate(self.planner)
         status = self.planner.status
@@ -190,6 +205,8 @@ class _Rehearsal:
         self._on = on
         self._ended = f"{status.phase}: {status.reason}"
         self.judge.said(world.time_s, status, world.wrong_m)
+        if world.time_s == self._home_by_s:
+            self.judge.home_by(world.time_s, world.robot.place, self.planner.home)
         return self.planner.finished
 
     def _begin(self, span: Span) -> None:

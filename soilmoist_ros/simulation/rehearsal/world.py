@@ -140,6 +140,13 @@ class World:
         return record
 
     @property
+    def charge(self) -> float:
+        """Charge of the battery [0..1]; it is low from the fault on, and goes on falling."""
+        low = [span.at_s for span in self.faults.spans if span.fault is Fault.LOW_BATTERY]
+        since_s = self.time_s - min(low, default=math.inf)
+        return 0.6 if since_s < 0 else max(0.0, 0.24 - since_s / 2000)
+
+    @property
     def obeys(self) -> bool:
         """Whether the navigation has done what it was asked for some seconds."""
         faults = (Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.SERVER_DEAD)

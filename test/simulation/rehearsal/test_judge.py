@@ -8,6 +8,7 @@ import pytest
 
 from soilmoist_ros.exploration.mission.types import Finish, MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import as_samples
@@ -130,6 +131,21 @@ def test_time(judge):
     assert kinds(judge) == [Kind.OVER_BUDGET]
     judge.said(1000.0, STATUS, 0.0)
     assert kinds(judge) == [Kind.OVER_BUDGET, Kind.DEAD]
+
+
+def test_a_low_battery(judge):
+    judge.home_by(300.0, (5.0, 5.0), Stop("home", 6.0, 5.0))
+    judge.home_by(300.0, (5.0, 5.0), None)
+    assert kinds(judge) == []
+    judge.home_by(300.0, (5.0, 5.0), Stop("home", 26.0, 5.0))
+    assert kinds(judge) == [Kind.NOT_HOME]
+
+
+def test_a_stop_that_drives_away(judge):
+    judge.stop_sent(1.0, (5.0, 5.0), (6.0, 5.0))
+    assert kinds(judge) == []
+    judge.stop_sent(1.0, (1984.8, 25.4), (6.0, 5.0))
+    assert kinds(judge) == [Kind.STOP_AWAY]
 
 
 def test_the_end(judge):
