@@ -97,7 +97,6 @@ class Planner(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_S, self._tick, clock=steady)
         self.create_timer(SHOW_S, self._show, clock=steady)
-        self._frames.listen()
 
     def close(self) -> None:
         """Stop the robot."""

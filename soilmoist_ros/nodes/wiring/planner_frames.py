@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
-from threading import Thread
+from collections.abc import Callable, Iterator
+from threading import Lock
 from typing import Any, Final
 
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
 from msg_adapters.transforms import pose_to_message, transforms_from_message
 from soilmoist_ros.exploration.guard.robot_frames import ASKED_M, ROBOT, FrameSettings, RobotFrames
+from soilmoist_ros.exploration.guard.transforms import Transform
 from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.nodes.parameters.declaration import Parameters
@@ -50,15 +48,12 @@ class PlannerFrames:
         self._poses = node.create_publisher(PoseWithCovarianceStamped, "robot_pose", DEFAULT)
         self._ask = self._datum_client(values.text("datum_service"))
         self._listener: _Listener | None = None
-
-    def listen(self) -> None:
-        """Start listening to TF: last, as a thread must not run while the planner refuses its parameters."""
         try:
             kind = importlib.import_module("tf2_msgs.msg").TFMessage
         except ImportError:
-            self._node.get_logger().warning("the frames are not checked: tf2_msgs is not installed")
+            node.get_logger().warning("the frames are not checked: tf2_msgs is not installed")
         else:
-            self._listener = _Listener(self._node, kind, self._on_tf)
+            self._listener = _Listener(node, kind)
 
     def close(self) -> None:
         """Stop listening to TF."""
@@ -67,6 +62,7 @@ class PlannerFrames:
 
     def place(self, fix: Fix) -> tuple[float, float] | None:
         """Place of the robot's base by a fix of its antenna [m], ``None`` without a fix; publishes the pose."""
+        self._take_transforms()
         now_s = self._now_s()
         pose = self.robot.take_fix(fix, now_s)
         if pose is None:
@@ -85,11 +81,13 @@ class PlannerFrames:
 
         :returns: why the robot must not drive; empty if nothing is known against it
         """
+        self._take_transforms()
         self._ask()
         return self.robot.fault(self._now_s())
 
-    def _on_tf(self, static: bool, message: Any) -> None:
-        self.robot.take_transforms(transforms_from_message(message, static), self._now_s())
+    def _take_transforms(self) -> None:
+        if self._listener is not None:
+            self.robot.take_transforms(self._listener.take(), self._now_s())
 
     def _now_s(self) -> float:
         return float(self._node.get_clock().now().nanoseconds * 1e-9)
@@ -126,13 +124,12 @@ class PlannerFrames:
 
 
 class _Listener:
-    """Listens to TF in a node and a thread of its own.
+    """Takes the messages of TF when asked, instead of one by one as they come.
 
-    TF has up to some hundred messages a second. In the executor of the planner each would cost several times more,
-    and delay commands.
+    TF has some hundred messages a second, and each would wake the executor of the planner. This node has none.
     """
 
-    def __init__(self, node: Node, kind: Any, heard: Callable[[bool, Any], None]) -> None:
+    def __init__(self, node: Node, kind: Any) -> None:
         # Without global arguments, a new name for the planner does not rename this node as well.
         self._node = Node(
             f"{node.get_name()}_tf",
@@ -142,26 +139,25 @@ class _Listener:
             start_parameter_services=False,
             enable_rosout=False,
         )
-        for topic, static, profile in (("/tf", False, TF), ("/tf_static", True, TF_STATIC)):
-            name = node.resolve_topic_name(topic)
-            self._node.create_subscription(kind, name, partial(heard, static), profile)
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(self._node)
-        self._closing = False
-        self._thread = Thread(target=self._run, name="tf", daemon=True)
-        self._thread.start()
+        self._topics = [
+            (static, self._node.create_subscription(kind, node.resolve_topic_name(topic), print, profile))
+            for topic, static, profile in (("/tf_static", True, TF_STATIC), ("/tf", False, TF))
+        ]
+        self._lock = Lock()
 
-    def _run(self) -> None:
-        with suppress(ExternalShutdownException):
-            while not self._closing:
-                self._executor.spin_once(timeout_sec=0.2)
+    def take(self) -> Iterator[Transform]:
+        """Transforms that have come since the last call."""
+        with self._lock:
+            for static, subscription in self._topics:
+                with subscription.handle:
+                    while (taken := subscription.handle.take_message(subscription.msg_type, False)) is not None:
+                        yield from transforms_from_message(taken[0], static)
 
     def close(self) -> None:
-        """End the thread."""
-        self._closing = True
-        self._thread.join(2.0)
-        self._executor.shutdown(timeout_sec=1.0)
-        self._node.destroy_node()
+        """Stop listening."""
+        with self._lock:
+            self._topics = []
+            self._node.destroy_node()
 
 
 def frame_settings(values: Parameters) -> FrameSettings:
