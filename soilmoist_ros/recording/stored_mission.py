@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, was_driving
+from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
@@ -53,7 +53,8 @@ class StoredMission:
         events = (entry.payload for entry in found.entries if entry.kind == EVENT)
         self.problems = found.problems
         self.mission: Mission | None = interrupted_mission(rules, found.snapshot, events)
-        self.resumes = self.mission is not None and (resume == "auto" or (crashed and was_driving(self.mission)))
+        waits = self.mission is not None and self.mission.state.waits_for_people
+        self.resumes = self.mission is not None and not waits and (crashed or resume == "auto")
         ended = found.snapshot is not None and state_from_json(found.snapshot).ended is not None
         self.starts = self.mission is None and not (crashed and ended)
 

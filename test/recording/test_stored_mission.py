@@ -8,7 +8,18 @@ import pytest
 
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import Command, MissionRules, Moved, Phase, Verb
+from soilmoist_ros.exploration.mission.types import (
+    RESTART,
+    Alarm,
+    AlarmOver,
+    Command,
+    MissionRules,
+    Moved,
+    Phase,
+    Response,
+    Tick,
+    Verb,
+)
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.stored_mission import StoredMission
@@ -70,6 +81,27 @@ def test_a_paused_mission_waits_for_the_operator(tmp_path):
     again = start(tmp_path)
     assert again.mission is not None
     assert not again.resumes
+
+
+def test_a_pause_by_a_restart_is_nobodys_but_one_by_people_lasts(tmp_path):
+    restart = (*STARTED, Command(3.0, Verb.PAUSE, who=RESTART))
+    run(tmp_path / "restart", restart)
+    assert start(tmp_path / "restart").resumes
+    run(tmp_path / "people", (*restart, Command(4.0, Verb.PAUSE)))
+    assert not start(tmp_path / "people", "auto").resumes
+    run(tmp_path / "before", (*PAUSED, Command(4.0, Verb.PAUSE, who=RESTART)))
+    assert not start(tmp_path / "before", "auto").resumes
+    run(tmp_path / "later", (*restart, Command(4.0, Verb.RESUME), Command(5.0, Verb.PAUSE)))
+    assert not start(tmp_path / "later", "auto").resumes
+
+
+def test_a_hold_by_the_guard_does_not_end_by_itself_after_a_power_cut(tmp_path):
+    held = (*STARTED, Alarm(3.0, "fix_age", Response.HOLD, "no fix"), Command(4.0, Verb.PAUSE, who=RESTART))
+    run(tmp_path, held)
+    stored = start(tmp_path)
+    stored.mission.step(AlarmOver(5.0, "fix_age"))
+    stored.mission.step(Tick(6.0))
+    assert (stored.mission.state.phase, stored.resumes) == (Phase.PAUSED, True)
 
 
 def test_an_emergency_stop_outlives_a_crash(tmp_path):

@@ -42,6 +42,7 @@ from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import (
+    RESTART,
     Action,
     Answer,
     CancelGoal,
@@ -221,13 +222,12 @@ class MissionControl:
         """
         doing, stop = mission.state.phase, mission.state.target
         self._interrupted = f"resumable: interrupted while {doing}{f' ({stop.stop.name})' if stop else ''}"
-        waits_for_people = mission.state.resume is not None and not mission.state.held
-        self._resume_when_ready = auto and not waits_for_people
+        self._resume_when_ready = auto and not mission.state.waits_for_people
         self._start(mission)
         self._clock.go_on_from(mission.state)
         now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)
         self.watch.adopt((alarm.cause for alarm in mission.state.alarms), now_s)
-        self._feed.command(Command(now_s, Verb.PAUSE))
+        self._feed.command(Command(now_s, Verb.PAUSE, who=RESTART))
         if mission.state.goal is not None:
             self.navigator.cancel(mission.state.goal.goal_id)  # the robot may still be driving there
 

@@ -8,7 +8,6 @@ from typing import Any, Protocol
 
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import (
-    Todo,
     event_from_dict,
     event_to_dict,
     replace,
@@ -21,7 +20,6 @@ from soilmoist_ros.exploration.mission.types import (
     Event,
     MissionRules,
     Moved,
-    Phase,
     RecordArrived,
     Tick,
     Verb,
@@ -146,12 +144,6 @@ def interrupted_mission(
         if PROPERTY not in event:
             mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
     return mission if mission.state.under_way else None
-
-
-def was_driving(mission: Mission) -> bool:
-    """Whether an interrupted mission was going on by itself: not paused, and not stopped by people."""
-    state = mission.state
-    return state.phase is not Phase.PAUSED and state.todo is not Todo.PAUSE and not state.emergency
 
 
 def interrupted_records(

@@ -42,6 +42,7 @@ from soilmoist_ros.exploration.mission.state import (
     state_to_dict,
 )
 from soilmoist_ros.exploration.mission.types import (
+    RESTART,
     Action,
     Alarm,
     AlarmOver,
@@ -339,12 +340,15 @@ class _Turn(Moves):
     def pause(self, command: Command) -> tuple[bool, str]:
         state = self.state
         if state.phase is Phase.PAUSED or state.todo is Todo.PAUSE:
-            self.state = replace(state, held=False)  # from now on it is the operator's
+            own = command.who == RESTART and (state.held or state.interrupted)
+            self.state = replace(state, held=False, interrupted=own)  # otherwise it is the operator's from now on
             return True, state.reason
         resume = self.to_resume
         if resume is None:
             return False, f"there is nothing to pause: {state.reason}"
         self.hold(resume, f"paused by {command.by}", needs_operator=False)
+        if command.who == RESTART:
+            self.state = replace(self.state, interrupted=True)
         return True, self.state.reason
 
     def go_on(self, command: Command) -> tuple[bool, str]:

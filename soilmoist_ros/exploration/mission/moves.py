@@ -100,6 +100,7 @@ class Moves:
             cause=state.cause if waits else "",
             resume=state.resume if paused else None,
             held=state.held and paused,
+            interrupted=state.interrupted and paused,
         )
 
     def then(self, todo: Todo, reason: str) -> None:
@@ -286,7 +287,12 @@ class Moves:
         """Pause: stop the robot, and store what to resume."""
         self.suspend(reason)
         self.state = replace(
-            self.state, resume=resume, needs_operator=needs_operator, held=held, wait_until_s=None
+            self.state,
+            resume=resume,
+            needs_operator=needs_operator,
+            held=held,
+            interrupted=False,
+            wait_until_s=None,
         )
         self.then(Todo.PAUSE, reason)
 

@@ -151,6 +151,7 @@ class MissionState:
     :param returns: how often going home failed
     :param failures: failures since the last sample
     :param held: whether the last pause ends by itself, when the guard has nothing more against it
+    :param interrupted: whether the last pause is only because the planner was restarted
     :param needs_operator: whether the last pause was the mission's own: it waits for the operator
     :param ended: why the mission has ended or is ending
     :param position: where the robot is [m]
@@ -199,6 +200,7 @@ class MissionState:
     needs_operator: bool = False
     ended: MissionEnd | None = None
     held: bool = False
+    interrupted: bool = False
     wait_until_s: float | None = None
     position_s: float | None = None
     still_at: tuple[float, float] | None = None
@@ -225,6 +227,12 @@ class MissionState:
         if self.counting is None or self.now_s is None:
             return self.counting_s
         return self.counting_s + self.counting.dwell_s(self.now_s)
+
+    @property
+    def waits_for_people(self) -> bool:
+        """Whether it was paused or stopped until people resume."""
+        paused = self.resume is not None and not self.held and not self.interrupted
+        return paused or bool(self.emergency)
 
     @property
     def under_way(self) -> bool:

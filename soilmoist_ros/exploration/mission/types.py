@@ -216,6 +216,10 @@ class Changes:
 # Events ------------------------------------------------------------------------------------------------------
 
 
+RESTART = "a restart of the planner"
+"""Who pauses a mission that a planner finds under way when it starts."""
+
+
 @dataclass(frozen=True, slots=True)
 class Command:
     """The operator asks for something; the mission answers with one :class:`Answer`.
