@@ -100,6 +100,7 @@ class FrameCheck:
         self.move = move or PlaneMove()
         self._pairs: deque[_Pair] = deque(maxlen=PAIRS)
         self._apart: deque[_Pair] = deque(maxlen=MAX_FITTED)
+        self._known: tuple[tuple[object, ...], FrameVerdict] | None = None
 
     def add(self, now_s: float, fix_m: Place, tf_m: Place, delay_s: float = 0.0) -> None:
         """Add a pair.
@@ -123,6 +124,12 @@ class FrameCheck:
     def verdict(self, now_s: float) -> FrameVerdict:
         """Compare the latest pairs."""
         pairs = [pair for pair in self._pairs if now_s - pair.now_s <= PAIR_LIFE_S]
+        compared = (self.move, *pairs)
+        if self._known is None or self._known[0] != compared:  # words about a datum take milliseconds
+            self._known = compared, self._compare(pairs)
+        return self._known[1]
+
+    def _compare(self, pairs: list[_Pair]) -> FrameVerdict:
         if len(pairs) < MIN_PAIRS:
             return FrameVerdict(
                 Agreement.UNKNOWN, f"not checked yet: {len(pairs)} pairs of TF and fix of {MIN_PAIRS}"

@@ -103,6 +103,7 @@ class RobotFrames:
         self._tree = TransformTree()
         self._check = FrameCheck(field.frame, settings.limit_m, self.move)
         self._track = Track(max_positions=_KEPT_FIXES)
+        self._datum = "unknown" if self.move is None else datum_text(field.frame, self.move)
         self._map_fault = ""
         self._unchecked = ""
         self._agreed = False
@@ -204,7 +205,7 @@ class RobotFrames:
         values = {
             "frame": self._settings.frame,
             "frame of the navigation": self._settings.navigation_frame,
-            "datum of the navigation": datum_text(self._frame, self.move) if self.move is not None else "unknown",
+            "datum of the navigation": self._datum,
             "pairs of TF and fix": str(verdict.pairs),
         }
         if verdict.pairs:
@@ -257,3 +258,4 @@ class RobotFrames:
 
     def _use(self, move: PlaneMove) -> None:
         self.move = self._check.move = move
+        self._datum = datum_text(self._frame, move)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.guard.frames import (
@@ -50,6 +50,8 @@ def test_a_shift_of_30_m_is_named_with_direction_and_remedy():
     assert checked(STANDING, PlaneMove(0.0, (0.0, 30.0)), parse_datum(explained, FIELD))[1].distance_m < 0.05
 
 
+@pytest.mark.slow
+@settings(max_examples=20)
 @given(metres, metres, turns, st.integers(0, 2**32 - 1))
 def test_any_other_datum_is_recovered_from_a_drive_with_noise(east, north, yaw, seed):
     move = PlaneMove(yaw, (east, north))

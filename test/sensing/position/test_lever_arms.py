@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -49,6 +49,7 @@ def surveyed(arms, heading, steps=30):
     return records, wanted, problems
 
 
+@settings(max_examples=20)
 @given(offsets, offsets, headings)
 def test_a_record_is_where_the_sensor_is(antenna, sensor, heading):
     records, wanted, problems = surveyed(LeverArms(antenna, sensor), heading)
