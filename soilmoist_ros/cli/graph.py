@@ -20,8 +20,8 @@ from soilmoist_ros.foundation.errors import InputError
 )
 @click.option("--headland", type=click.FloatRange(min=0, min_open=True), default=5.0, show_default=True,
               help="Width of the headlands at the ends of the rows [m].")  # fmt: skip
-@click.option("--margin", type=click.FloatRange(min=0), default=0.0, show_default=True,
-              help="Minimum distance of nodes from the border and from no-go areas [m].")  # fmt: skip
+@click.option("--margin", type=click.FloatRange(min=0), default=0.75, show_default=True,
+              help="Distance that the robot keeps from the border and no-go areas: its radius [m].")  # fmt: skip
 @click.option("--name", help="Name of the map. Default: the name of the field.")
 @click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
 @report_errors

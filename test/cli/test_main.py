@@ -394,3 +394,11 @@ def test_check_covers_the_truth_of_a_field_file(tmp_path):
     result = run("check", "--field", field)
     assert result.exit_code == 2
     assert "missing.csv" in result.output
+
+
+def test_built_graphs_keep_the_radius_that_the_planner_keeps():
+    from soilmoist_ros.cli.graph import command
+    from soilmoist_ros.nodes.parameters.planner import PARAMETERS
+
+    margin = next(option.default for option in command.params if option.name == "margin")
+    assert margin == next(row.default for row in PARAMETERS if row.name == "robot_radius_m")

@@ -171,7 +171,8 @@ class FencedGraph:
         edges = dict.fromkeys(tuple(sorted(pair)) for pair in names[self.whole.edges[lost]].tolist())
         if edges:
             said = listing(f"{start} - {end}" for start, end in edges)
-            found.append(f"{len(edges)} edges that leave the field or enter a no-go area ({said})")
+            count = "1 edge" if len(edges) == 1 else f"{len(edges)} edges"
+            found.append(f"{count} across the border or a no-go area ({said})")
         return f"not used of the topological map: {'; '.join(found)}" if found else ""
 
     # How to send the robot ------------------------------------------------------------------------------------

@@ -43,7 +43,7 @@ def test_nodes_in_a_pond_and_edges_across_it_are_dropped_by_name_in_one_sentence
     assert fenced.graph.path("a", "b") == ("a", "s", "t", "u", "b")
     assert fenced.warning == (
         "not used of the topological map: 1 in a no-go area (p); 1 outside the field (far); "
-        "1 edges that leave the field or enter a no-go area (a - b)"
+        "1 edge across the border or a no-go area (a - b)"
     )
     assert FencedGraph(graph(AROUND, "a s t u b"), Fence(FIELD)).warning.endswith("1 in a no-go area (p)")
 
