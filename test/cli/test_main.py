@@ -397,6 +397,7 @@ def test_check_covers_the_truth_of_a_field_file(tmp_path):
 
 
 def test_built_graphs_keep_the_radius_that_the_planner_keeps():
+    pytest.importorskip("rclpy")
     from soilmoist_ros.cli.graph import command
     from soilmoist_ros.nodes.parameters.planner import PARAMETERS
 
