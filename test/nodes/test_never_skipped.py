@@ -19,6 +19,8 @@ import pytest
         "sensor_msgs.msg",
         "soilmoist_msgs.msg",
         "topological_navigation_msgs.action",
+        "nav2_msgs.action",
+        "tf2_msgs.msg",
         "mcap_ros2.decoder",
         "xarray",
         "geopandas",

@@ -1,0 +1,128 @@
+"""The navigator goto_node.py against the topological navigation of LCAS, where it is installed.
+
+Nav2, its controller and the localisation are stand-ins. test_navigators.py has the same with a stand-in server.
+"""
+
+import importlib.util
+import json
+import math
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+if importlib.util.find_spec("topological_navigation") is None:
+    pytest.skip("the topological navigation of LCAS is not installed", allow_module_level=True)
+from rclpy.node import Node
+from std_msgs.msg import String
+from test_navigators import LIMITS, Driver
+from topological_navigation_msgs.action import GotoNode
+from topological_navigation_msgs.msg import ClosestEdges
+from virtual_navigation import SPEED_MPS, STOPS, Nav2, World, make_map
+
+from soilmoist_ros.exploration.navigation.goal_client import GoalClient
+from soilmoist_ros.exploration.navigation.navigator import Outcome
+from soilmoist_ros.exploration.navigation.track import Track
+from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator
+from soilmoist_ros.nodes.runtime.qos import LATCHED
+
+# rclpy warns when a server of the test disappears during an answer.
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
+
+FAR, OTHER = STOPS[-1], STOPS[0]
+NO_CORNERS = np.empty((0, 2))
+
+
+class Localisation:
+    """Publishes the node next to the robot."""
+
+    def __init__(self, ros, world):
+        self.world, self.running = world, True
+        self.node = Node("localisation", context=ros.context)
+        self.closest = self.node.create_publisher(String, "closest_node", LATCHED)
+        self.current = self.node.create_publisher(String, "current_node", LATCHED)
+        edges = self.node.create_publisher(ClosestEdges, "closest_edges", LATCHED)
+        ids = [edge["edge_id"] for edge in json.loads(make_map().to_json())["nodes"][0]["node"]["edges"]]
+        # far from any edge: routes begin at the closest node
+        edges.publish(ClosestEdges(edge_ids=[ids[0], ids[-1]], distances=[5.0, 5.0]))
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.thread.start()
+
+    def run(self):
+        shown = None
+        while self.running:
+            place = self.world.place
+            near = min(STOPS, key=lambda stop: math.dist(place, (stop.x_m, stop.y_m)))
+            at = near.name if math.dist(place, (near.x_m, near.y_m)) < 0.7 else "none"
+            if (near.name, at) != shown:
+                shown = near.name, at
+                self.closest.publish(String(data=near.name))
+                self.current.publish(String(data=at))
+            time.sleep(0.05)
+
+    def close(self):
+        self.running = False
+        self.thread.join(5)
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def driver(ros, tmp_path):
+    """A navigator, with the server as its process."""
+    script = tmp_path / "navigation"
+    script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m topological_navigation.scripts.navigation2 "$@"\n')
+    script.chmod(0o755)
+    controller = Node("controller_server", context=ros.context)  # has the services of parameters
+    ros._executor.add_node(controller)
+    with World(ros, rate=10.0, clock=False, mapper=False) as world, Nav2(ros, world) as nav2:
+        world.place, nav2.cancels = (OTHER.x_m, OTHER.y_m), "properly"
+        localisation = Localisation(ros, world)
+        ros.start(str(script))
+
+        def make(report):
+            client, track = GoalClient(2.0, LIMITS), Track(SPEED_MPS, 2.0)
+            feedback = "topological_navigation/feedback"
+            return GotoNodeNavigator(
+                ros.node, "topological_navigation", GotoNode, feedback, client, track, 2.0, report
+            )
+
+        made = Driver(ros, world, make)
+        made.nav2 = nav2
+        ros.wait_for(lambda: not made.navigator.waiting_for, message="the topological navigation")
+        yield made
+        made.running = False
+        made.thread.join(5)
+        localisation.close()
+    controller.destroy_node()
+
+
+def test_it_arrives_and_a_robot_at_its_node_gets_no_goal(ros, driver):
+    world = driver.world
+    driver.navigator.go(1, FAR, Way(NO_CORNERS))
+    assert driver.end_of(1).outcome is Outcome.SUCCEEDED, driver.end_of(1).reason
+    assert world.place == pytest.approx((FAR.x_m, FAR.y_m), abs=0.1)
+    track = driver.navigator._track
+    ros.wait_for(lambda: track.standing_at(FAR, 2.0), message="standstill")
+    driver.navigator.go(2, FAR, Way(NO_CORNERS))
+    assert driver.end_of(2).reason == f"already at {FAR.name}"
+
+
+def test_nodes_on_the_way_are_passed_in_turn(driver):
+    corner = next(stop for stop in STOPS if (stop.x_m, stop.y_m) == (OTHER.x_m, FAR.y_m))
+    driver.navigator.go(1, FAR, Way(NO_CORNERS, (corner, FAR)))
+    assert driver.end_of(1).outcome is Outcome.SUCCEEDED, driver.end_of(1).reason
+    assert (corner.x_m, corner.y_m) in driver.nav2.goals
+
+
+def test_a_cancelled_goal_stops_the_robot(ros, driver):
+    driver.world.rate = 3.0
+    driver.navigator.go(1, FAR, Way(NO_CORNERS))
+    ros.wait_for(lambda: driver.world.goal is not None, message="motion")
+    driver.navigator.cancel(1)
+    assert driver.end_of(1).outcome is Outcome.CANCELED
+    ros.wait_for(lambda: driver.world.goal is None, message="a robot without a goal")
