@@ -212,6 +212,7 @@ def _read(
     :param remarks: called with each remark for the user
     """
     raw = None
+    frame = str(read_parameters(configuration, "mapper").get("frame", ""))  # the mapper skips counts of others
     robots: list[RunTopics] = []
     if chosen.source == "raw":
         robots = [RunTopics.of_raw_lines(reader, chosen.counts_topic)]
@@ -223,7 +224,7 @@ def _read(
             together = read_parameters(configuration, "mapper").get("others", ())
             robots = RunTopics.of_team(reader, chosen.counts_topic, together)
         robots = robots or [RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))]
-        counted = reader.read_counts_of([robot.counts for robot in robots])
+        counted = reader.read_counts_of([robot.counts for robot in robots], frame)
         if not counted:
             names = ", ".join(robot.counts for robot in robots)
             raise InputError(f"{names} has no messages", "was the driver running?", reader.path)
@@ -235,7 +236,7 @@ def _read(
     for one in wanted:
         own = one.counts == tuple(robot.counts for robot in robots)
         try:
-            its = records if own else [record for _, record in reader.read_counts_of(one.counts)]
+            its = records if own else [record for _, record in reader.read_counts_of(one.counts, frame)]
         except InputError as error:
             if one.weight or one.name in chosen.properties:
                 raise

@@ -128,16 +128,19 @@ class BagReader:
         name = self.find_topic(topic, "sensor_msgs/msg/PointCloud2")
         return [record for _, record in self.read_counts_of([name])]
 
-    def read_counts_of(self, topics: Sequence[str]) -> list[tuple[str, CountRecord]]:
+    def read_counts_of(self, topics: Sequence[str], frame: str = "") -> list[tuple[str, CountRecord]]:
         """Counted records of several topics in the order of recording, each with the name of its topic.
 
         :param topics: full names
+        :param frame: frame of the records; messages of others are left out; empty for any frame
         :raises InputError: if the messages of a topic are not counts
         """
         found = []
         for message in self.messages(topics):
             try:
-                found += [(message.topic, record) for record in count_records(self.decode(message))]
+                cloud = self.decode(message)
+                if frame in ("", cloud.header.frame_id.lstrip("/")):
+                    found += [(message.topic, record) for record in count_records(cloud)]
             except ValueError as error:
                 remedy = "was it recorded by soilmoist_ros?"
                 raise InputError(f"{message.topic}: {error}", remedy, self.path) from None

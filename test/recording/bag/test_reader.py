@@ -109,6 +109,18 @@ def test_split_bags_are_read_in_order(tmp_path):
         assert reader.read_texts("/notes") == ["note 0", "note 1", "note 2"]
 
 
+def test_counts_of_another_frame_can_be_left_out(tmp_path):
+    topic = make_topic("/counts", CLOUD)
+    with BagWriter(tmp_path / "bag") as writer:
+        for number, frame in enumerate(("map", "odom", "/map")):
+            message = cloud(counts())
+            message.header.frame_id = frame
+            writer.write(topic, START_NS + number, START_NS, bytes(STORE.serialize_cdr(message, CLOUD)))
+    with BagReader(tmp_path / "bag") as reader:
+        assert len(reader.read_counts_of(["/counts"])) == 6
+        assert len(reader.read_counts_of(["/counts"], "map")) == 4
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("padding", [0, 5])
 def test_counted_records_keep_every_digit(order, padding):
