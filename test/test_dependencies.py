@@ -26,6 +26,7 @@ OPTIONAL = {
     "geopandas": "tables of results, on a laptop",
     "xarray": "tables of results, on a laptop",
     "soilmoist_msgs": "interfaces/; without it the planner publishes no visits",
+    "nav2_msgs": "robots with Nav2 have it; without it the planner sends no goals to Nav2",
     "topological_navigation_msgs": "the robot's own workspace has it",
 }
 

@@ -1,4 +1,4 @@
-"""Parameter files and documented tables agree with the tables of the nodes: parameters/planner.py and others."""
+"""Parameter files and documented tables agree with the tables of the nodes: planner.py, guard.py and others."""
 
 from __future__ import annotations
 

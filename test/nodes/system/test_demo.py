@@ -1,4 +1,4 @@
-"""The demonstration as a user starts it: with a further property, and with several robots."""
+"""The demonstration (demo_configuration.py) as a user starts it: with a further property, with several robots."""
 
 from __future__ import annotations
 
