@@ -126,3 +126,12 @@ def test_a_cancelled_goal_stops_the_robot(ros, driver):
     driver.navigator.cancel(1)
     assert driver.end_of(1).outcome is Outcome.CANCELED
     ros.wait_for(lambda: driver.world.goal is None, message="a robot without a goal")
+
+
+def test_why_the_server_aborts_a_goal_at_the_nearest_node(ros, driver):
+    driver.world.place = near = (FAR.x_m - 4.0, FAR.y_m)
+    closest = ros.collect(String, "closest_node", LATCHED)
+    ros.wait_for(lambda: closest and closest[-1].data == FAR.name, message="the localisation")
+    driver.navigator.go(1, FAR, Way(np.array([near, (FAR.x_m, FAR.y_m)]), (FAR,)))
+    end = driver.end_of(1)
+    assert end.outcome is Outcome.SUCCEEDED or "nearest to this node already" in end.reason

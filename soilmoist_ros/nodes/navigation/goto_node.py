@@ -47,6 +47,7 @@ class GotoNodeNavigator(ActionNavigator):
         report: Callable[[Ended], None],
     ) -> None:
         super().__init__(node, name, kind, client, track, there_m, report)
+        self._is_nearest = False
         self._feedback = RouteFeedback(node, feedback_topic, kind, self._on_feedback)
 
     @property
@@ -62,6 +63,7 @@ class GotoNodeNavigator(ActionNavigator):
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         self._feedback.route = ""
+        self._is_nearest = 0 < len(way.corners) <= 2
         super().go(goal_id, stop, way)
 
     def tick(self, now_s: float) -> None:
@@ -87,5 +89,8 @@ class GotoNodeNavigator(ActionNavigator):
 
     def verdict(self, result: Any) -> tuple[bool, str]:
         """The flag of the result; it has no reason, so the last feedback is quoted."""
+        why = "is the stop on its map, and the way free?"
+        if self._is_nearest:
+            why = "the robot is nearest to this node already; some servers need reconfigure_edges: false for that"
         last = f"; its last feedback was {self._feedback.route!r}" if self._feedback.route else ""
-        return bool(getattr(result, "success", False)), f"is the stop on its map, and the way free?{last}"
+        return bool(getattr(result, "success", False)), f"{why}{last}"

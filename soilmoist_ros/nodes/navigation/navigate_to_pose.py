@@ -64,7 +64,7 @@ class NavigateToPoseNavigator(ActionNavigator):
         super().go(goal_id, stop, way)
 
     def goal_message(self, point: WayPoint) -> Any:
-        """Goal with the pose, stamped as the newest one: Nav2 transforms it by its time."""
+        """Goal with the pose at this time: Nav2 transforms it by its stamp."""
         goal = self._kind.Goal()
         now_s = self._node.get_clock().now().nanoseconds * 1e-9
         goal.pose = pose_stamped(point.stop.x_m, point.stop.y_m, now_s, self._frame, point.heading_rad)
