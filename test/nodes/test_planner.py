@@ -41,7 +41,7 @@ class Planning:
         given = {
             "use_sim_time": True, "field": str(folder / "field.yaml"), "dwell": "fmi:20", "hours": 0.1,
             "speed_mps": 1.0, "stop_overhead_s": 2.0, "min_dwell_s": 20.0, "return_margin_s": 10.0,
-            "strategy": "greedy", "arrival_radius_m": 2.0, "cancel_limit_s": 120.0, **params,
+            "strategy": "greedy", "arrival_radius_m": 2.0, "cancel_limit_s": 120.0, "fix_frozen_s": 0.0, **params,
         }  # fmt: skip
         self.messages = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
         self.process = ros.start("planner", params=given, namespace=namespace, remaps=remaps)
