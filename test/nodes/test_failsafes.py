@@ -72,7 +72,8 @@ class Watched:
         given = {
             "use_sim_time": True, "field": str(folder / "field.yaml"), "dwell": "fmi:900", "hours": 10.0,
             "strategy": "random", "home": "n00", "speed_mps": 1.0, "arrival_radius_m": 2.0, "autostart": True,
-            "clear_s": 5.0, "records_old_s": 30.0, "map_old_s": 40.0, "max_stamp_ahead_s": 1000.0,
+            "clear_s": 5.0, "battery_low": 0.06, "battery_empty": 0.05,
+            "records_old_s": 30.0, "map_old_s": 40.0, "max_stamp_ahead_s": 1000.0,
         }  # fmt: skip
         self.process = ros.start("planner", params=given)
 
@@ -221,13 +222,13 @@ def reserve(watched):
 
 
 def battery_low(watched):
-    watched.world.charge = 0.2
+    watched.world.charge = 0.055
     watched.alarm(Cause.BATTERY_LOW)
     returned(watched)
 
 
 def battery_empty(watched):
-    watched.world.charge = 0.05
+    watched.world.charge = 0.03
     watched.alarm(Cause.BATTERY_EMPTY)
     returned(watched, Phase.IDLE)
 
@@ -243,8 +244,8 @@ def returned(watched, end=Phase.FINISHED):
 
 
 CAUSES = (
-    outside, jump, speed, fix_old, records_old, map_old, counts_frame, counts_stamp, navigation_silent, reserve,
-    battery_low, battery_empty,
+    outside, jump, speed, fix_old, records_old, map_old, counts_frame, counts_stamp, navigation_silent,
+    battery_low, reserve, battery_empty,
 )  # fmt: skip
 
 
