@@ -113,7 +113,7 @@ class SimulatedRobot:
         self._counted: list[PropertyCounted] = []
         self._gnss = VirtualGnss(field.frame, start_s, settings.position_sd_m, gnss_stream(seed, number))
         self._gnss_period_s = gnss_period_s
-        self._no_fix = scenario.gnss.no_fix
+        self._no_fix, self._shifts = scenario.gnss.no_fix, scenario.gnss.shifts
         self._logger_link = FaultyLink(LOGGER, scenario.logger, logger_link)
         self._gnss_link = FaultyLink(GNSS, scenario.gnss, gnss_link)
         self._records = 0
@@ -199,11 +199,18 @@ class SimulatedRobot:
                 self._count(*further, path)
         if self._next_epoch_s <= self.now_s:
             has_fix = not any(span.covers(self.now_s) for span in self._no_fix)
-            sentences = self._gnss.sentences(self.now_s, self.body.at(self.now_s), has_fix)
+            sentences = self._gnss.sentences(self.now_s, self._reported_place, has_fix)
             self._epochs += 1
             if self._gnss_link.send(self.now_s, sentences, spoilt=_GGA) and has_fix:
                 self.fixed_s = self.now_s
             self.navigation.look(self.now_s)
+
+    @property
+    def _reported_place(self) -> tuple[float, float]:
+        """Where the receiver believes to be [m]."""
+        x_m, y_m = self.body.at(self.now_s)
+        wrong = [shift for shift in self._shifts if shift.covers(self.now_s)]
+        return x_m + sum(shift.east_m for shift in wrong), y_m + sum(shift.north_m for shift in wrong)
 
     def _count(
         self, name: str, sensor: VirtualSensor, places: np.random.Generator, path: NDArray[np.float64]

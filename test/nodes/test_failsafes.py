@@ -158,6 +158,14 @@ def jump(watched):
     watched.works()
 
 
+def relocated(watched):
+    watched.world.shift_m = 15.0
+    watched.alarm(Cause.RELOCATED)
+    watched.stands(Phase.PAUSED)
+    watched.world.shift_m = 0.0
+    watched.resumes()
+
+
 def speed(watched):
     watched.world.drift_m = -4.0
     watched.alarm(Cause.SPEED)
@@ -244,8 +252,8 @@ def returned(watched, end=Phase.FINISHED):
 
 
 CAUSES = (
-    outside, jump, speed, fix_old, records_old, map_old, counts_frame, counts_stamp, navigation_silent,
-    battery_low, reserve, battery_empty,
+    outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
+    navigation_silent, battery_low, reserve, battery_empty,
 )  # fmt: skip
 
 
@@ -257,6 +265,6 @@ def test_failsafe(watched, cause):
 
 
 def test_the_others_are_tested_where_they_are_found():
-    """A mismatch of frames needs TF (test_planner_frames), a step of the clock a clock (test_mission_control)."""
+    """TF is in test_planner_frames, a clock that is set in test_mission_control, a frozen place in test_watch."""
     tested = {cause.__name__ for cause in CAUSES}
-    assert {cause.value for cause in Cause} - tested == {"frame_mismatch", "clock_step"}
+    assert {cause.value for cause in Cause} - tested == {"frame_mismatch", "clock_step", "fix_frozen"}

@@ -137,8 +137,8 @@ class World:
         x_m, y_m = self.place
         raw = round(CADENCE_S * (4 + math.sin(x_m / 7)))
         record = CountRecord(
-            stamp_s=self.now_s + self.stamped_ahead_s, x_m=x_m, y_m=y_m, z_m=0.0, raw_counts=raw, exposure_s=CADENCE_S,
-            effective_exposure_s=CADENCE_S, f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
+            stamp_s=self.now_s + self.stamped_ahead_s, x_m=x_m, y_m=y_m, z_m=0.0, raw_counts=raw,
+            exposure_s=CADENCE_S, effective_exposure_s=CADENCE_S, f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
         )  # fmt: skip
         self.counts.publish(counts_to_message([record], self.frame))
         self.counted[self.place] += raw

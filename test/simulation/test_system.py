@@ -176,6 +176,17 @@ def test_a_receiver_without_a_fix_reports_it():
     assert [fix.stamp_s - START_S for fix in found if fix.quality == 0] == list(range(100, 120))
 
 
+def test_a_receiver_can_be_wrong_without_a_word():
+    good, _ = fixes(advance(VirtualSystem(SETTINGS, START_S), 700))
+    bad, _ = fixes(advance(VirtualSystem(SETTINGS, START_S, scenario=load_scenario("bad_fixes")), 700))
+    frame = VirtualSystem(SETTINGS, START_S).field.frame
+    for true, seen in zip(good, bad, strict=True):
+        places = [frame.to_local(fix.position.latitude_deg, fix.position.longitude_deg)[0] for fix in (true, seen)]
+        shift = (2000.0, -300.0) if 600 <= true.stamp_s - START_S < 630 else (0.0, 0.0)
+        assert places[1] - places[0] == pytest.approx(shift, abs=0.1)
+        assert (seen.status, seen.quality) == (true.status, true.quality)
+
+
 @pytest.mark.slow
 def test_failing_edges_must_be_on_the_map():
     edge = VirtualSystem(SETTINGS, START_S).map.graph

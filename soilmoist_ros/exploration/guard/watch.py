@@ -28,8 +28,8 @@ MIN_BATTERY: Final = 3
 """Number of messages in a row that must report a low battery: a peak load does not empty it."""
 RECHARGED: Final = 0.05
 """A battery is no longer low this far above the limit: charge [-], or share of the voltage [-]."""
-NOTED: Final = 6.0
-"""An alarm of something momentary ends after this multiple of the usual time: records come every 10 s or so."""
+RECORDS_APART: Final = 6.0
+"""An alarm about single records ends after this multiple of the usual time, as they come every 10 s or so."""
 MIN_USE: Final = 0.02
 """Charge that must have been used before its mean use is known [-]."""
 
@@ -117,14 +117,10 @@ class _Heard:
 
 @dataclass
 class _State:
-    """A cause: what is wrong (empty if nothing is), when that was seen last, and whether its alarm is on.
-
-    What is momentary is forgotten by the next check; a cause is noted when that was the last of it.
-    """
+    """A cause: what is wrong (empty if nothing is), when that was seen last, and whether its alarm is on."""
 
     text: str = ""
     momentary: bool = False
-    noted: bool = False
     seen_s: float = -math.inf
     on: bool = False
     reason: str = ""
@@ -242,13 +238,13 @@ class Watch:
         """What is wrong about a cause from now on, with its values; empty if nothing is."""
         state = self._states[cause]
         state.times += bool(text) and not state.text
-        state.text, state.momentary, state.noted = text, False, False
+        state.text, state.momentary = text, False
 
     def note(self, cause: Cause, text: str) -> None:
         """Something was wrong for a moment, such as a record that cannot be used."""
         state = self._states[cause]
         state.times += 1
-        state.text, state.momentary, state.noted = text, True, True
+        state.text, state.momentary = text, True
 
     def adopt(self, causes: Iterable[str], now_s: float) -> None:
         """Continue the alarms of an interrupted mission; they end as all others do."""
@@ -325,8 +321,8 @@ class Watch:
         if wrong and not state.on:
             state.on, state.reason = True, wrong
             return Alarm(now_s, cause.value, response, state.reason)
-        clear_s = self.limits.clear_s * (NOTED if state.noted else 1.0)
-        if state.on and not wrong and now_s - state.seen_s >= clear_s:
+        apart = RECORDS_APART if cause in (Cause.COUNTS_FRAME, Cause.COUNTS_STAMP) else 1.0
+        if state.on and not wrong and now_s - state.seen_s >= apart * self.limits.clear_s:
             state.on = False
             return AlarmOver(now_s, cause.value)
         return None

@@ -117,11 +117,22 @@ class LinkFaults(Section):
     """Damages of single messages."""
 
 
+class Shift(Span):
+    """A period in which the receiver reports a wrong place without a word."""
+
+    east_m: float = 0.0
+    """Distance from the true place to the east [m]."""
+    north_m: float = 0.0
+    """Distance from the true place to the north [m]."""
+
+
 class GnssFaults(LinkFaults):
     """Faults of the GNSS receiver and its connection."""
 
     no_fix: tuple[Span, ...] = ()
     """Periods without a position fix."""
+    shifts: tuple[Shift, ...] = ()
+    """Periods with wrong places."""
 
 
 class Scenario(Section):
