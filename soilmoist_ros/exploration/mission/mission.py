@@ -69,7 +69,7 @@ from soilmoist_ros.exploration.mission.types import (
     Verb,
 )
 from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.exploration.travel.stop import Stop, inside_any
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -412,6 +412,8 @@ class _Turn(Moves):
         corners = command.polygon
         if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
             return False, f"an area needs at least three corners in metres, got {len(corners)}"
+        if not is_polygon(corners):
+            return False, "the border of the area crosses itself or encloses nothing: give the corners in order"
         self.state = replace(self.state, ruled_out=(*self.state.ruled_out, corners))
         kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop))[0])
         self.state = replace(self.state, queue=kept)

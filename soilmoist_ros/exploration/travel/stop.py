@@ -47,3 +47,11 @@ def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_
 
     area = shapely.union_all([shapely.Polygon(np.asarray(corners, float)) for corners in polygons])
     return np.asarray(shapely.intersects_xy(area, places[:, 0], places[:, 1]), bool)
+
+
+def is_polygon(corners: ArrayLike) -> bool:
+    """Whether corners, shape (c, 2) [m], enclose an area without crossing their own border."""
+    import shapely
+
+    polygon = shapely.Polygon(np.asarray(corners, float))
+    return bool(polygon.is_valid and polygon.area > 0)
