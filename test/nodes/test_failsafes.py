@@ -1,0 +1,277 @@
+"""Every failsafe with a real planner process: the fault comes as a message, or messages stay away.
+
+One planner goes through all of them, in the order of the tests; the last ones end its mission.
+"""
+
+import contextlib
+import json
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from ros_system import RosSystem
+from sensor_msgs.msg import BatteryState
+from std_srvs.srv import Trigger
+from virtual_navigation import FIELD, VirtualNavigation, World
+
+from msg_adapters.battery import battery_to_message
+from msg_adapters.diagnostics import diagnostics_from_message
+from msg_adapters.mission import mission_from_message
+from soilmoist_ros.exploration.guard.failsafes import Cause
+from soilmoist_ros.exploration.mission.types import MissionEnd, Phase
+from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+LIMIT_S = 120.0
+RATE = 10.0
+
+
+class FaultyWorld(World):
+    """A world whose receiver, sensor and battery have faults."""
+
+    def __init__(self, ros):
+        super().__init__(ros, rate=RATE)
+        self.batteries = self.node.create_publisher(BatteryState, "battery_state", SENSOR)
+        self.has_fix, self.noise = True, np.random.default_rng(1)
+        self.fixing, self.shift_m, self.drift_m = True, 0.0, 0.0
+        self.charge, self.use = 0.9, 0.0
+
+    def publish_fix(self):
+        self.shift_m += self.drift_m
+        self.charge = max(0.0, self.charge - self.use)
+        self.batteries.publish(battery_to_message(self.charge, math.nan, self.now_s))
+        true = self.place
+        noise_m = self.noise.normal(0.0, 0.02, 2)  # without noise, a robot that stands has a frozen receiver
+        self.place = (true[0] - self.shift_m + float(noise_m[0]), true[1] + float(noise_m[1]))
+        if self.fixing:
+            super().publish_fix()
+        self.place = true
+
+    def publish_record(self):
+        if self.fixing:
+            super().publish_record()
+
+
+def alarms_of(message):
+    """Causes whose alarms are on in a message of the mission."""
+    values = {pair.key: pair.value for pair in message.values}
+    return set(json.loads(values.get("alarms", "{}")))
+
+
+class Watched:
+    """The planner, its world, its navigation and what it reports."""
+
+    def __init__(self, ros, folder):
+        self.ros, self.stack, self.begin = ros, contextlib.ExitStack(), 0
+        (folder / "field.yaml").write_text(FIELD)
+        self.said = ros.collect(DiagnosticStatus, "mission", LATCHED)
+        self.found = ros.collect(DiagnosticArray, "/diagnostics", 10)
+        self.world = self.stack.enter_context(FaultyWorld(ros))
+        self.navigation = VirtualNavigation(ros, self.world)
+        self.navigation.__enter__()
+        given = {
+            "use_sim_time": True, "field": str(folder / "field.yaml"), "dwell": "fmi:900", "hours": 10.0,
+            "strategy": "random", "home": "n00", "speed_mps": 1.0, "arrival_radius_m": 2.0, "autostart": True,
+            "clear_s": 5.0, "battery_low": 0.06, "battery_empty": 0.05,
+            "records_old_s": 30.0, "map_old_s": 40.0, "max_stamp_ahead_s": 1000.0,
+        }  # fmt: skip
+        self.process = ros.start("planner", params=given)
+
+    def close(self):
+        self.navigation.__exit__()
+        self.stack.close()
+
+    @property
+    def status(self):
+        return mission_from_message(self.said[-1])
+
+    @property
+    def alarms(self):
+        return alarms_of(self.said[-1]) if self.said else set()
+
+    @property
+    def health(self):
+        parts = [part for message in self.found[-3:] for part in diagnostics_from_message(message)]
+        return next((part for part in reversed(parts) if part.name == "/planner: guard"), None)
+
+    def wait(self, condition, message):
+        self.ros.wait_for(lambda: self.said and condition(), LIMIT_S, message)
+
+    def alarm(self, cause):
+        """Wait for an alarm, in the mission and in the diagnostics; it may be over by then."""
+        self.wait(
+            lambda: any(cause in alarms_of(message) for message in self.said[self.begin :]), f"alarm {cause}"
+        )
+        self.wait(
+            lambda: self.health is not None and "so far" in self.health.values[cause], f"diagnostics of {cause}"
+        )
+
+    def stands(self, *phases):
+        self.wait(lambda: self.status.phase in phases, f"one of {phases}")
+        self.ros.wait_for(lambda: self.world.goal is None, LIMIT_S, "standstill")
+
+    def all_over(self):
+        self.wait(lambda: not self.alarms, "no alarm")
+
+    def works(self, *phases):
+        phases = phases or (Phase.TRAVELLING, Phase.COUNTING)
+        self.wait(lambda: self.status.phase in phases, f"one of {phases}")
+
+    def call(self, verb):
+        return self.ros.call(Trigger, f"planner/{verb}")
+
+    def resumes(self):
+        self.all_over()
+        self.ros.wait_for(lambda: self.call("resume").success, LIMIT_S, "resume")
+        self.works()
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("failsafes")
+    with RosSystem(folder) as ros:
+        system = Watched(ros, folder)
+        try:
+            system.works(Phase.COUNTING)
+            yield system
+        finally:
+            system.close()
+
+
+def outside(watched):
+    watched.world.drift_m = 1.0
+    watched.alarm(Cause.OUTSIDE)
+    watched.stands(Phase.PAUSED)
+    assert not watched.call("resume").success
+    watched.world.drift_m = -1.0
+    watched.ros.wait_for(lambda: watched.world.shift_m <= 0, LIMIT_S)
+    watched.world.drift_m = watched.world.shift_m = 0.0
+    watched.resumes()
+
+
+def jump(watched):
+    watched.world.shift_m, watched.world.drift_m = 2000.0, 200.0
+    watched.alarm(Cause.JUMP)
+    watched.world.shift_m = watched.world.drift_m = 0.0
+    watched.all_over()
+    watched.works()
+
+
+def relocated(watched):
+    watched.world.shift_m = 15.0
+    watched.alarm(Cause.RELOCATED)
+    watched.stands(Phase.PAUSED)
+    watched.world.shift_m = 0.0
+    watched.resumes()
+
+
+def speed(watched):
+    watched.world.drift_m = -4.0
+    watched.alarm(Cause.SPEED)
+    watched.world.drift_m = watched.world.shift_m = 0.0
+    watched.resumes()
+
+
+def fix_old(watched):
+    watched.world.fixing = False
+    watched.alarm(Cause.FIX_OLD)
+    assert watched.status.phase in (Phase.CANCELLING, Phase.PAUSED)
+    watched.world.fixing = True
+    watched.all_over()
+    watched.works()
+
+
+def records_old(watched):
+    watched.world.sensor = False
+    watched.alarm(Cause.RECORDS_OLD)
+    watched.world.sensor = True
+    watched.all_over()
+
+
+def map_old(watched):
+    watched.world.mapper = False
+    watched.alarm(Cause.MAP_OLD)
+    watched.world.mapper = True
+    watched.all_over()
+
+
+def counts_frame(watched):
+    watched.world.frame = "odom"
+    watched.alarm(Cause.COUNTS_FRAME)
+    watched.world.frame = "map"
+    watched.all_over()
+
+
+def counts_stamp(watched):
+    watched.world.stamped_ahead_s = 2000.0
+    watched.alarm(Cause.COUNTS_STAMP)
+    watched.world.stamped_ahead_s = 0.0
+    watched.all_over()
+
+
+def navigation_silent(watched):
+    watched.ros.wait_for(lambda: watched.call("skip").success, LIMIT_S, "skip")
+    watched.works(Phase.TRAVELLING)
+    watched.navigation.die()
+    watched.alarm(Cause.NAVIGATION_SILENT)
+    watched.navigation = VirtualNavigation(watched.ros, watched.world)
+    watched.navigation.__enter__()
+    watched.world.goal = None
+    watched.all_over()
+    watched.works()
+
+
+def reserve(watched):
+    watched.world.use = 0.01
+    watched.alarm(Cause.RESERVE)
+    watched.world.use = 0.0
+    returned(watched)
+
+
+def battery_low(watched):
+    watched.world.charge = 0.055
+    watched.alarm(Cause.BATTERY_LOW)
+    returned(watched)
+
+
+def battery_empty(watched):
+    watched.world.charge = 0.03
+    watched.alarm(Cause.BATTERY_EMPTY)
+    returned(watched, Phase.IDLE)
+
+
+def returned(watched, end=Phase.FINISHED):
+    """The mission ends; then the battery is charged, and another one begins."""
+    watched.stands(end)
+    assert watched.status.ended is MissionEnd.FAILSAFE
+    watched.world.charge = 0.9
+    watched.all_over()
+    watched.ros.wait_for(lambda: watched.call("start").success, LIMIT_S, "another mission")
+    watched.works(Phase.COUNTING)
+
+
+CAUSES = (
+    outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
+    navigation_silent, battery_low, reserve, battery_empty,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.__name__)
+def test_failsafe(watched, cause):
+    watched.all_over()
+    watched.begin = len(watched.said)
+    cause(watched)
+    assert watched.process.running
+
+
+def test_the_others_are_tested_where_they_are_found():
+    """TF is in test_planner_frames, a clock that is set in test_mission_control, a frozen place in test_watch."""
+    tested = {cause.__name__ for cause in CAUSES}
+    assert {cause.value for cause in Cause} - tested == {"frame_mismatch", "clock_step", "fix_frozen"}
