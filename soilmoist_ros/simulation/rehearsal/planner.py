@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.journal import Journal, MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.types import Finish, MissionRules, MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -98,7 +99,7 @@ class PlannerProcess:
             seed=case.seed,
             dwell=parse_dwell("fmi:60", 240.0),
             motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
-            access=AccessRules(robot_radius_m=ROBOT_RADIUS_M, by_name=world.by_name),
+            access=AccessRules(robot_radius_m=ROBOT_RADIUS_M, outside=Outside.NEVER, by_name=world.by_name),
         )
         rules = MissionRules(
             budget_s=case.budget_s,

@@ -168,7 +168,7 @@ class _Rehearsal:
             driven_m=self.world.robot.odometer_m,
             kills=self._kills,
             alarms=self._alarms,
-            refused=self._refused,
+            refused=self._refused or ("" if self._started else self._ended or "it did not start"),
             ended=self._ended,
         )
 
