@@ -227,7 +227,7 @@ def run_line(planning, line):
             return planning.set_parameter(name, yaml.safe_load(value)) or "successful"
         case ["param", "get", _, name]:
             return str(planning.parameter(name))
-        case ["topic", "pub", "--once", name, _, values]:
+        case ["topic", "pub", "--times", _, "--rate", _, name, _, values]:
             publisher = planning.ros.node.create_publisher(Bool, name, 10)
             planning.press(publisher, **yaml.safe_load(values))
             return ""
