@@ -24,7 +24,6 @@ from soilmoist_ros.exploration.mission.state import (
 )
 from soilmoist_ros.exploration.mission.types import (
     Action,
-    Alarm,
     CancelGoal,
     Finish,
     GoTo,
@@ -327,54 +326,6 @@ class Moves:
             self.end(MissionEnd.FAILSAFE, f"{reason}, but {home.reason}")
         else:
             self.then(todo, reason)
-
-    # Dangers -------------------------------------------------------------------------------------------------
-
-    def alarm(self, alarm: Alarm) -> None:
-        """The guard has found a danger."""
-        others = tuple(other for other in self.state.alarms if other.cause != alarm.cause)
-        known = next((other for other in self.state.alarms if other.cause == alarm.cause), None)
-        if alarm.response is Response.IGNORE:
-            self.state = replace(self.state, alarms=others)
-            return
-        self.state = replace(self.state, alarms=(*others, alarm))
-        if self.state.under_way and (known is None or known.response is not alarm.response):
-            self.respond(alarm)
-
-    def respond(self, alarm: Alarm) -> None:
-        """Do what a danger demands."""
-        state, reason, resume = self.state, alarm.reason, self.to_resume
-        paused = state.phase is Phase.PAUSED or state.todo is Todo.PAUSE
-        match alarm.response:
-            case Response.PAUSE if resume is not None:
-                self.hold(resume, f"{reason}; check the robot, then resume or abort")
-            case Response.HOLD if resume is not None and not paused:
-                self.hold(resume, f"{reason}; going on when that is over", needs_operator=False, held=True)
-            case Response.RETURN if resume is not None and resume is not Todo.RETURN and not paused:
-                self.end(MissionEnd.FAILSAFE, reason)
-            case Response.ABORT if resume is not None:
-                self.abandon(MissionEnd.FAILSAFE, reason)
-
-    def alarm_over(self, cause: str) -> None:
-        """A danger is over."""
-        self.state = replace(
-            self.state, alarms=tuple(alarm for alarm in self.state.alarms if alarm.cause != cause)
-        )
-        self.release()
-
-    def emergency(self, active: bool, source: str) -> None:
-        """Stop at once and stay, whatever the mission is doing; a release only ends the reason."""
-        others = tuple(other for other in self.state.emergency if other != source)
-        self.state = replace(self.state, emergency=(*others, source) if active else others)
-        if not active:
-            return
-        reason = f"emergency stop{after_colon(source)}"
-        goal = self.state.goal
-        if self.state.goals and (goal is None or goal.cancelled_s is not None):
-            self.do(CancelGoal(self.state.goals, reason))  # the others are cancelled by the pause
-        resume = self.to_resume
-        if self.state.under_way and resume is not None:
-            self.hold(resume, f"{reason}; release it, then resume or abort")
 
     def rule_out(self, stop: Stop) -> None:
         """Do not choose a stop for a while."""

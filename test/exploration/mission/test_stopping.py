@@ -1,4 +1,4 @@
-"""How a mission stops: confirmed standstill, waits after failures, dangers, emergency stop (moves.py)."""
+"""How a mission stops: standstill, waits after failures, alarms, emergency stop (moves.py, dangers.py)."""
 
 import pytest
 from mission_driver import EAST, HOME, Driver
