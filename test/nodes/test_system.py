@@ -196,7 +196,7 @@ def test_two_robots_do_not_hear_each_other(ros, tmp_path):
     ros.wait_for(lambda: all(robot.counts for robot in robots), 60, "records of both")
     topics = {name for name, _ in ros.node.get_topic_names_and_types()}
     assert {name for name in topics if not name.startswith("/robot_")} <= {
-        "/diagnostics", "/parameter_events", "/rosout",
+        "/diagnostics", "/parameter_events", "/rosout", "/tf", "/tf_static",
     }  # fmt: skip
     for robot in robots:
         assert robot.wait_finished().samples >= 2
