@@ -16,6 +16,8 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.track import Place, Track
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
 
+PASS_M = 0.3
+"""A way point is passed within this distance [m]: an earlier turn would cut the corner of a no-go area."""
 STOP_AGAIN_S = 2.0
 """Time after which a robot that does not stand is stopped again [s]."""
 
@@ -125,7 +127,7 @@ class PoseClient:
             return ()
         away_m = math.dist(here, (stop.x_m, stop.y_m))
         standing = away_m <= self._radius_m and self._stands_since(goal.since_s)
-        if len(goal.ahead) > 1 and (standing or away_m <= self._track.still_m):
+        if len(goal.ahead) > 1 and (standing or away_m <= PASS_M):
             goal.ahead, goal.since_s = goal.ahead[1:], now_s
             return (self._pose(goal.ahead[0]),)
         return self._end(Outcome.SUCCEEDED, f"standing {away_m:.1f} m from {stop.name}") if standing else ()

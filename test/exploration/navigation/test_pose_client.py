@@ -71,7 +71,7 @@ def test_way_points_one_after_the_other_facing_along_the_way():
     way = [(0.0, 0.0), (0.0, 10.0), (10.0, 10.0), (10.0, 0.0)]
     assert client.go(1, way_points(way, GOAL)) == (SendPose(0.0, 10.0, math.pi / 2),)
     assert drive(client, [(0.0, float(y)) for y in range(9)]) == []
-    assert drive(client, [(0.0, 9.5)], 9.0) == [SendPose(10.0, 10.0, 0.0)], "passed within the standstill distance"
+    assert drive(client, [(0.0, 9.8)], 9.0) == [SendPose(10.0, 10.0, 0.0)], "passed closely"
     assert drive(client, [(float(x), 10.0) for x in range(8)], 10.0) == []
     assert drive(client, [(8.0, 10.0)] * 6, 18.0) == [SendPose(10.0, 0.0, -math.pi / 2)], "or when it stands near"
 
