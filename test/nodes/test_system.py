@@ -142,10 +142,10 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
 @pytest.mark.parametrize(
     ("scenario", "navigator", "hours"),
     [
-        ("thorvald", "goto_node", 0.28),
-        ("bad_link", "goto_node", 0.28),
-        ("nav2", "navigate_to_pose", 0.6),
-        ("", "goal_pose", 0.28),
+        ("thorvald", "goto_node", 0.15),
+        ("bad_link", "goto_node", 0.15),
+        ("nav2", "navigate_to_pose", 0.35),
+        ("", "goal_pose", 0.18),
     ],
 )
 def test_a_mission_survives_what_goes_wrong(ros, tmp_path, scenario, navigator, hours):
