@@ -316,6 +316,7 @@ def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_a_campaign_runs_and_resumes(tmp_path):
     plan = tmp_path / "plan.yaml"
     plan.write_text(

@@ -34,6 +34,7 @@ def test_a_cluster_that_is_not_there(monkeypatch):
         connect("tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("address", "message"),
     [

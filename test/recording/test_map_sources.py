@@ -147,6 +147,7 @@ STEPS = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(STEPS, st.booleans())
 def test_the_map_after_any_kills_is_the_map_of_everything_published(steps, driver):

@@ -55,6 +55,7 @@ def test_a_map_without_a_mission_has_no_visits(make_run, tmp_path):
     assert "visits" not in repr(run)
 
 
+@pytest.mark.slow
 def test_visits_of_an_older_file_have_defaults(tmp_path):
     (tmp_path / "summary.json").write_text("{}")
     (tmp_path / "visits.csv").write_text(

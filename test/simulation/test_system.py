@@ -170,6 +170,7 @@ def test_a_bad_link_loses_records_but_changes_none():
         assert replace(record, line=0) == replace(good[record.record_number], line=0)
 
 
+@pytest.mark.slow
 def test_a_receiver_without_a_fix_reports_it():
     scenario = Scenario.model_validate({"gnss": {"no_fix": [{"at_s": 100, "for_s": 20}]}})
     found, _ = fixes(advance(VirtualSystem(SETTINGS, START_S, scenario=scenario), 200))

@@ -159,6 +159,7 @@ def driven(whole, goals):
     return passed
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6))
 def test_whatever_shortest_route_the_navigation_takes_it_stays_inside(seed):
