@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +52,9 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "schema": SCHEMA,
         "software": "soilmoist_ros",
         "version": run.version,
+        "survey_start_utc": _utc(run.survey_start_utc),
+        "survey_end_utc": _utc(run.survey_end_utc),
+        "survey_duration_s": run.survey_duration_s,
         "created_utc": run.created,
         "simulated": run.simulated,
         "title": run.title,
@@ -84,6 +88,11 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
 def write_summary(path: Path, run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> Path:
     """Write :func:`summary` as strict JSON; returns ``path``."""
     return write_json(path, summary(run, crs, outputs))
+
+
+def _utc(when: datetime | None) -> str | None:
+    """ISO 8601 in UTC, to the second."""
+    return None if when is None else f"{when:%Y-%m-%dT%H:%M:%SZ}"
 
 
 def _records(run: MapRun) -> dict[str, Any]:

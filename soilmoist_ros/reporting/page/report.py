@@ -37,6 +37,7 @@ def render_report(run: MapRun) -> str:
         "report.html.j2",
         run=run,
         curve=run.soil_map.curve,
+        survey_time=wording.survey_time(run),
         facts=wording.facts(run),
         headline=wording.headline(run),
         notes=notes(run),

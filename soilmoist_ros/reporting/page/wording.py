@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.page.numbers import area, duration, length, percent, volume
@@ -36,6 +37,21 @@ class Fact:
     value: str
     unit: str
     meaning: str
+
+
+def survey_time(run: MapRun) -> str:
+    """Date, times and duration of the survey, in words."""
+    start, end, seconds = run.survey_start_utc, run.survey_end_utc, run.survey_duration_s
+    if seconds is None:
+        return "Date unknown: there are no records"
+    if start is None or end is None:
+        return f"Duration {duration(seconds)}, on a simulated clock" if run.simulated else "Date unknown"
+    last = f"{end:%H:%M}" if start.date() == end.date() else f"{_day(end)}, {end:%H:%M}"
+    return f"{_day(start)}, {start:%H:%M} to {last} UTC ({duration(seconds)})"
+
+
+def _day(when: datetime) -> str:
+    return f"{when.day} {when:%B %Y}"
 
 
 def facts(run: MapRun) -> list[Fact]:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -16,6 +17,8 @@ def test_numbers(make_run, the_map):
     found = summary(make_run(), outputs=["map.tif"])
     assert found["version"] == "0.1.0"
     assert found["created_utc"] == "2026-05-03T12:00:00Z"
+    assert (found["survey_start_utc"], found["survey_end_utc"]) == ("2023-11-14T22:07:37Z", "2027-01-15T08:00:00Z")
+    assert found["survey_duration_s"] == pytest.approx(1e8 + 342, abs=2)
     assert found["n_records"] == 13
     assert found["n_placed_records"] == 12
     assert found["n_lost"] == {"no position": 3}
@@ -57,3 +60,12 @@ def test_keys_are_the_same_for_all_runs(make_run, uncalibrated, map_of):
         other = summary(make_run(soil_map=soil, track=(), losses=(), corrections=()))
         assert other.keys() == usual.keys()
         assert other["map"].keys() == usual["map"].keys()
+
+
+def test_survey_on_a_clock_without_a_date(make_run):
+    track = [dataclasses.replace(record, stamp_s=10.0 * i) for i, record in enumerate(make_run().track)]
+    found = summary(make_run(track=track))
+    assert found["survey_start_utc"] is None
+    assert found["survey_end_utc"] is None
+    assert 120 < found["survey_duration_s"] < 600
+    assert summary(make_run(track=()))["survey_duration_s"] is None

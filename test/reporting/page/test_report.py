@@ -91,6 +91,10 @@ def test_figures_are_complete_and_described(page):
         assert start == b"\x89PNG\r\n\x1a\n" if kind.endswith("png") else start.startswith(b"<?xml")
 
 
+def test_date_and_duration_come_first(page):
+    assert page.text.index("14 November 2023") < page.text.index("report made") < page.text.index("On average")
+
+
 def test_key_numbers_are_there(page, the_map):
     assert f"{100 * np.nanmean(the_map.vwc):.1f}" in page.text
     low, high = (f"{100 * q:.1f}" for q in np.nanpercentile(the_map.vwc, (5, 95)))
