@@ -158,6 +158,7 @@ class Watch:
         self._frozen: tuple[tuple[float, float], float] | None = None  # a place, and since when it is the last
         self._driving_since_s = math.inf
         self._record_stamp_s = self._map_stamp_s = -math.inf
+        self._logger_fault = ""
         self._charge = self._voltage_v = math.nan
         self._drained = dict.fromkeys((Cause.BATTERY_LOW, Cause.BATTERY_EMPTY), 0)
         self._charged: tuple[float, float] | None = None  # time and charge at the start of the mission
@@ -208,6 +209,10 @@ class Watch:
             if self._record_stamp_s <= self._map_stamp_s:
                 self._hear("map", now_s)  # the map was complete until now
             self._record_stamp_s = max(self._record_stamp_s, stamp_s)
+
+    def logger(self, fault: str) -> None:
+        """What the driver reports about its logger; empty if nothing is wrong."""
+        self._logger_fault = fault
 
     def map(self, now_s: float, stamp_s: float) -> None:
         """A map has come.
@@ -337,13 +342,14 @@ class Watch:
                 self._charged = now_s, self._charge
         self._under_way = doing.under_way
         behind = doing.under_way and self._record_stamp_s > self._map_stamp_s
-        for cause, name, missed, limit_s, what in (
-            (Cause.FIX_OLD, "fix", True, limits.fix_old_s, "no plausible position for"),
-            (Cause.RECORDS_OLD, "record", doing.under_way, limits.records_old_s, "no record for"),
-            (Cause.MAP_OLD, "map", behind, limits.map_old_s, "the map has taken in no record for"),
+        fault = f" ({self._logger_fault})" if self._logger_fault else ""
+        for cause, name, missed, limit_s, what, why in (
+            (Cause.FIX_OLD, "fix", True, limits.fix_old_s, "no plausible position for", ""),
+            (Cause.RECORDS_OLD, "record", doing.under_way, limits.records_old_s, "no record for", fault),
+            (Cause.MAP_OLD, "map", behind, limits.map_old_s, "the map has taken in no record for", ""),
         ):
             silent_s = self._silent_s(name, now_s) if missed else 0.0
-            self.report(cause, f"{what} {silent_s:.0f} s" if silent_s > limit_s else "")
+            self.report(cause, f"{what} {silent_s:.0f} s{why}" if silent_s > limit_s else "")
         self.report(Cause.FIX_FROZEN, self._frozen_fault(now_s, doing))
         self.report(Cause.NAVIGATION_SILENT, self._navigation_fault(now_s, doing))
         self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))

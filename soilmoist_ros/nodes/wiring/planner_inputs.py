@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import partial
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.battery import battery_from_message
 from msg_adapters.counts import counts_from_message
+from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.environment import fix_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.model import model_from_message
@@ -23,10 +24,11 @@ from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.travel.topological_map import TopologicalMap, parse_topological_map
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import other_namespaces
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR
+from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_records import PlannerRecords
 from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.survey.driver_health import logger_fault
 
 
 class PlannerInputs:
@@ -60,6 +62,7 @@ class PlannerInputs:
         self._records = PlannerRecords(node, control, self._read_counts)
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
         node.create_subscription(BatteryState, "battery_state", self._on_battery, SENSOR)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
         for name in ("", *properties):
             below = f"{name}/" if name else ""
             counts, samples, model = (
@@ -83,6 +86,11 @@ class PlannerInputs:
     def _on_battery(self, message: BatteryState) -> None:
         if (battery := battery_from_message(message)) is not None:
             self._control.battery(*battery)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        fault = logger_fault(diagnostics_from_message(message), self._node.get_namespace())
+        if fault is not None:
+            self._control.watch.logger(fault)
 
     def _read_counts(self, name: str, message: PointCloud2) -> Sequence[CountRecord]:
         try:

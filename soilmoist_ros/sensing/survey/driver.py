@@ -87,6 +87,7 @@ class Driver:
         self._open_all()  # checks the addresses without connecting
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()
+        self._heard_s = math.inf  # monotonic time at which bytes of the logger were seen first
 
     def start(self, wake: Callable[[], None]) -> None:
         """Start reading.
@@ -100,6 +101,7 @@ class Driver:
                 self._awake.set()
                 wake()
 
+        self._heard_s = math.inf
         self._readers = {name: LineReader(source, on_line) for name, source in self._open_all().items()}
 
     def stop(self) -> None:
@@ -138,8 +140,13 @@ class Driver:
         """
         if not self._readers:
             return [Health("driver", Level.STALE, "not active: nothing is read")]
-        parts = [link_health(f"{name} link", reader.status) for name, reader in self._readers.items()]
-        return [*parts, records_health(self.stream, now_s), fix_health(self.stream, now_s)]
+        links = {name: reader.status for name, reader in self._readers.items()}
+        n_bytes, steady_s = links[LOGGER].n_bytes, time.monotonic()
+        if n_bytes:
+            self._heard_s = min(self._heard_s, steady_s)
+        records = records_health(self.stream, now_s, n_bytes, max(0.0, steady_s - self._heard_s))
+        parts = [link_health(f"{name} link", status) for name, status in links.items()]
+        return [*parts, records, fix_health(self.stream, now_s)]
 
     def _lines(self, name: str) -> list[bytes]:
         reader = self._readers.get(name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
@@ -17,6 +18,8 @@ MAX_SILENT_PERIODS = 3.5
 """Maximum time without a record before an error, as a multiple of the record period."""
 STALE_FIX_S = 5.0
 """Maximum age of the last fix without a warning [s]."""
+NO_RECORD_S = 30.0
+"""Time from the first byte of a logger to its first record after which faulty lines are an error [s]."""
 MAX_LOSSES = 1
 """Maximum number of recently lost records without a warning."""
 
@@ -52,11 +55,13 @@ def link_health(name: str, status: LinkStatus) -> Health:
     return Health(name, level, message, values)
 
 
-def records_health(stream: SensorStream, now_s: float) -> Health:
+def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s: float = 0.0) -> Health:
     """State of the records.
 
     :param stream: the lines and their records
     :param now_s: time [s since 1970 UTC]
+    :param n_bytes: bytes that have come from the logger
+    :param heard_s: time since the first of them [s]
     """
     problems, last = stream.logger_problems, stream.last_record
     difference_s = stream.clock_difference_s
@@ -74,15 +79,20 @@ def records_health(stream: SensorStream, now_s: float) -> Health:
     }
     if problems.last_loss is not None:
         values["last loss"] = str(problems.last_loss)
+    values |= stream.faulty.examples
     level, message = Level.OK, "counting"
-    if last is None:
-        level, message = Level.STALE, "no record yet"
+    none_yet = not (stream.records_out or stream.survey.waiting)
+    if last is None or (none_yet and stream.faulty.lost):
+        level, message = _no_record_yet(stream, n_bytes, heard_s)
     else:
         offset_s = 0.0 if math.isnan(difference_s) else difference_s
         silent_s = now_s + offset_s - last.stamp_s
         values["age of the last record [s]"] = f"{silent_s:.1f}"
         if silent_s > MAX_SILENT_PERIODS * (stream.parser.period_s or math.inf):
-            level, message = Level.ERROR, f"no record for {silent_s:.0f} s: check the logger"
+            level, message = (
+                Level.ERROR,
+                f"no record for {silent_s:.0f} s: {_faults(stream) or 'check the logger'}",
+            )
         elif stream.recent_losses > MAX_LOSSES:
             example = problems.last_loss.mistake.message if problems.last_loss else ""
             message = f"{stream.recent_losses} of the last {LAST_RECORDS} records are lost ({example})"
@@ -90,6 +100,45 @@ def records_health(stream: SensorStream, now_s: float) -> Health:
         elif abs(offset_s) > CLOCK_TOLERANCE_S:
             level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
     return Health("records", level, message, values)
+
+
+def _no_record_yet(stream: SensorStream, n_bytes: int, heard_s: float) -> tuple[Level, str]:
+    """Verdict on a logger that has not sent one record that can be used."""
+    faults = _faults(stream)
+    # A logger that sends nothing but its header may be in its first counting interval.
+    limit_s = NO_RECORD_S if faults else max(NO_RECORD_S, MAX_SILENT_PERIODS * (stream.parser.period_s or 0.0))
+    if not n_bytes or heard_s <= limit_s:
+        return (Level.WARN, f"no record yet: {faults}") if faults else (Level.STALE, "no record yet")
+    remedy = faults or stream.faulty.remedy(stream.parser.format)
+    came = f"{n_bytes} bytes in {heard_s:.0f} s"
+    return Level.ERROR, f"the logger has not sent one valid record ({came}): {remedy}"
+
+
+def _faults(stream: SensorStream) -> str:
+    """What is wrong with the lines since the last record, and what to do; empty if no line was dropped."""
+    faulty = stream.faulty
+    if not faulty.lost:
+        return ""
+    return f"{faulty.reasons} in {faulty.lines} lines; {faulty.remedy(stream.parser.format)}"
+
+
+def logger_fault(parts: Iterable[Health], namespace: str) -> str | None:
+    """What a driver reports about its logger, as one line; empty if nothing is wrong.
+
+    :param parts: states of health with the full names of their nodes
+    :param namespace: namespace of the driver
+    :returns: ``None`` if no part is of a driver in this namespace
+    """
+    wanted = [
+        part
+        for part in parts
+        if part.name.endswith((": records", ": logger link"))
+        and (part.name.rpartition(": ")[0].rpartition("/")[0] or "/") == namespace
+    ]
+    if not wanted:
+        return None
+    worst_part = max(wanted, key=lambda part: (part.level is Level.ERROR, part.level))
+    return worst_part.message if worst_part.level is not Level.OK else ""
 
 
 def fix_health(stream: SensorStream, now_s: float) -> Health:

@@ -15,6 +15,7 @@ from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
+from soilmoist_ros.sensing.survey.no_record import FaultyLines
 from soilmoist_ros.sensing.survey.survey import Survey
 
 LAST_RECORDS = 20
@@ -80,6 +81,8 @@ class SensorStream:
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None
         self.records_out = 0
+        self.faulty = FaultyLines()
+        """Lines since the last record that could be corrected."""
         self._nmea = NmeaParser(reference_stamp_s=reference_stamp_s, on_problem=self.gnss_problems.add)
         self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
         self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
@@ -94,6 +97,7 @@ class SensorStream:
         :param line: the line, with or without its line end
         :param now_s: monotonic time [s]
         """
+        self.faulty.take_line(line)
         record = self.parser.feed(line)
         if record is None:
             return None
@@ -127,6 +131,8 @@ class SensorStream:
         """
         ready = self.survey.take_ready(now_s)
         self.records_out += len(ready)
+        if ready:
+            self.faulty = FaultyLines()
         self._good.extend([True] * len(ready))
         return ready
 
@@ -161,5 +167,6 @@ class SensorStream:
 
     def _on_problem(self, problem: Problem) -> None:
         self.logger_problems.add(problem)
+        self.faulty.take_problem(problem)
         if problem.severity is Severity.ERROR:
             self._good.append(False)

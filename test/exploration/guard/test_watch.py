@@ -211,6 +211,14 @@ def test_old_records_only_in_a_mission():
     assert observed.overs == ["records_old"]
 
 
+def test_old_records_say_what_the_driver_reports_about_its_logger():
+    observed = Observed().run(20)
+    observed.watch.logger("the logger has not sent one valid record: wrong checksum (5) in 5 lines")
+    observed.records = False
+    observed.run(80)
+    assert "(the logger has not sent one valid record: wrong checksum" in observed.events[0].reason
+
+
 def test_a_dead_mapper():
     observed = Observed().run(100)
     observed.maps = False

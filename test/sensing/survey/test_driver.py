@@ -70,6 +70,8 @@ def test_it_is_woken_when_lines_arrive_and_not_for_every_line(tmp_path):
             assert woken.acquire(timeout=LIMIT_S)
             batches = until(driver, lambda batches: sum(len(b.logger_lines) for b in batches) == 700)
             assert all(len(batch.logger_lines) <= 500 for batch in batches)
+            [records] = [part for part in driver.health(0.0) if part.name == "records"]
+            assert (records.level, "700 lines" in records.message) == (Level.WARN, True)
             client.sendall(b"b\n")
             deadline = time.monotonic() + LIMIT_S
             while not (lines := driver.step(0.0).logger_lines):
