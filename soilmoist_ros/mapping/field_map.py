@@ -26,7 +26,7 @@ from soilmoist_ros.mapping.samples.spread import footprint_spread
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, VariogramFit, estimate_variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class FieldMapSettings:
     keep_nugget: bool = True
     merge_radius_m: float | None = None
     margin_m: float = 10.0
-    curve: CalibrationCurve | None = None
+    curve: MoistureCurve | None = None
     footprint_radius_m: float = 0.0
     max_exact_samples: int = MAX_EXACT_SAMPLES
     for_planning: bool = False

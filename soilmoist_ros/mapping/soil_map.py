@@ -19,7 +19,7 @@ from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, Tiled
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 if TYPE_CHECKING:
     import pandas
@@ -72,7 +72,7 @@ class SoilMap:
     variogram: Variogram
     fit: VariogramFit | None
     mean_rate: float
-    curve: CalibrationCurve | None
+    curve: MoistureCurve | None
     keep_nugget: bool
     made_by: PoissonKriging | TiledKriging | None
     clipped_variances: int
@@ -162,7 +162,7 @@ def make_soil_map(
     samples: Samples,
     grid: FieldGrid,
     variogram: Variogram | VariogramFit,
-    curve: CalibrationCurve | None = None,
+    curve: MoistureCurve | None = None,
     keep_nugget: bool = True,
     progress: Callable[[float], None] | None = None,
     max_exact_samples: int = MAX_EXACT_SAMPLES,
@@ -219,7 +219,7 @@ def make_soil_map(
     )
 
 
-def _bands(rate: Array, variance: Array, curve: CalibrationCurve | None) -> Bands:
+def _bands(rate: Array, variance: Array, curve: MoistureCurve | None) -> Bands:
     rate_sd = np.sqrt(variance)
     if curve is None:
         return Bands(rate, rate_sd, np.full(rate.shape, np.nan), np.full(rate.shape, np.nan))

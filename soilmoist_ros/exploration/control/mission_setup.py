@@ -21,7 +21,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +65,9 @@ class ExplorerSettings:
     seed: int
     dwell: DwellRule
     motion: RobotMotion
-    curve: CalibrationCurve | None = None
+    curve: MoistureCurve | None = None
     access: AccessRules = NO_MARGIN
-    calibration: CalibrationCurve | None = None
+    calibration: MoistureCurve | None = None
 
     @property
     def needs_map(self) -> bool:

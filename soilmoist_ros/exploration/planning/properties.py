@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Property:
     field_map: FieldMap
     weight: float = 1.0
     factor: float = 1.0
-    curve: CalibrationCurve | None = None
+    curve: MoistureCurve | None = None
     name: str = ""
 
 

@@ -16,7 +16,7 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import WATCH_PARAMETERS
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, of_setting
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
 
 
@@ -234,7 +234,7 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
     )
 
 
-def _required(calibration: CalibrationCurve | None) -> CalibrationCurve:
+def _required(calibration: MoistureCurve | None) -> MoistureCurve:
     if calibration is None:
         raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
     return calibration

@@ -110,14 +110,7 @@ def _tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
         "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
         "map_cell_m": float(soil_map.grid.cell_m),
         "n_samples": len(soil_map.samples.xy),
-        "calibration": None
-        if curve is None
-        else {
-            "n0_cps": curve.n0_cps,
-            "bulk_density_gcm3": curve.bulk_density_gcm3,
-            "lattice_water": curve.lattice_water,
-            "organic_water": curve.organic_water,
-        },
+        "calibration": None if curve is None else curve.parameters,
     }
     return {
         "AREA_OR_POINT": "Area",

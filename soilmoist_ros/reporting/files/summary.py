@@ -221,11 +221,8 @@ def _calibration(run: MapRun) -> dict[str, Any] | None:
     if curve is None:
         return None
     return {
-        "n0_cps": curve.n0_cps,
+        **curve.parameters,
         "n0_sd_cps": run.calibration.n0_sd_cps if run.calibration else None,
-        "bulk_density_gcm3": curve.bulk_density_gcm3,
-        "lattice_water": curve.lattice_water,
-        "organic_water": curve.organic_water,
         "lowest_rate_cps": curve.lowest_rate_cps,
         "source": run.calibration.source if run.calibration else "",
     }

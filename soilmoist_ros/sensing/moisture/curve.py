@@ -1,4 +1,4 @@
-"""Corrected neutron count rate <-> volumetric water content (VWC).
+"""Corrected neutron count rate <-> volumetric water content (VWC): the protocol, and the curve of Desilets.
 
 Desilets, Zreda & Ferre (2010), Water Resources Research 46, W11505:
 ``vwc = rho_b * (A0 / (N/N0 - A1) - A2 - w)`` with the lattice and organic water ``w`` subtracted.
@@ -6,7 +6,8 @@ Desilets, Zreda & Ferre (2010), Water Resources Research 46, W11505:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +16,69 @@ A0, A1, A2 = 0.0808, 0.372, 0.115
 _NEAR_POLE = 1.1
 
 
+class MoistureCurve(Protocol):
+    """The calibration of one sensor at one site: moisture as a decreasing function of the corrected rate.
+
+    Rates are proportional to N0 at a given moisture. All methods take arrays of any shape.
+    """
+
+    @property
+    def n0_cps(self) -> float:
+        """Count rate over dry soil, all tubes, corrected [counts/s]."""
+
+    @property
+    def bulk_density_gcm3(self) -> float:
+        """Dry bulk density of the soil [g/cm^3]."""
+
+    @property
+    def lattice_water(self) -> float:
+        """Gravimetric lattice water [g/g]."""
+
+    @property
+    def organic_water(self) -> float:
+        """Gravimetric water equivalent of soil organic matter [g/g]."""
+
+    @property
+    def lowest_rate_cps(self) -> float:
+        """Rate at or below which VWC is undefined [counts/s]."""
+
+    @property
+    def parameters(self) -> dict[str, str | float]:
+        """Name and parameters of the curve, for files."""
+
+    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
+        """Where a rate [counts/s] has a soil moisture."""
+
+    def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
+        """Volumetric water content [m^3/m^3] of corrected rates [counts/s]; NaN where not :meth:`valid`."""
+
+    def rate_cps(self, vwc: ArrayLike) -> NDArray[np.float64]:
+        """Corrected rate [counts/s] of a volumetric water content [m^3/m^3].
+
+        :raises ValueError: below the driest soil of the curve
+        """
+
+    def slope(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
+        """d(vwc)/d(rate) [m^3/m^3 per count/s], negative; NaN where not :meth:`valid`."""
+
+    def weight(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
+        """Factor from rate variance to VWC variance [(m^3/m^3 per count/s)^2], finite everywhere."""
+
+    def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
+        """Standard deviation of the VWC [m^3/m^3] from the one of the rate; order 1 or 3.
+
+        :raises ValueError: for another order
+        """
+
+    def vwc_and_sd(
+        self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """:meth:`vwc` and third-order :meth:`vwc_sd`, faster than two calls."""
+
+
 @dataclass(frozen=True)
 class CalibrationCurve:
-    """The calibration of one sensor at one site.
+    """The calibration of one sensor at one site with the curve of Desilets et al. (2010).
 
     :param n0_cps: count rate over dry soil N0, all tubes, corrected [counts/s]
     :param bulk_density_gcm3: dry bulk density of the soil [g/cm^3]
@@ -45,6 +106,11 @@ class CalibrationCurve:
     def lowest_rate_cps(self) -> float:
         """Rate at which the curve diverges, ``A1 * N0`` [counts/s]; at or below it VWC is undefined."""
         return A1 * self.n0_cps
+
+    @property
+    def parameters(self) -> dict[str, str | float]:
+        """Name and parameters of the curve, for files."""
+        return {"curve": "desilets", **asdict(self)}
 
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
         """Where a rate has a soil moisture: above ``A1 * N0``."""

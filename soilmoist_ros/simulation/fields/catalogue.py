@@ -25,7 +25,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.simulation.fields.rate_extrapolation import KrigedRate
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
@@ -227,7 +227,7 @@ def _rectangle(name: str, width_m: float, height_m: float, cell_m: float) -> Fie
 
 
 def _extrapolated(
-    name: str, field: Field, xy: Array, rate: Array, variogram: Variogram, curve: CalibrationCurve, hours: float
+    name: str, field: Field, xy: Array, rate: Array, variogram: Variogram, curve: MoistureCurve, hours: float
 ) -> SurrogateField:
     assert field.cell_m is not None
     truth = KrigedRate(xy, rate, variogram, Extent.of(field.polygon, field.cell_m))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class SurrogateField:
     title: str
     field: Field
     truth: Callable[[Array], Array]
-    curve: CalibrationCurve | None = None
+    curve: MoistureCurve | None = None
     hours: float = 2.0
     points_xy: Array | None = None
     points_rate: Array | None = None

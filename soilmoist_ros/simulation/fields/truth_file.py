@@ -15,7 +15,7 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.mapping.field import Field, FieldFile, load_field
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil
 from soilmoist_ros.simulation.fields.rate_extrapolation import MAX_POINTS, default_variogram, kriged_grid
 from soilmoist_ros.simulation.fields.rate_formula import Formula, Quantity, Truth
@@ -83,7 +83,7 @@ class TruthSection(Section):
         return self
 
     @property
-    def curve(self) -> CalibrationCurve | None:
+    def curve(self) -> MoistureCurve | None:
         """Calibration curve, ``None`` without soil and calibration."""
         if self.soil is None or self.calibration is None:
             return None
@@ -247,7 +247,7 @@ def _rate(values: Array, quantity: Quantity, section: TruthSection, path: Path) 
     return values if quantity == "rate_cps" else _curve_for_moisture(section, path).rate_cps(values)
 
 
-def _curve_for_moisture(section: TruthSection, path: Path) -> CalibrationCurve:
+def _curve_for_moisture(section: TruthSection, path: Path) -> MoistureCurve:
     if section.curve is None:
         raise InputError(
             [

@@ -12,7 +12,7 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.soil_map import SoilMap
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
@@ -46,7 +46,7 @@ class Channel:
         field: SurrogateField,
         grid: FieldGrid,
         settings: MissionSettings,
-        curve: CalibrationCurve | None,
+        curve: MoistureCurve | None,
         wanted: PropertySettings,
     ) -> None:
         self.field = field

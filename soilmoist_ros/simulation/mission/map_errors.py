@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def map_errors(
     rate_cps: Array,
     rate_sd_cps: Array,
     true_rate_cps: Array,
-    curve: CalibrationCurve | None,
+    curve: MoistureCurve | None,
     true_vwc: Array | None = None,
 ) -> MapErrors:
     """Errors over the cells of a field.
@@ -57,7 +57,7 @@ def map_errors(
     return MapErrors(float(np.mean(error**2)), vwc_rmse, covered)
 
 
-def possible_moisture(curve: CalibrationCurve, rate_cps: Array) -> Array:
+def possible_moisture(curve: MoistureCurve, rate_cps: Array) -> Array:
     """Moisture of estimated rates, kept between 0 and the pore volume of the soil [m^3/m^3].
 
     The curve has a pole: without limits, one cell with a slightly low estimate would dominate the RMSE of the map.
