@@ -16,7 +16,7 @@ from soilmoist_ros.reporting.campaign.data import CampaignData, Case
 from soilmoist_ros.reporting.campaign.findings import Comparison, findings
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import length, number, plain
-from soilmoist_ros.reporting.page.report import render_page
+from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.style import picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, stored_missions
@@ -109,8 +109,11 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
     found = findings(data)
     return render_page(
         "campaign.html.j2",
-        campaign=data.campaign,
+        title=data.campaign.title,
         version=code_version(),
+        where=f"{len(data.stored)} of {data.expected} simulated missions · soilmoist_ros {code_version()}",
+        simulated=True,
+        campaign=data.campaign,
         done=len(data.stored),
         expected=data.expected,
         failures=[str(failure) for failure in failures],

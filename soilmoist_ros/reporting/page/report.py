@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.reporting.page import charts, maps, numbers, wording
+from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.mission_section import mission_part
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.properties_section import property_sections, side_by_side
@@ -35,9 +35,14 @@ def render_report(run: MapRun) -> str:
     """The report as HTML."""
     return render_page(
         "report.html.j2",
+        title=run.title,
+        version=run.version,
+        place=run.field_name,
+        when=wording.survey_time(run),
+        where=wording.place(run),
+        simulated=run.simulated,
         run=run,
         curve=run.soil_map.curve,
-        survey_time=wording.survey_time(run),
         facts=wording.facts(run),
         headline=wording.headline(run),
         notes=notes(run),
@@ -51,21 +56,6 @@ def render_report(run: MapRun) -> str:
         lost=sum(row.count for row in run.losses if row.consequence == "lost"),
         datum=maps.datum_text(run),
         readout=readout(run),
-    )
-
-
-def render_page(template: str, **content: Any) -> str:
-    """Render one of the package's templates in the common style."""
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    for name in ("number", "percent", "plain", "tidy", "with_sd"):
-        environment.filters[name] = getattr(numbers, name)
-    folder = resources.files("soilmoist_ros.reporting.page").joinpath("templates")
-    css = Markup(folder.joinpath("page.css").read_text(encoding="utf-8"))
-    return environment.from_string(folder.joinpath(template).read_text(encoding="utf-8")).render(
-        css=css, **content
     )
 
 

@@ -50,6 +50,12 @@ def survey_time(run: MapRun) -> str:
     return f"{_day(start)}, {start:%H:%M} to {last} UTC ({duration(seconds)})"
 
 
+def place(run: MapRun) -> str:
+    """Field, site and time of creation of the report."""
+    made = run.created.replace("T", " ").replace("Z", " UTC")
+    return " · ".join(filter(None, [run.field_name, run.site, f"report made {made}"]))
+
+
 def _day(when: datetime) -> str:
     return f"{when.day} {when:%B %Y}"
 
