@@ -14,9 +14,9 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.campaign import figures as figures
 from soilmoist_ros.reporting.campaign.data import CampaignData, Case
 from soilmoist_ros.reporting.campaign.findings import Comparison, findings
+from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import length, number, plain
-from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.section import Section
 from soilmoist_ros.reporting.page.style import picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, stored_missions
