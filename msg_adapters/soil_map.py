@@ -20,7 +20,8 @@ from msg_adapters.stamps import to_time
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.soil_map import SoilMap
 
-BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd")
+BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
+_ADDED: Final = BANDS[4:]
 CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *BANDS)])
 """A cell: centre in the plane z = 0 [m], and the :class:`Bands`."""
 OUTSIDE: Final = -1
@@ -59,9 +60,17 @@ def soil_map_to_message(
 def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
     """Cells of a message: array of :data:`CELL`, shape (rows, columns), NaN outside the field.
 
-    :raises ValueError: if a field is missing
+    Maps of earlier versions have no quantiles; these are NaN.
+
+    :raises ValueError: if another field is missing
     """
-    return points_from_message(message, CELL)
+    names = {field.name for field in message.fields}
+    known = np.dtype([(name, kind) for name, kind in CELL.descr if name in names or name not in _ADDED])
+    cells = np.full((message.height, message.width), np.nan, CELL)
+    found = points_from_message(message, known)
+    for name in known.names or ():
+        cells[name] = found[name]
+    return cells
 
 
 def uncertainty_to_message(

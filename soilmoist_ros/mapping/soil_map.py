@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,10 +16,12 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
+from soilmoist_ros.mapping.moisture_bands import UNITS, Bands, make_bands
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.sensing.moisture.soil_limits import SoilLimits, soil_limits
 
 if TYPE_CHECKING:
     import pandas
@@ -27,24 +29,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_UNITS = {"rate": "counts/s", "rate_sd": "counts/s", "vwc": "m3/m3", "vwc_sd": "m3/m3"}
 MAX_EXACT_SAMPLES = 2000
 """Number of samples up to which a map is exact; beyond, each tile is made from the samples around it."""
-
-
-class Bands(NamedTuple):
-    """The four bands of a map, of one shape.
-
-    :param rate: corrected count rate [counts/s]
-    :param rate_sd: its kriging standard deviation [counts/s]
-    :param vwc: volumetric water content [m^3/m^3]; NaN without a curve, or where the rate has none
-    :param vwc_sd: its standard deviation, third order (Jakobi et al. 2020) [m^3/m^3]; NaN likewise
-    """
-
-    rate: Array
-    rate_sd: Array
-    vwc: Array
-    vwc_sd: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,8 +70,8 @@ class SoilMap:
 
     @cached_property
     def bands(self) -> Bands:
-        """The four rasters together."""
-        return _bands(self.rate, self.variance, self.curve)
+        """All rasters together."""
+        return make_bands(self.rate, self.variance, self.curve)
 
     @property
     def rate_sd(self) -> Array:
@@ -103,9 +89,33 @@ class SoilMap:
         return self.bands.vwc_sd
 
     @property
+    def vwc_p05(self) -> Array:
+        """Quantile 0.05 of the water content, the known uncertainty of the calibration included [m^3/m^3]."""
+        return self.bands.vwc_p05
+
+    @property
+    def vwc_p95(self) -> Array:
+        """Quantile 0.95 of the water content likewise [m^3/m^3]."""
+        return self.bands.vwc_p95
+
+    @property
+    def limits(self) -> SoilLimits | None:
+        """What the soil can hold [m^3/m^3]; ``None`` without a curve."""
+        return None if self.curve is None else soil_limits(self.curve.bulk_density_gcm3)
+
+    @cached_property
+    def beyond_limits(self) -> NDArray[np.bool_]:
+        """Cells whose interval p05 to p95 reaches a limit of the soil, where it is cut; none without a curve."""
+        if self.limits is None:
+            return np.zeros(self.rate.shape, bool)
+        return (self.vwc_p05 <= self.limits.dryness) | (self.vwc_p95 >= self.limits.saturation)
+
+    @property
     def undefined_vwc_cells(self) -> int:
-        """Inside cells whose rate is too low for any soil moisture (rate <= A1 N0); 0 without a curve."""
-        return 0 if self.curve is None else int(np.count_nonzero(np.isnan(self.vwc) & self.grid.mask))
+        """Inside cells whose rate is too low for any soil moisture, shown as saturated; 0 without a curve."""
+        if self.curve is None:
+            return 0
+        return int(np.count_nonzero(~self.curve.valid(self.rate) & self.grid.mask))
 
     @cached_property
     def kriging(self) -> PoissonKriging | TiledKriging:
@@ -128,7 +138,7 @@ class SoilMap:
         return self.made_by.accuracy if isinstance(self.made_by, TiledKriging) else None
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The cells inside the field, one row each: x_m, y_m and the four bands; needs pandas.
+        """The cells inside the field, one row each: x_m, y_m and the bands; needs pandas.
 
         :raises InputError: if pandas is not installed
         """
@@ -138,24 +148,24 @@ class SoilMap:
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
-        """The four bands over (y, x), in metres from the datum of the field; needs xarray.
+        """The bands over (y, x), in metres from the datum of the field; needs xarray.
 
         :raises InputError: if xarray is not installed
         """
         module = optional_module("xarray", "frames")
-        bands = {name: (("y", "x"), band, {"units": _UNITS[name]}) for name, band in self.bands._asdict().items()}
+        bands = {name: (("y", "x"), band, {"units": UNITS[name]}) for name, band in self.bands._asdict().items()}
         axes = {"y": ("y", self.grid.y_m, {"units": "m"}), "x": ("x", self.grid.x_m, {"units": "m"})}
         about = {"variogram_model": self.variogram.model, "samples": len(self.samples)}
         dataset: xarray.Dataset = module.Dataset(bands, axes, about)
         return dataset
 
     def evaluate(self, xy: ArrayLike) -> Bands:
-        """The four bands at any points, inside the field or not.
+        """The bands at any points, inside the field or not.
 
         :param xy: points, shape (g, 2) [m]
         :returns: bands of shape (g,)
         """
-        return _bands(*self.kriging.predict(xy), self.curve)
+        return make_bands(*self.kriging.predict(xy), self.curve)
 
 
 def make_soil_map(
@@ -217,10 +227,3 @@ def make_soil_map(
         made_by=kriging,
         clipped_variances=clipped,
     )
-
-
-def _bands(rate: Array, variance: Array, curve: MoistureCurve | None) -> Bands:
-    rate_sd = np.sqrt(variance)
-    if curve is None:
-        return Bands(rate, rate_sd, np.full(rate.shape, np.nan), np.full(rate.shape, np.nan))
-    return Bands(rate, rate_sd, *curve.vwc_and_sd(rate, rate_sd))

@@ -16,7 +16,9 @@ from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.recording.bag.point_cloud import points
 from soilmoist_ros.replay.topics import CLOUD, RunTopics
 
-_BANDS = ("rate", "rate_sd", "vwc", "vwc_sd")
+_OF_RATE = ("rate", "rate_sd")
+_OF_MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95")
+"""Compared if the map has all of them: in earlier versions moisture had no limits and no quantiles."""
 _ROUNDING = 1e-4
 """Relative difference below which maps differ only by rounding."""
 
@@ -117,14 +119,16 @@ def compare(
 
 def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any], several: bool) -> Comparison:
     differs = "differs from the robot's last one: "
-    if any(name not in (cells.dtype.names or ()) for name in _BANDS):
+    known_bands = cells.dtype.names or ()
+    if any(name not in known_bands for name in _OF_RATE):
         return Comparison(False, f"{differs}that lacks bands")
     shape = np.shape(cells) if soil_map is None else soil_map.rate.shape
     if shape != cells.shape:
         sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
         return Comparison(False, f"{differs}{sizes}")
     largest = 0.0
-    for name in _BANDS:
+    moisture = all(name in known_bands for name in _OF_MOISTURE)
+    for name in (*_OF_RATE, *_OF_MOISTURE) if moisture else _OF_RATE:
         there = cells[name]
         here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
         here = here.astype(there.dtype)

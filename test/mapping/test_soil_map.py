@@ -26,7 +26,7 @@ def test_bands_are_consistent_and_nan_outside():
         assert band.shape == FIELD.shape
         assert np.isfinite(band[FIELD.mask]).all()
         assert np.isnan(band[~FIELD.mask]).all()
-    rate, rate_sd, vwc, vwc_sd = (band[FIELD.mask] for band in soil_map.bands)
+    rate, rate_sd, vwc, vwc_sd, _, _ = (band[FIELD.mask] for band in soil_map.bands)
     np.testing.assert_allclose(CURVE.rate_cps(vwc), rate)
     np.testing.assert_allclose(vwc_sd, CURVE.vwc_sd(rate, rate_sd, order=3))
     assert rate_sd.min() > 0
@@ -58,7 +58,10 @@ def test_cells_too_wet_for_the_curve_are_counted():
     soil_map = make_soil_map(survey(), FIELD, MODEL, curve)
     low = soil_map.rate[FIELD.mask] <= curve.lowest_rate_cps
     assert 0 < soil_map.undefined_vwc_cells == low.sum() < low.size
-    np.testing.assert_array_equal(np.isnan(soil_map.vwc[FIELD.mask]), low)
+    np.testing.assert_array_equal(soil_map.vwc[FIELD.mask][low], soil_map.limits.saturation)
+    assert soil_map.beyond_limits[FIELD.mask][low].all()
+    assert not soil_map.beyond_limits[~FIELD.mask].any()
+    assert not make_soil_map(survey(), FIELD, MODEL).beyond_limits.any()
 
 
 def test_a_fit_is_kept_with_the_map():
@@ -89,7 +92,7 @@ def test_cells_as_a_table_and_bands_over_their_axes():
     pytest.importorskip("pandas")
     soil_map = make_soil_map(survey(), FIELD, MODEL, CURVE)
     table = soil_map.to_dataframe()
-    assert list(table) == ["x_m", "y_m", "rate", "rate_sd", "vwc", "vwc_sd"]
+    assert list(table) == ["x_m", "y_m", "rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95"]
     np.testing.assert_array_equal(table[["x_m", "y_m"]], FIELD.cells)
     np.testing.assert_array_equal(table["vwc"], soil_map.vwc[FIELD.mask])
     pytest.importorskip("xarray")

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.lib.recfunctions import repack_fields
 
 if platform.machine() != "x86_64":
     pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
@@ -13,6 +14,7 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
+from msg_adapters.point_cloud import points_to_message
 from msg_adapters.soil_map import (
     BANDS,
     OUTSIDE,
@@ -108,6 +110,16 @@ def test_rows_run_from_south_to_north_and_columns_from_west_to_east():
     message = uncertainty_to_message(grid, soil_map, 0.0)
     assert message.data[0] == 0
     assert list(message.data) == sorted(message.data)
+
+
+def test_maps_of_earlier_versions_have_no_quantiles():
+    grid = rectangle(0.0, 0.0, 6, 5, 1.0)
+    soil_map = a_map(grid, CalibrationCurve(6.0, 1.4))
+    old = map_cells(grid, soil_map)[["x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd"]]
+    cells = soil_map_from_message(points_to_message(repack_fields(old), STAMP_S))
+    np.testing.assert_array_equal(cells["vwc"], soil_map.vwc.astype(np.float32))
+    assert np.isnan(cells["vwc_p05"]).all()
+    assert np.isnan(cells["vwc_p95"]).all()
 
 
 def test_before_the_first_map_nothing_is_known():

@@ -175,5 +175,7 @@ def _evaluate(
         inside = inside_field(soil_map, local)
         if inside.any():
             bands: Any = soil_map.evaluate(local[inside])
-            layers[:, index[inside]] = np.stack([np.asarray(band, np.float32) for band in bands])
+            layers[:, index[inside]] = np.stack(
+                [np.asarray(getattr(bands, name), np.float32) for name, _, _ in BANDS]
+            )
     return layers.reshape(len(BANDS), y.size, x.size)

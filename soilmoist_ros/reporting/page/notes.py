@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.reporting.page.numbers import percent, volume
-from soilmoist_ros.reporting.page.statistics import implausible_shares, pore_volume
+from soilmoist_ros.reporting.page.statistics import implausible_shares
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 
 if TYPE_CHECKING:
@@ -38,12 +38,12 @@ def _on_calibration(run: MapRun) -> Iterator[Note]:
 
 def _on_moisture(run: MapRun) -> Iterator[Note]:
     """Notes on impossible moisture."""
-    curve = run.soil_map.curve
-    if curve is None:
+    limits = run.soil_map.limits
+    if limits is None:
         return
     too_wet, negative = implausible_shares(run.soil_map)
     cause = "the map of the rate is not sure enough there" if run.simulated else _CHECK
-    pores = volume(pore_volume(curve.bulk_density_gcm3))
+    pores = volume(limits.saturation)
     if too_wet > 0:
         yield Note(
             NoteCode.ABOVE_PORE_VOLUME,

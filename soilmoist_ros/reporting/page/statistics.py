@@ -43,12 +43,20 @@ def band_statistics(values: ArrayLike) -> BandStatistics:
 
 
 def undefined_share(soil_map: SoilMap) -> float:
-    """Share of the field's cells with undefined VWC, because the rate lies below the calibration curve [0..1].
+    """Share of the field's cells whose rate lies below the calibration curve, shown as saturated [0..1].
 
     1 without a calibration.
     """
+    cells = int(np.count_nonzero(soil_map.grid.mask))
+    if soil_map.curve is None:
+        return 1.0
+    return soil_map.undefined_vwc_cells / cells if cells else float("nan")
+
+
+def beyond_limits_share(soil_map: SoilMap) -> float:
+    """Share of the field's cells whose interval of moisture reaches a limit of the soil [0..1]."""
     mask = np.asarray(soil_map.grid.mask, bool)
-    return float(np.mean(~np.isfinite(soil_map.vwc[mask]))) if mask.any() else float("nan")
+    return float(np.mean(soil_map.beyond_limits[mask])) if mask.any() else float("nan")
 
 
 def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> float:
@@ -65,19 +73,16 @@ def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> floa
     return float(np.mean(~(soil_map.rate_sd[mask] <= rate_share * soil_map.rate[mask])))
 
 
-def pore_volume(bulk_density_gcm3: float) -> float:
-    """Porosity of a mineral soil [m^3/m^3], from the density of quartz, 2.65 g/cm^3."""
-    return max(1 - bulk_density_gcm3 / 2.65, 0.0)
-
-
 def implausible_shares(soil_map: SoilMap) -> tuple[float, float]:
-    """Shares of the field's cells with more water than pore volume, and with negative moisture [0..1]."""
+    """Shares of the field's cells whose rate means more water than pore volume, and less than none [0..1].
+
+    The map shows the limit there. Rates below the curve are counted by :func:`undefined_share`.
+    """
     mask = np.asarray(soil_map.grid.mask, bool)
-    if soil_map.curve is None or not mask.any():
+    if soil_map.curve is None or soil_map.limits is None or not mask.any():
         return 0.0, 0.0
-    vwc = soil_map.vwc[mask]
-    pores = pore_volume(soil_map.curve.bulk_density_gcm3)
-    return float(np.mean(vwc > pores)), float(np.mean(vwc < 0))
+    vwc = soil_map.curve.vwc(soil_map.rate[mask])
+    return float(np.mean(vwc > soil_map.limits.saturation)), float(np.mean(vwc < soil_map.limits.dryness))
 
 
 @dataclass(frozen=True)

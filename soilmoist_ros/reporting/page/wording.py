@@ -116,7 +116,7 @@ def headline(run: MapRun) -> list[str]:
             "calibration the rate cannot be turned into water content."
         ]
     wet = band_statistics(soil_map.vwc)
-    if not math.isfinite(wet.mean):
+    if undefined_share(soil_map) == 1:
         return [
             f"{value} {unit} were mapped, but the count rate lies below the calibration curve everywhere, so no "
             f"soil moisture could be computed. {_UNCERTAIN if run.simulated else _CHECK_ALL}"
@@ -136,8 +136,8 @@ def headline(run: MapRun) -> list[str]:
     undefined = undefined_share(soil_map)
     if undefined > 0:
         sentences.append(
-            f"On {percent(undefined)} of the area the rate lies below the calibration curve: the soil moisture is "
-            "not defined there (grey on the map)."
+            f"On {percent(undefined)} of the area the rate lies below the calibration curve: the map shows "
+            "saturated soil there."
         )
     return sentences
 

@@ -118,7 +118,7 @@ def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | No
     content = read_yaml(site_file)
     content["calibration"] = calibration.model_dump(exclude_defaults=True)
     if soil is not None:
-        content["soil"] = soil.model_dump()
+        content["soil"] = soil.model_dump(exclude_none=True)
     text = StringIO()
     yaml = YAML(typ="rt")
     yaml.width = 120

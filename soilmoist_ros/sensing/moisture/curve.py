@@ -39,6 +39,14 @@ class MoistureCurve(Protocol):
         """Gravimetric water equivalent of soil organic matter [g/g]."""
 
     @property
+    def n0_sd_cps(self) -> float:
+        """Standard deviation of N0 [counts/s]; 0 if unknown."""
+
+    @property
+    def bulk_density_sd_gcm3(self) -> float:
+        """Standard deviation of the bulk density [g/cm^3]; 0 if unknown."""
+
+    @property
     def lowest_rate_cps(self) -> float:
         """Rate at or below which VWC is undefined [counts/s]."""
 
@@ -84,20 +92,24 @@ class CalibrationCurve:
     :param bulk_density_gcm3: dry bulk density of the soil [g/cm^3]
     :param lattice_water: gravimetric lattice water [g/g]
     :param organic_water: gravimetric water equivalent of soil organic matter [g/g]
-    :raises ValueError: if N0 or the bulk density is not positive and finite, or a water term is negative
+    :param n0_sd_cps: standard deviation of N0 [counts/s]; 0 if unknown
+    :param bulk_density_sd_gcm3: standard deviation of the bulk density [g/cm^3]; 0 if unknown
+    :raises ValueError: if N0 or the bulk density is not positive and finite, or another value is negative
     """
 
     n0_cps: float
     bulk_density_gcm3: float
     lattice_water: float = 0.0
     organic_water: float = 0.0
+    n0_sd_cps: float = 0.0
+    bulk_density_sd_gcm3: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("n0_cps", "bulk_density_gcm3"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
-        for name in ("lattice_water", "organic_water"):
+        for name in ("lattice_water", "organic_water", "n0_sd_cps", "bulk_density_sd_gcm3"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be zero or positive and finite, got {value}")

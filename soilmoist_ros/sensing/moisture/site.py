@@ -67,6 +67,8 @@ class Soil(Section):
 
     bulk_density_gcm3: Annotated[float, Field(gt=0.1, lt=2.8)]
     """Dry bulk density [g/cm^3]."""
+    bulk_density_sd_gcm3: NotNegative | None = None
+    """Standard deviation of the bulk density [g/cm^3]."""
     lattice_water: WaterFraction = 0.0
     """Gravimetric lattice water [g/g]."""
     organic_water: WaterFraction = 0.0
@@ -153,6 +155,8 @@ class Site(Section):
             self.soil.bulk_density_gcm3,
             self.soil.lattice_water,
             self.soil.organic_water,
+            self.calibration.n0_sd_cps or 0.0,
+            self.soil.bulk_density_sd_gcm3 or 0.0,
         )
 
 

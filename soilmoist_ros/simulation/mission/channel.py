@@ -11,12 +11,13 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors, possible_moisture
+from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
 from soilmoist_ros.simulation.mission.result import MappedProperty
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 from soilmoist_ros.simulation.mission.streams import field_stream

@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 Array = NDArray[np.float64]
 
-MINERAL_DENSITY_GCM3 = 2.65
-"""Density of soil minerals (quartz) [g/cm^3]."""
 _COVERAGE_SD = 1.959964
 
 
@@ -55,13 +54,3 @@ def map_errors(
         difference = possible_moisture(curve, rate_cps) - true_vwc
         vwc_rmse = float(np.sqrt(np.mean(difference**2)))
     return MapErrors(float(np.mean(error**2)), vwc_rmse, covered)
-
-
-def possible_moisture(curve: MoistureCurve, rate_cps: Array) -> Array:
-    """Moisture of estimated rates, kept between 0 and the pore volume of the soil [m^3/m^3].
-
-    The curve has a pole: without limits, one cell with a slightly low estimate would dominate the RMSE of the map.
-    A rate too low for any moisture counts as saturated soil.
-    """
-    pores = max(0.0, 1 - curve.bulk_density_gcm3 / MINERAL_DENSITY_GCM3)
-    return np.where(curve.valid(rate_cps), np.clip(curve.vwc(rate_cps), 0.0, pores), pores)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.mission.map_errors import map_errors, possible_moisture
+from soilmoist_ros.simulation.mission.map_errors import map_errors
 
 CURVE = CalibrationCurve(6.0, 1.4, 0.02, 0.01)
 PORES = 1 - 1.4 / 2.65
@@ -46,14 +46,6 @@ def test_one_cell_at_the_pole_does_not_decide():
         rate = np.array([low, *TRUTH[1:]])
         expected = (PORES - CURVE.vwc(TRUTH)[0]) / 2
         assert map_errors(rate, ONE, TRUTH, CURVE)[1] == pytest.approx(float(expected))
-
-
-@given(st.lists(st.floats(-10, 100), min_size=1, max_size=20), st.floats(0.2, 2.79))
-def test_possible_moisture_is_possible_and_falls_with_the_rate(rates, density):
-    curve = CalibrationCurve(6.0, density)
-    moisture = possible_moisture(curve, np.array(sorted(rates)))
-    assert ((moisture >= 0) & (moisture <= max(0.0, 1 - density / 2.65))).all()
-    assert (np.diff(moisture) <= 0).all()
 
 
 @given(st.lists(st.floats(0.1, 50), min_size=1, max_size=20), st.floats(-1, 1), st.randoms())

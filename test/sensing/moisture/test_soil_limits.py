@@ -1,0 +1,8 @@
+import pytest
+
+from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+
+
+@pytest.mark.parametrize(("density", "pores"), [(1.325, 0.5), (1.59, 0.4), (0.265, 0.9), (2.65, 0.0), (2.7, 0.0)])
+def test_the_pores_are_what_the_minerals_leave(density, pores):
+    assert soil_limits(density) == pytest.approx((0.0, pores))
