@@ -65,7 +65,7 @@ def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
     :raises ValueError: if another field is missing
     """
     names = {field.name for field in message.fields}
-    known = np.dtype([(name, kind) for name, kind in CELL.descr if name in names or name not in _ADDED])
+    known = np.dtype([(name, "<f4") for name in CELL.names or () if name in names or name not in _ADDED])
     cells = np.full((message.height, message.width), np.nan, CELL)
     found = points_from_message(message, known)
     for name in known.names or ():
