@@ -105,7 +105,8 @@ def _print_summary(run: MapRun) -> None:
 
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
-    click.echo(f"records    {len(run.track)} used, {lost} lost; {len(soil_map.samples)} samples after merging")
+    out = f"{len(run.quarantined)} quarantined, {lost} lost"
+    click.echo(f"records    {len(run.track)} used, {out}; {len(soil_map.samples)} samples after merging")
     rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
     click.echo(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
     if soil_map.curve is None:

@@ -188,7 +188,7 @@ class FieldMap:
         reason, why = check_record(record, self._area)
         if reason is not None:
             self.skip(reason, f"record at {record.stamp_s:.1f} s: {why}")
-            if reason is Skip.NO_POSITION:
+            if reason in (Skip.NO_POSITION, Skip.QUARANTINED):
                 self.track.append(record)
             return reason
         self._recent.append(None)
@@ -216,15 +216,16 @@ class FieldMap:
 
         The samples do not depend on the order in which a place was visited, unlike those of :meth:`add`.
 
-        :param records: all with a place and an exposure > 0, in order of time
+        :param records: all with a place and an exposure > 0, in order of time; quarantined ones are left out
         """
+        self.track = list(records)
+        records = [record for record in records if not record.quarantine]
         paths = DrivenPaths()
         spread = np.array([paths.spread(record) for record in records]).reshape(-1, 3)
         columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
         table = np.array(columns, float).reshape(-1, 4)
         samples = merge_records(table[:, :2], table[:, 2], table[:, 3], self.merge_radius_m, spread)
         samples = replace(samples, spread=samples.spread + footprint_spread(self.settings.footprint_radius_m))
-        self.track = list(records)
         self.state = MapState(len(records), records[-1].stamp_s if records else 0.0, samples, samples)
 
     def set_samples(self, samples: Samples, fit: VariogramFit | None = None) -> None:

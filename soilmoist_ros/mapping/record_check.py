@@ -29,6 +29,7 @@ class Skip(enum.Enum):
     STAMP = "impossible stamp"
     UNREADABLE = "unreadable message"
     OTHER_FRAME = "other frame"
+    QUARANTINED = "quarantined"
 
     @property
     def remedy(self) -> str:
@@ -40,6 +41,7 @@ class Skip(enum.Enum):
             Skip.STAMP: "check the clocks of computer and logger; play recordings with their clock",
             Skip.UNREADABLE: "check what publishes the counts, and its version",
             Skip.OTHER_FRAME: "give driver, mapper and planner one frame, and one field file",
+            Skip.QUARANTINED: "read the reason in the table of records, and check the sensor",
         }[self]
 
 
@@ -51,6 +53,8 @@ def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, 
     """
     import shapely
 
+    if record.quarantine:
+        return Skip.QUARANTINED, record.quarantine
     exposure_s, effective_s = record.exposure_s, record.effective_exposure_s
     for name, seconds in (("exposure", exposure_s), ("effective exposure", effective_s)):
         if not 0 < seconds < math.inf:

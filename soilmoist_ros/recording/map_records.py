@@ -21,8 +21,9 @@ again in order of time [s]."""
 
 _OF_MESSAGES: Final = (Skip.UNREADABLE, Skip.OTHER_FRAME, Skip.STAMP)
 """Reasons for which messages and records are left out before they are added."""
-_VALUES: Final = attrgetter(*CountRecord.__slots__)
-_KEY: Final = struct.Struct(f"<{len(CountRecord.__slots__)}d")
+_NUMBERS: Final = [name for name in CountRecord.__slots__ if name != "quarantine"]
+_VALUES: Final = attrgetter(*_NUMBERS)
+_KEY: Final = struct.Struct(f"<{len(_NUMBERS)}d")
 
 
 class MapRecords:
@@ -106,7 +107,8 @@ class MapRecords:
 
 def _key(record: CountRecord) -> bytes:
     """All values of a record; NaN has many forms, of which one is used."""
-    return _KEY.pack(*(math.nan if value != value else value for value in _VALUES(record)))
+    numbers = _KEY.pack(*(math.nan if value != value else value for value in _VALUES(record)))
+    return numbers + record.quarantine.encode() if record.quarantine else numbers
 
 
 def _stamp(record: CountRecord) -> float:

@@ -108,7 +108,7 @@ def logs_below(folder: Path) -> list[Path]:
 
 
 def _plain(record: CountRecord) -> dict[str, Any]:
-    return {name: _number(value) for name, value in asdict(record).items()}
+    return {name: value if isinstance(value, str) else _number(value) for name, value in asdict(record).items()}
 
 
 def _number(value: float) -> float | str:
@@ -117,5 +117,8 @@ def _number(value: float) -> float | str:
 
 
 def _record(payload: dict[str, Any]) -> CountRecord:
-    values = {name: float(value) for name, value in payload.items() if name not in ("raw_counts", "frame")}
-    return CountRecord(raw_counts=int(payload["raw_counts"]), **values)
+    others = ("raw_counts", "frame", "quarantine")
+    values = {name: float(value) for name, value in payload.items() if name not in others}
+    return CountRecord(
+        raw_counts=int(payload["raw_counts"]), **values, quarantine=str(payload.get("quarantine", ""))
+    )

@@ -16,6 +16,8 @@ RECORDS: Final = "records.csv"
 """Name of the table of records in an output folder, from which a later map can start."""
 
 COLUMNS: Final = tuple(field.name for field in fields(CountRecord))
+_NUMBERS: Final = tuple(name for name in COLUMNS if name != "quarantine")
+"""Columns that every table has; tables of earlier releases have no quarantine."""
 
 
 def write_records(path: Path, records: Sequence[CountRecord]) -> None:
@@ -46,7 +48,7 @@ def read_records(path: Path) -> list[CountRecord]:
     except UnicodeDecodeError:
         raise InputError("is not text", "give a table of records as soilmoist writes it", path) from None
     rows = csv.DictReader(text.splitlines())
-    missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
+    missing = [name for name in _NUMBERS if name not in (rows.fieldnames or ())]
     if missing:
         raise InputError(f"has no column {', '.join(missing)}", "give a table as soilmoist writes it", path)
     return [_record(row, path, rows.line_num) for row in rows]
@@ -54,8 +56,8 @@ def read_records(path: Path) -> list[CountRecord]:
 
 def _record(row: dict[str, str], path: Path, line: int) -> CountRecord:
     try:
-        values = {name: float(row[name]) for name in COLUMNS if name != "raw_counts"}
-        return CountRecord(raw_counts=int(row["raw_counts"]), **values)
+        values = {name: float(row[name]) for name in _NUMBERS if name != "raw_counts"}
+        return CountRecord(raw_counts=int(row["raw_counts"]), **values, quarantine=row.get("quarantine") or "")
     except (TypeError, ValueError) as error:
         remedy = "delete the line, or restore the file"
         raise InputError([Mistake(f"is not a record: {error}", remedy, path, line)]) from None

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -24,7 +26,7 @@ from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, 
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.problems import Consequence, Problem
 from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs
 
 Progress = Callable[[str, float], None]
@@ -112,7 +114,7 @@ def map_logs(
         raise InputError("there are too few samples for a map", "survey at two places at least, or use REML")
     return make_run(
         soil_map,
-        survey.records,
+        sorted([*survey.records, *survey.quarantined], key=attrgetter("stamp_s")),
         site,
         survey.frame,
         field_name=field.name if field else "surroundings of the track",
@@ -185,17 +187,18 @@ def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:
 
 
 def loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
-    """One row per kind of problem, losses first, then the most frequent."""
-    counts = Counter((problem.kind, problem.lost) for problem in problems)
-    examples = {(problem.kind, problem.lost): problem.mistake for problem in reversed(problems)}
-    order = sorted(counts, key=lambda key: (not key[1], -counts[key], str(key[0])))
+    """One row per kind of problem: losses, quarantined records, then those kept; the most frequent first."""
+    counts = Counter((problem.kind, problem.consequence) for problem in problems)
+    examples = {(problem.kind, problem.consequence): problem.mistake for problem in reversed(problems)}
+    ranks = get_args(Consequence)
+    order = sorted(counts, key=lambda key: (ranks.index(key[1]), -counts[key], str(key[0])))
     return [
         LossRow(
             kind=kind.text,
-            count=counts[kind, lost],
-            example=str(replace(examples[kind, lost], remedy="")),
-            consequence="lost" if lost else "kept",
-            remedy=examples[kind, lost].remedy,
+            count=counts[kind, consequence],
+            example=str(replace(examples[kind, consequence], remedy="")),
+            consequence=consequence,
+            remedy=examples[kind, consequence].remedy,
         )
-        for kind, lost in order
+        for kind, consequence in order
     ]

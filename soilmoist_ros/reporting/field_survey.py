@@ -10,6 +10,7 @@ from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
+from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.recording.record_table import RECORDS, write_records
@@ -65,7 +66,13 @@ class FieldSurvey:
             },
             inputs=[input_file(path, role) for role, path in self.files],
             losses=[
-                LossRow(reason.value, entry.count, entry.example, "lost", reason.remedy)
+                LossRow(
+                    reason.value,
+                    entry.count,
+                    entry.example,
+                    "quarantined" if reason is Skip.QUARANTINED else "lost",
+                    reason.remedy,
+                )
                 for reason, entry in snapshot.skipped.items()
             ],
             simulated=self.simulated,

@@ -34,30 +34,33 @@ def make_run(
     """The run behind a map, made now.
 
     :param soil_map: the map
-    :param records: records of the map in order of time, at least one; includes records without a place
+    :param records: records in order of time, at least one good one; includes records without a place, and
+        quarantined ones
     :param site: site of the sensor; the records have its corrections
     :param frame: plane of the field
     :param title: title of the report; ``None`` derives it from what is mapped
 
     The other parameters are those of :class:`MapRun`.
     """
+    track = [record for record in records if not record.quarantine]
     return MapRun(
         soil_map=soil_map,
         frame=frame,
         created_utc=datetime.now(UTC),
-        track=records,
+        track=track,
         title=title or ("Soil moisture map" if site.curve else "Neutron count rate map"),
         site=site.name,
         field_name=field_name,
         inputs=inputs,
         logger_format=logger_format,
-        corrections=_correction_rows(records, site),
+        corrections=_correction_rows(track, site),
         losses=losses,
         calibration=_calibration(site),
         simulated=simulated,
         version=__version__,
         settings=settings,
         footprint_radius_m=site.footprint_radius_m,
+        quarantined=[record for record in records if record.quarantine],
     )
 
 

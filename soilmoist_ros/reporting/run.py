@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.geometry import distance_m, track_xy
+from soilmoist_ros.sensing.problems import Consequence
 from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
@@ -71,14 +72,15 @@ class LossRow:
     :param kind: short name, e.g. ``no position``
     :param count: how often
     :param example: message of one case, with file and line
-    :param consequence: ``lost``: these records are not in the map; ``kept``: they are, but less reliable
+    :param consequence: ``lost``: these records are not in the map; ``quarantined``: they are not, but they are
+        listed and shown; ``kept``: they are in the map, but less reliable
     :param remedy: what the user can do about it
     """
 
     kind: str
     count: int
     example: str = ""
-    consequence: Literal["lost", "kept"] = "lost"
+    consequence: Consequence = "lost"
     remedy: str = ""
 
 
@@ -164,6 +166,7 @@ class MapRun:
     :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
     :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
         share of the rate [-]
+    :param quarantined: records left out of the map, each with its reason, in order of time
     :raises ValueError: if ``created_utc`` has no time zone
     """
 
@@ -191,6 +194,7 @@ class MapRun:
     others: Sequence[MapRun] = ()
     uncertain_vwc_sd: float = 0.03
     uncertain_rate_share: float = 0.05
+    quarantined: Sequence[CountRecord] = ()
 
     def __post_init__(self) -> None:
         if self.created_utc.tzinfo is None:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Literal
 
 from soilmoist_ros.foundation.errors import Mistake
+
+Consequence = Literal["lost", "quarantined", "kept"]
+"""``lost``: the record was dropped; ``quarantined``: it is listed, but not used; ``kept``: it is used."""
 
 
 class Severity(enum.IntEnum):
@@ -53,6 +57,16 @@ class Kind(enum.StrEnum):
     NO_HEADING = "no_heading", "placed at the antenna, no heading", Severity.NOTE
     NO_CORRECTION = "no_correction", "cannot be corrected", Severity.WARNING
     NO_DATE = "no_date", "no date yet", Severity.NOTE
+    NOISY_TUBE = "noisy_tube", "tube counts too much", Severity.WARNING
+    DEAD_TUBE = "dead_tube", "tube counts too little", Severity.WARNING
+    STUCK_TUBE = "stuck_tube", "tube repeats a number", Severity.WARNING
+    IMPOSSIBLE_COUNT = "impossible_count", "impossible count", Severity.WARNING
+    IMPOSSIBLE_WEATHER = "impossible_weather", "impossible weather", Severity.WARNING
+    FROZEN_PRESSURE = "frozen_pressure", "pressure never changes", Severity.WARNING
+    PLACE_JUMP = "place_jump", "jump of place", Severity.WARNING
+    CLOCK_DRIFT = "clock_drift", "logger clock drifts against GNSS time", Severity.WARNING
+    OVERDISPERSED = "overdispersed", "counts scatter more than counting statistics", Severity.WARNING
+    UNEXPECTED_COUNT = "unexpected_count", "unexpected count", Severity.WARNING
 
     text: str
     severity: Severity
@@ -73,11 +87,13 @@ class Problem:
     :param kind: reason code
     :param mistake: message, place (file, line, column) and remedy
     :param lost: whether the record or sentence was dropped
+    :param quarantined: whether the record is kept, but no map or mean uses it
     """
 
     kind: Kind
     mistake: Mistake
     lost: bool = False
+    quarantined: bool = False
 
     @property
     def severity(self) -> Severity:
@@ -85,6 +101,11 @@ class Problem:
         if self.lost and self.kind is not Kind.DUPLICATE:
             return Severity.ERROR
         return self.kind.severity
+
+    @property
+    def consequence(self) -> Consequence:
+        """What became of the record."""
+        return "lost" if self.lost else "quarantined" if self.quarantined else "kept"
 
     def __str__(self) -> str:
         return str(self.mistake)

@@ -73,6 +73,8 @@ class CountRecord:
     :param f_pressure: pressure factor [-]
     :param f_humidity: humidity factor [-]
     :param f_intensity: incoming cosmic-ray intensity factor [-]
+    :param quarantine: code of a :class:`Kind` of a bad record, which is kept and shown, but used by no map or
+        mean; empty for a good record
     """
 
     stamp_s: float
@@ -85,6 +87,7 @@ class CountRecord:
     f_pressure: float = 1.0
     f_humidity: float = 1.0
     f_intensity: float = 1.0
+    quarantine: str = ""
 
     @property
     def corrected_rate(self) -> float:
@@ -94,7 +97,8 @@ class CountRecord:
     def __repr__(self) -> str:
         place = f"x={self.x_m:.1f} m, y={self.y_m:.1f} m"
         counts = f"{self.raw_counts} counts, {self.corrected_rate:.2f} counts/s"
-        return f"CountRecord({_clock(self.stamp_s)}, {place}, {counts})"
+        quarantine = f", {self.quarantine}" if self.quarantine else ""
+        return f"CountRecord({_clock(self.stamp_s)}, {place}, {counts}{quarantine})"
 
 
 def _clock(stamp_s: float) -> str:

@@ -53,6 +53,7 @@ def field_map(**changes):
 @pytest.mark.parametrize(
     ("bad", "reason", "why"),
     [
+        (record(quarantine="noisy_tube"), Skip.QUARANTINED, "noisy_tube"),
         (record(NAN, NAN), Skip.NO_POSITION, "no position"),
         (record(10.0, math.inf), Skip.NO_POSITION, "no position"),
         (record(-12.0, 20.0), Skip.OUTSIDE, "at x = -12.0 m, y = 20.0 m"),
@@ -73,7 +74,7 @@ def test_what_cannot_be_used_is_left_out_and_counted(bad, reason, why):
     assert the_map.add(bad) is reason
     assert the_map.state is before
     assert (the_map.skipped[reason].count, the_map.skipped[reason].example) == (1, f"record at 7.0 s: {why}")
-    assert len(the_map.track) == (2 if reason is Skip.NO_POSITION else 1)
+    assert len(the_map.track) == (2 if reason in (Skip.NO_POSITION, Skip.QUARANTINED) else 1)
 
 
 @pytest.mark.parametrize("place", [(-9.0, 20.0), (69.0, 25.0), (27.0, 23.0), (0.0, 0.0)])
@@ -360,3 +361,13 @@ def test_a_whole_survey_is_mapped_as_by_kriging_to_the_last_digits():
     assert (field_map.state.records, field_map.state.stamp_s) == (len(many), many[-1].stamp_s)
     for band, expected in zip(found.bands, make_soil_map(samples, GRID, fit, CURVE).bands, strict=True):
         np.testing.assert_allclose(band, expected, rtol=1e-10)
+
+
+def test_a_quarantined_record_is_kept_in_the_track_and_out_of_the_map():
+    good, bad = record(), record(x_m=30.0, raw_counts=4000, quarantine="impossible_count")
+    the_map, whole = field_map(), field_map()
+    assert (the_map.add(good), the_map.add(bad)) == (None, Skip.QUARANTINED)
+    whole.set_records([good, bad])
+    for one in (the_map, whole):
+        assert one.track == [good, bad]
+        assert one.samples.counts.tolist() == [40]

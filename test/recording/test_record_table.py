@@ -9,8 +9,9 @@ from soilmoist_ros.sensing.records import NAN, CountRecord
 numbers = st.floats(allow_nan=False)
 records = st.builds(
     CountRecord,
-    **{name: numbers for name in COLUMNS if name != "raw_counts"},
+    **{name: numbers for name in COLUMNS if name not in ("raw_counts", "quarantine")},
     raw_counts=st.integers(0, 2**32 - 1),
+    quarantine=st.sampled_from(["", "noisy_tube"]),
 )
 
 
@@ -20,6 +21,14 @@ def test_records_come_back_exactly(tmp_path, many):
     write_records(tmp_path / "records.csv", many)
     assert read_records(tmp_path / "records.csv") == many
     assert [path.name for path in tmp_path.iterdir()] == ["records.csv"]
+
+
+def test_tables_of_earlier_releases_have_no_quarantine(tmp_path):
+    path = tmp_path / "records.csv"
+    write_records(path, [CountRecord(1.0, 2.0, 3.0, 4.5, 7, 10.0, 9.0)])
+    assert path.read_text().splitlines()[0].endswith(",quarantine")
+    path.write_text("".join(line.rpartition(",")[0] + "\n" for line in path.read_text().splitlines()))
+    assert read_records(path) == [CountRecord(1.0, 2.0, 3.0, 4.5, 7, 10.0, 9.0)]
 
 
 def test_a_missing_position_stays_missing(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
@@ -104,6 +105,7 @@ def _records(run: MapRun) -> dict[str, Any]:
         "n_placed_records": len(track_xy(run.track)),
         "n_lost": {row.kind: row.count for row in run.losses if row.consequence == "lost"},
         "n_kept_with_reservation": {row.kind: row.count for row in run.losses if row.consequence == "kept"},
+        "n_quarantined": dict(Counter(record.quarantine for record in run.quarantined)),
         "first_stamp_s": min(stamps, default=None),
         "last_stamp_s": max(stamps, default=None),
         "exposure_s": float(sum(record.exposure_s for record in run.track)),

@@ -26,16 +26,18 @@ from soilmoist_ros.sensing.survey.survey import Survey
 class SurveyRecords:
     """The processed logs of one survey.
 
-    :param records: corrected, geo-tagged records in order of time
+    :param records: good records, corrected and geo-tagged, in order of time
     :param frame: plane of the coordinates
     :param problems: faults of all records that were dropped, or kept with a note
     :param tube_share: share of each tube in the rate of the whole sensor, shape (tubes,)
+    :param quarantined: bad records in order of time, each with its reason
     """
 
     records: tuple[CountRecord, ...]
     frame: LocalFrame
     problems: tuple[Problem, ...]
     tube_share: NDArray[np.float64]
+    quarantined: tuple[CountRecord, ...] = ()
 
     def __repr__(self) -> str:
         lost = sum(problem.lost for problem in self.problems)
@@ -89,13 +91,15 @@ def process_logs(
     ahead_s = [0.0 if track is None else _clock_ahead_s(entry.log) for entry in entries]
     if frame is None:
         survey.frame = _frame_about(survey, entries, ahead_s)
-    records: list[CountRecord] = []
+    found: list[CountRecord] = []
     for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
         survey.take_record(entry.record, clock_ahead_s=clock_ahead_s, path=entry.log.path)
-        records += survey.take_ready()
+        found += survey.take_ready()
+    records = tuple(record for record in found if not record.quarantine)
+    quarantined = tuple(record for record in found if record.quarantine)
     if not records or survey.frame is None or survey.tube_share is None:
         raise InputError(_all_lost(logs, problems))
-    return SurveyRecords(tuple(records), survey.frame, tuple(problems), survey.tube_share)
+    return SurveyRecords(records, survey.frame, tuple(problems), survey.tube_share, quarantined)
 
 
 def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
@@ -185,7 +189,7 @@ def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[fl
 
 def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
     """Reasons why no record is left, most frequent first, with one example each."""
-    lost = [problem for problem in problems if problem.lost]
+    lost = [problem for problem in problems if problem.consequence != "kept"]
     kinds = Counter(problem.kind for problem in lost).most_common()
     examples = [next(problem.mistake for problem in lost if problem.kind is kind) for kind, _ in kinds]
     total = sum(len(log.records) for log in logs)

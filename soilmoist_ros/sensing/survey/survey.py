@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.checks.checks import RecordChecks
 from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
@@ -116,6 +117,9 @@ class Survey:
         """Share of each tube, shape (tubes,); ``None`` while it is estimated from the records so far."""
         if self.tube_share is None and ahead:
             self.tube_share = tube_shares(ahead)
+        altitude_m = site.location.altitude_m if site.location else None
+        self.checks = RecordChecks(NAN if altitude_m is None else altitude_m)
+        """Tests of the counts, the weather and the places."""
         self._last: LoggerRecord | None = None
         self._waiting: deque[_Waiting] = deque()
 
@@ -136,7 +140,9 @@ class Survey:
         unused_tubes: Collection[int] = (),
         path: Path | None = None,
     ) -> None:
-        """Correct a record and queue it until its position is known; drop it if it cannot be corrected.
+        """Check and correct a record, and queue it until its position is known; drop it if it cannot be corrected.
+
+        A bad record is corrected as far as possible, and quarantined.
 
         :param record: the raw record
         :param now_s: monotonic time [s]
@@ -144,12 +150,17 @@ class Survey:
         :param unused_tubes: indices of the tubes that the format leaves out
         :param path: file of the record, for messages
         """
+        checked = self.checks.check(record, unused_tubes)
+        record = checked.record
         if self._grows:
             self._learn(record)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
+        for finding in checked.findings:
+            mistake = Mistake(finding.message, finding.remedy, path, record.line)
+            self._on_problem(Problem(finding.kind, mistake, quarantined=finding.bad))
         try:
-            corrected = self.correct(record, unused_tubes)
+            corrected = replace(self.correct(record, unused_tubes), quarantine=checked.quarantine)
         except UnusableRecordError as error:
             self._report(error, record, path, lost=True)
         else:

@@ -1,0 +1,1 @@
+"""Tests of counts: bad tubes are masked, bad records are quarantined, each with its reason."""

@@ -1,0 +1,41 @@
+"""What the checks find in a record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import LoggerRecord
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault of a record.
+
+    :param kind: reason code
+    :param message: what is wrong, with values
+    :param remedy: what the user can do about it
+    :param bad: whether the record is bad as a whole
+    """
+
+    kind: Kind
+    message: str
+    remedy: str
+    bad: bool = False
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A record after the checks.
+
+    :param record: the record; impossible weather and the counts of bad tubes are NaN, unless no tube is left
+    :param findings: its faults
+    """
+
+    record: LoggerRecord
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def quarantine(self) -> str:
+        """Reason code of a bad record, empty for a usable one."""
+        return next((finding.kind.value for finding in self.findings if finding.bad), "")
