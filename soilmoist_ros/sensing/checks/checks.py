@@ -43,5 +43,3 @@ class RecordChecks:
                 remedy = "check the tube, its high voltage and its cable"
                 findings.append(Finding(Kind.IMPOSSIBLE_COUNT, message, remedy, bad=True))
         return Checked(record, tuple(findings))
-
-
