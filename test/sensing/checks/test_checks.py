@@ -37,7 +37,8 @@ def test_the_altitude_decides_which_pressure_is_possible():
     assert check_weather(plateau, 5000.0)[1] == check_weather(plateau)[1] == []
     assert len(check_weather(plateau, 100.0)[1]) == 1
     low, high = pressure_limits_hpa(0.0)
-    assert low < 870 and high > 1085
+    assert low < 870
+    assert high > 1085
 
 
 def test_a_count_that_no_tube_reaches_is_quarantined_and_listed():
