@@ -54,7 +54,8 @@ def check_weather(record: LoggerRecord, altitude_m: float = NAN) -> tuple[Logger
         "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0),
         "relative_humidity": (HUMIDITIES, "%", 100.0),
     }
-    findings = []
+    findings: list[Finding] = []
+    impossible: set[str] = set()
     for name, ((low, high), unit, scale) in limits.items():
         value = getattr(record, name)
         if math.isnan(value) or low <= value <= high:
@@ -63,5 +64,13 @@ def check_weather(record: LoggerRecord, altitude_m: float = NAN) -> tuple[Logger
         span = f"{low * scale:.0f}..{high * scale:.0f} {unit}"
         message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
         findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _REMEDY))
-        record = replace(record, **{name: NAN})
-    return record, findings
+        impossible.add(name)
+    if not impossible:
+        return record, []
+    kept = {name: NAN if name in impossible else float(getattr(record, name)) for name in limits}
+    return replace(
+        record,
+        pressure_hpa=kept["pressure_hpa"],
+        temperature_degc=kept["temperature_degc"],
+        relative_humidity=kept["relative_humidity"],
+    ), findings

@@ -91,7 +91,9 @@ def correct_record(
         remedy = "complete the data, or switch the correction off in the site file (write null)"
         raise UnusableRecordError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None
     nowhere = math.nan
-    return CountRecord(record.stamp_s, nowhere, nowhere, nowhere, raw_counts, exposure_s, effective_s, **factors)
+    place = (nowhere, nowhere, nowhere)
+    in_order = factors["f_pressure"], factors["f_humidity"], factors["f_intensity"]
+    return CountRecord(record.stamp_s, *place, raw_counts, exposure_s, effective_s, *in_order)
 
 
 def place_record(
