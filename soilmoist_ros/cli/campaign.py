@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from soilmoist_ros.cli.console import FILE, progress_bar, report_errors
+from soilmoist_ros.cli.console import progress_bar, report_errors
+from soilmoist_ros.cli.output_options import confirmed, output_options, prepare_output
+from soilmoist_ros.foundation.errors import InputError
+
+if TYPE_CHECKING:
+    from soilmoist_ros.simulation.campaign.campaign import Campaign
 
 
 @click.command("campaign")
 @click.argument("campaign")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")
-@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@output_options()
 @report_errors
-def command(campaign: str, workers: int | None, scheduler: str | None, out: Path) -> None:
+def command(campaign: str, workers: int | None, scheduler: str | None, out: Path, overwrite: bool) -> None:
     """Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
 
     The folder --out keeps finished missions: run the same command again to resume after an interruption.
@@ -27,6 +33,7 @@ def command(campaign: str, workers: int | None, scheduler: str | None, out: Path
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
     plan = load_campaign(campaign)
+    _prepare(plan, out, overwrite)
     try:
         with progress_bar() as progress:
             outcome = run_campaign(
@@ -52,3 +59,19 @@ def command(campaign: str, workers: int | None, scheduler: str | None, out: Path
         click.echo(f"wrote {path}")
     if not outcome.complete:
         sys.exit(1)
+
+
+def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:
+    """Check the output folder; missions of this campaign in it are resumed without a question.
+
+    :raises InputError: if it cannot be written, or has results that must not be replaced
+    """
+    from soilmoist_ros.simulation.campaign.campaign import RUNS, missions
+
+    stored = {path.stem for path in (out / RUNS).glob("*.npz")}
+    if not (out / RUNS).is_dir():
+        prepare_output(out, overwrite)
+    elif stored and stored.isdisjoint(mission.key for mission in missions(plan)):
+        held = "the results of another campaign"
+        if not (overwrite or confirmed(out, held)):
+            raise InputError(f"has {held}", "choose another output folder, or give --overwrite", out)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -12,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, report_errors
+from soilmoist_ros.cli.console import report_errors
 from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.output_options import confirmed, output_options, prepare_output
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation.errors import InputError
 
@@ -37,10 +39,11 @@ DEMO_HOURS = 1.0
 @click.option(
     "--scenario", default="", help="Simulated faults: thorvald, nav2, bad_link, or a file. Default: none."
 )
-@click.option("--out", type=FILE, required=True, help="Folder for the run; made if missing.")
+@output_options("Folder for the run; made if missing.")
 @report_errors
 def command(
     out: Path,
+    overwrite: bool,
     navigator: str | None,
     choices: dict[str, Any],
     old_speed: float | None,
@@ -60,12 +63,13 @@ def command(
         time_factor = old_speed
     if navigator is None:
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
+    mission = chosen_settings({"hours": DEMO_HOURS, **choices})
+    _prepare(out, overwrite)
     from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
     from soilmoist_ros.reporting import write_outputs
 
     try:
         with _live_view() as show:
-            mission = chosen_settings({"hours": DEMO_HOURS, **choices})
             replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario), show)
     except KeyboardInterrupt:
         click.echo(f"interrupted: all nodes have stopped; map the recording with soilmoist replay {out}", err=True)
@@ -74,6 +78,23 @@ def command(
     print_replay(replay)
     for path in (*written, out / "bag"):
         click.echo(f"wrote {path}")
+
+
+def _prepare(out: Path, overwrite: bool) -> None:
+    """Check the output folder, and remove the recording of an earlier demo that may be replaced.
+
+    :raises InputError: if the folder has a recording or results that must not be replaced
+    """
+    recorded = (out / "bag").exists()
+    if recorded and not (out / "configuration" / "field_simulator.yaml").is_file():
+        raise InputError("has a recording that is not of a demo", "choose another folder: it is never replaced", out)
+    overwrite = overwrite or (recorded and confirmed(out, "the recording of a demo"))
+    if recorded and not overwrite:
+        raise InputError("has the recording of a demo", "choose another folder, or give --overwrite", out)
+    prepare_output(out, overwrite)
+    if recorded:
+        for name in ("bag", "configuration", "log"):
+            shutil.rmtree(out / name, ignore_errors=True)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
+from soilmoist_ros.cli.output_options import output_options, prepare_output
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
 @click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--title", help="Title of the report.")
-@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@output_options()
 @report_errors
 def command(
     logs: tuple[Path, ...],
@@ -72,6 +73,7 @@ def command(
     scheduler: str | None,
     crs: str | None,
     out: Path,
+    overwrite: bool,
     **choices: Any,
 ) -> None:
     """Map soil moisture from neutron LOGS.
@@ -83,11 +85,13 @@ def command(
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
     from soilmoist_ros.reporting import write_outputs
 
+    prepare_output(out, overwrite)
     settings = MapSettings(
         site=resource("sites", site) if site else None,
         field=resource("fields", field) if field else None,
         keep_nugget=nugget == "keep",
         model=model or PRESETS[preset]["model"],
+        crs=crs,
         fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
         **choices,
     )

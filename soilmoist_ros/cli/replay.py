@@ -10,6 +10,7 @@ import click
 
 from soilmoist_ros.cli.bag import play
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.output_options import output_options, prepare_output
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 @click.option("--logger", help="Logger format of the raw lines. Default: detected from the header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
-@click.option("--out", type=FILE, help="Folder for the results; made if missing. Required.")
+@output_options("Folder for the results; made if missing. Required.", required=False)
 @click.option("--live", is_flag=True, hidden=True)
 @click.option("--topics", hidden=True)
 @click.option("--speed", type=float, hidden=True)
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 def command(
     bag: Path,
     out: Path | None,
+    overwrite: bool,
     crs: str | None,
     nugget: str | None,
     live: bool,
@@ -74,6 +76,7 @@ def command(
         raise InputError("replay does not support --topics, --speed and --start", "use soilmoist bag play")
     if out is None:
         raise InputError("replay needs a folder for the results", "give it with --out")
+    prepare_output(out, overwrite)
     from soilmoist_ros.replay import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import write_outputs
 
@@ -83,7 +86,9 @@ def command(
         click.echo("warning: --also-truth is deprecated: give --truth PROPERTY=FIELD", err=True)
         named[1] = also_truth
     with progress_bar() as progress:
-        replay = replay_bag(bag, ReplaySettings(keep_nugget=keep_nugget, truths=named, **choices), progress)
+        replay = replay_bag(
+            bag, ReplaySettings(keep_nugget=keep_nugget, truths=named, crs=crs, **choices), progress
+        )
         progress("writing the results", 1.0)
         written = write_outputs(out, replay.run, crs)
     print_replay(replay)

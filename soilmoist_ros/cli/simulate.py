@@ -7,15 +7,16 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.console import progress_bar, rate_error, report_errors
 from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.output_options import output_options, prepare_output
 
 
 @click.command("simulate")
 @mission_options()
-@click.option("--out", type=FILE, required=True, help="Folder for the results; made if missing.")
+@output_options()
 @report_errors
-def command(out: Path, choices: dict[str, Any]) -> None:
+def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
@@ -27,6 +28,7 @@ def command(out: Path, choices: dict[str, Any]) -> None:
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
     settings = chosen_settings(choices)
+    prepare_output(out, overwrite)
     with progress_bar() as progress:
         result = simulate_mission(settings, lambda share: progress("exploring", share))
         progress("writing the results", 1.0)

@@ -30,6 +30,7 @@ from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
 from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
 from soilmoist_ros.reporting.map_run import input_file
+from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
@@ -60,6 +61,7 @@ class ReplaySettings:
     :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
         places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
     :param logger: format of the raw lines of the logger; detected from their header if ``None``
+    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     """
 
     field: str | None = None
@@ -74,6 +76,7 @@ class ReplaySettings:
     counts_topic: str = "counts"
     source: Source = "counts"
     logger: str | None = None
+    crs: str | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,6 +123,7 @@ def replay_bag(
     with BagReader(bag) as reader:
         configuration = configuration_of(bag)
         survey, remarks = _survey(bag, configuration, chosen)
+        require_crs(chosen.crs, survey.field.frame)
         content = _read(reader, survey, chosen, configuration, remarks)
     first = content.properties[0]
     if not first.states:

@@ -20,6 +20,7 @@ from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.reporting.map_run import input_file, make_run
+from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
@@ -47,6 +48,7 @@ class MapSettings:
     :param cell_m: cell size of the map [m]
     :param merge_radius_m: records closer together than this become one sample [m]
     :param title: title of the report
+    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
     """
 
@@ -60,6 +62,7 @@ class MapSettings:
     cell_m: float | None = None
     merge_radius_m: float | None = None
     title: str | None = None
+    crs: str | None = None
     max_exact_samples: int = MAX_EXACT_SAMPLES
 
 
@@ -89,10 +92,12 @@ def map_logs(
     """
     site = load_site(settings.site) if settings.site else Site()
     field = load_field(settings.field) if settings.field else None
+    require_crs(settings.crs, field.frame if field else None)
     logs = read_logs(paths, settings.logger, site, progress)
     track, track_problems = _read_track(settings.nmea)
     progress("correcting and placing records", 0.0)
     survey = process_logs(logs, site, field.frame if field else None, track)
+    require_crs(settings.crs, survey.frame)
     radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
     field_map = FieldMap(
         _grid(field, survey, site, settings.cell_m),

@@ -16,7 +16,8 @@ from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.strict_json import write_json
 from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, settings_summary
-from soilmoist_ros.reporting.outputs import NAMES, property_names, write_outputs
+from soilmoist_ros.reporting.output_folder import earlier_outputs, remove_earlier
+from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.simulation.mission.result import MissionResult
 
@@ -48,9 +49,7 @@ def write_mission(
         return write_outputs(folder, mission_run(result, created), crs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        of_others = (name for other in result.properties[1:] for name in property_names(other.name))
-        for name in (*NAMES, *of_others):
-            (folder / name).unlink(missing_ok=True)
+        remove_earlier(folder, earlier_outputs(folder), ())
         about = {
             "schema": SCHEMA,
             "software": "soilmoist_ros",

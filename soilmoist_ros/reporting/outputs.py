@@ -15,14 +15,13 @@ from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
+from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, earlier_outputs, remove_earlier
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-NAMES = ("summary.json", "map.tif", "samples.geojson", "report.html")
-MISSION_NAMES = ("series.csv", "visits.csv")
 _WORKSHOP = ".writing-"
 _LEFT_S = 3600.0
 """Age from which nobody writes such a folder any more [s]."""
@@ -36,7 +35,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
 
     The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
     half a file, nor files of different runs after a failure.
-    What a killed process left is removed.
+    What a killed process left is removed, and results of an earlier run that this run has not.
 
     :param folder: output folder; made if missing
     :param run: the run
@@ -67,8 +66,10 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=names)
         for name in names:
             sync_file(workshop / name)
+        earlier = earlier_outputs(folder)
         for name in names:
             os.replace(workshop / name, folder / name)
+        remove_earlier(folder, earlier, names)
         sync_folder(folder)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)

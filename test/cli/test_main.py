@@ -107,7 +107,8 @@ def test_without_a_calibration_the_rate_is_mapped_and_a_message_says_why(survey,
     result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--out", out)
     assert result.exit_code == 0, result.output
     assert "moisture   not mapped" in result.output
-    result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--preset", "paper", "--out", out)
+    result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--preset", "paper", "--out", out,
+                 "--overwrite")  # fmt: skip
     assert result.exit_code == 0, result.output
     settings = json.loads((out / "summary.json").read_text())["settings"]
     assert (settings["variogram_model"], settings["variogram_fit"]) == ("gaussian", "soft_l1")
@@ -338,7 +339,8 @@ def test_failures_are_reported_when_no_mission_finishes(tmp_path):
         "title: tiny\nruns: 1\nexperiments: [{name: a, field: synthetic-high, hours: 0.5, cell_m: 5000}]\n"
     )
     out.mkdir()
-    (out / "report.html").write_text("of another campaign")
+    (out / "runs").mkdir()
+    (out / "report.html").write_text("of an earlier try")
     result = run("campaign", plan, "--workers", 0, "--out", out)
     assert result.exit_code == 1, result.output
     assert "failed: field=synthetic-high" in result.output
@@ -348,7 +350,6 @@ def test_failures_are_reported_when_no_mission_finishes(tmp_path):
 
 
 def test_a_mission_without_a_map_is_reported(tmp_path):
-    (tmp_path / "map.tif").write_text("of another mission")
     result = run("simulate", "--hours", 0.05, "--preset", "paper", "--strategy", "random", "--out", tmp_path)
     assert result.exit_code == 0, result.output
     assert "no map: the mission ended before the first map update" in result.output
@@ -404,3 +405,51 @@ def test_built_graphs_keep_the_radius_that_the_planner_keeps():
 
     margin = next(option.default for option in command.params if option.name == "margin")
     assert margin == next(row.default for row in PARAMETERS if row.name == "robot_radius_m")
+
+
+def test_results_are_not_replaced_without_a_word(tmp_path):
+    """The refusal comes before the work, and --overwrite replaces results of this package only."""
+    (tmp_path / "summary.json").write_text('{"software": "soilmoist_ros", "title": "Mine"}')
+    (tmp_path / "bag").mkdir()
+    log = tmp_path / "nothing.log"
+    for command in (["map", log], ["replay", log], ["simulate", "--field", "patches"], ["campaign", "paper"]):
+        result = run(*command, "--out", tmp_path)
+        assert result.exit_code == 2
+        assert "has the results of a run (Mine, of unknown date)" in result.output
+        assert "--overwrite" in result.output
+    (tmp_path / "report.html").write_text("mine")
+    (tmp_path / "summary.json").unlink()
+    result = run("simulate", "--field", "patches", "--overwrite", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "report.html is not of a run of soilmoist" in result.output
+    assert (tmp_path / "report.html").read_text() == "mine"
+
+
+def test_the_recording_of_a_robot_is_never_replaced(tmp_path):
+    pytest.importorskip("rclpy")
+    (tmp_path / "bag").mkdir()
+    result = run("demo", "--overwrite", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "has a recording that is not of a demo" in result.output
+    (tmp_path / "configuration").mkdir()
+    (tmp_path / "configuration" / "field_simulator.yaml").write_text("")
+    result = run("demo", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "give --overwrite" in result.output
+    assert (tmp_path / "bag").is_dir()
+
+
+def test_the_missions_of_another_campaign_are_not_replaced(tmp_path):
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "0123.npz").write_text("")
+    result = run("campaign", "paper", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "has the results of another campaign" in result.output
+
+
+def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_path):
+    result = run("map", roving_record, "--site", "gypsum_transect", "--crs", "EPSG:27700", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "deg away from the field" in result.output
+    assert "fitting" not in result.output
+    assert not (tmp_path / "out").exists()

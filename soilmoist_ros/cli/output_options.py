@@ -1,0 +1,58 @@
+"""The output folder of a command: ``--out``, ``--overwrite``, and the question before results are replaced."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from soilmoist_ros.cli.console import FILE
+from soilmoist_ros.foundation.errors import InputError
+
+Command = Callable[..., None]
+
+
+def output_options(text: str = "Folder for the results; made if missing.", required: bool = True) -> Callable[[Command], Command]:
+    """Add ``--out`` and ``--overwrite``.
+
+    :param text: help of ``--out``
+    :param required: whether the command needs ``--out``
+    """
+
+    def decorate(command: Command) -> Command:
+        for option in (
+            click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run in --out."),
+            click.option("--out", type=FILE, required=required, help=text),
+        ):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def prepare_output(out: Path, overwrite: bool) -> None:
+    """Check the output folder before the work; ask on a terminal before earlier results are replaced.
+
+    :raises InputError: if it cannot be written, or has results that must not be replaced
+    """
+    from soilmoist_ros.reporting.output_folder import require_free, require_writable, results_in
+
+    if not overwrite:
+        require_writable(out)
+        overwrite = confirmed(out, results_in(out))
+    require_free(out, overwrite)
+
+
+def confirmed(out: Path, held: str) -> bool:
+    """Whether the user agrees, on a terminal, that results are replaced; false without a terminal.
+
+    :param held: the results, in words; empty if there is nothing to ask
+    :raises InputError: if the user declines
+    """
+    if not held or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    if click.confirm(f"{out} has {held}. Replace them?", err=True):
+        return True
+    raise InputError("nothing was changed", "choose another output folder", out)

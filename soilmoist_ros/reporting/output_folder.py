@@ -1,0 +1,132 @@
+"""An output folder before the work: whether it can be written, and which results a run would replace there."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+
+SUMMARY = "summary.json"
+NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html")
+MISSION_NAMES = ("series.csv", "visits.csv")
+MAX_BEYOND_AREA_DEG = 6.0
+"""Distance of a field from the area of a reference system at which it still has a place: a neighbouring UTM zone."""
+_PATTERNS = (*NAMES, *MISSION_NAMES, "map_*.tif", "samples_*.geojson")
+
+
+def require_writable(folder: Path) -> None:
+    """Check that a folder can be made or written, without making it.
+
+    :raises InputError: if it is a file, lies below a file, or must not be written
+    """
+    home = folder.absolute()
+    try:
+        while not home.exists() and home != home.parent:
+            home = home.parent
+        if not stat.S_ISDIR(home.stat().st_mode):
+            raise InputError("is a file, not a folder", "choose another output folder", home)
+        if not os.access(home, os.W_OK | os.X_OK):
+            raise InputError("must not be written", "choose another output folder", home)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
+
+
+def results_in(folder: Path) -> str:
+    """The results of a run in a folder, in words for the user; empty if there are none.
+
+    :raises InputError: if the folder has files with the names of results that no run of this package wrote
+    """
+    names = _held(folder)
+    if not names:
+        return ""
+    summary = _summary(folder)
+    if summary is None:
+        raise InputError(
+            f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} not of a run of soilmoist",
+            "choose another output folder: files of others are never replaced",
+            folder,
+        )
+    kind = "a simulated run" if summary.get("simulated") else "a run"
+    about = [str(summary[key]) for key in ("title", "field") if summary.get(key)]
+    made = str(summary.get("created_utc", "")).replace("T", " ").replace("Z", " UTC")
+    return f"the results of {kind} ({', '.join([*about, f'made {made}' if made else 'of unknown date'])})"
+
+
+def require_free(folder: Path, overwrite: bool = False) -> None:
+    """Check an output folder before the work.
+
+    Files with other names than those of results do not matter: they stay as they are.
+
+    :param folder: output folder; need not exist
+    :param overwrite: whether results of an earlier run may be replaced
+    :raises InputError: if the folder cannot be written, has results that must not be replaced, or has files of
+        others with the names of results
+    """
+    require_writable(folder)
+    held = results_in(folder)
+    if held and not overwrite:
+        raise InputError(f"has {held}", "choose another output folder, or give --overwrite to replace them", folder)
+
+
+def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
+    """Check a coordinate reference system before the work.
+
+    :param crs: anything that pyproj accepts; ``None`` for the default
+    :param frame: plane of the field; ``None`` if it is not known yet
+    :raises InputError: if pyproj does not know it, it has no plane or longitudes, or it is for another region
+    """
+    if crs is None:
+        return
+    from soilmoist_ros.reporting.files.geotiff import export_crs
+
+    target = export_crs(frame or LocalFrame(0.0, 0.0), crs)
+    if not (target.is_projected or target.is_geographic):
+        raise InputError(f"'{crs}' ({target.name}) is not a projection", "give one as an EPSG code, e.g. EPSG:25832")
+    area = target.area_of_use
+    if frame is None or area is None:
+        return
+    east = (frame.longitude_deg - area.west) % 360 - (area.east - area.west) % 360
+    beyond_east_deg = min(max(east, 0.0), (area.west - frame.longitude_deg) % 360)
+    beyond_deg = max(area.south - frame.latitude_deg, frame.latitude_deg - area.north, beyond_east_deg)
+    if (area.east - area.west) % 360 and beyond_deg > MAX_BEYOND_AREA_DEG:
+        raise InputError(
+            f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg away from the field",
+            "choose one for this region, or none for the UTM zone of the field",
+        )
+
+
+def earlier_outputs(folder: Path) -> set[str]:
+    """Names of the results that the summary in a folder lists; empty without a summary of this package."""
+    listed = (_summary(folder) or {}).get("outputs", ())
+    return set(_held(folder)) & {name for name in listed if isinstance(name, str)}
+
+
+def remove_earlier(folder: Path, earlier: Iterable[str], kept: Iterable[str]) -> None:
+    """Remove results of an earlier run that a new run did not replace.
+
+    :param earlier: :func:`earlier_outputs` before the new run was written
+    :param kept: names that the new run has written
+    """
+    for name in set(earlier) - set(kept):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _held(folder: Path) -> list[str]:
+    """Names of results in a folder, whoever wrote them."""
+    return [path.name for pattern in _PATTERNS for path in sorted(folder.glob(pattern))]
+
+
+def _summary(folder: Path) -> dict[str, Any] | None:
+    """The summary in a folder, ``None`` if there is none of this package."""
+    try:
+        content = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    ours = isinstance(content, dict) and content.get("software") == "soilmoist_ros"
+    return content if ours else None
