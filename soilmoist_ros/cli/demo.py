@@ -87,7 +87,9 @@ def _prepare(out: Path, overwrite: bool) -> None:
     """
     recorded = (out / "bag").exists()
     if recorded and not (out / "configuration" / "field_simulator.yaml").is_file():
-        raise InputError("has a recording that is not of a demo", "choose another folder: it is never replaced", out)
+        raise InputError(
+            "has a recording that is not of a demo", "choose another folder: it is never replaced", out
+        )
     overwrite = overwrite or (recorded and confirmed(out, "the recording of a demo"))
     if recorded and not overwrite:
         raise InputError("has the recording of a demo", "choose another folder, or give --overwrite", out)

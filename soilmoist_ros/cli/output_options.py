@@ -14,7 +14,9 @@ from soilmoist_ros.foundation.errors import InputError
 Command = Callable[..., None]
 
 
-def output_options(text: str = "Folder for the results; made if missing.", required: bool = True) -> Callable[[Command], Command]:
+def output_options(
+    text: str = "Folder for the results; made if missing.", required: bool = True
+) -> Callable[[Command], Command]:
     """Add ``--out`` and ``--overwrite``.
 
     :param text: help of ``--out``

@@ -71,7 +71,9 @@ def require_free(folder: Path, overwrite: bool = False) -> None:
     require_writable(folder)
     held = results_in(folder)
     if held and not overwrite:
-        raise InputError(f"has {held}", "choose another output folder, or give --overwrite to replace them", folder)
+        raise InputError(
+            f"has {held}", "choose another output folder, or give --overwrite to replace them", folder
+        )
 
 
 def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
@@ -87,7 +89,9 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
 
     target = export_crs(frame or LocalFrame(0.0, 0.0), crs)
     if not (target.is_projected or target.is_geographic):
-        raise InputError(f"'{crs}' ({target.name}) is not a projection", "give one as an EPSG code, e.g. EPSG:25832")
+        raise InputError(
+            f"'{crs}' ({target.name}) is not a projection", "give one as an EPSG code, e.g. EPSG:25832"
+        )
     area = target.area_of_use
     if frame is None or area is None:
         return

@@ -448,7 +448,9 @@ def test_the_missions_of_another_campaign_are_not_replaced(tmp_path):
 
 
 def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_path):
-    result = run("map", roving_record, "--site", "gypsum_transect", "--crs", "EPSG:27700", "--out", tmp_path / "out")
+    result = run(
+        "map", roving_record, "--site", "gypsum_transect", "--crs", "EPSG:27700", "--out", tmp_path / "out"
+    )
     assert result.exit_code == 2
     assert "deg away from the field" in result.output
     assert "fitting" not in result.output

@@ -61,7 +61,9 @@ def test_a_file_is_no_folder(tmp_path, below):
 
 
 def test_results_that_a_new_run_has_not_are_removed_and_nothing_else(tmp_path):
-    folder = a_run(tmp_path / "run", outputs=["summary.json", "map.tif", "map_rough.tif", "../outside", "notes.txt"])
+    folder = a_run(
+        tmp_path / "run", outputs=["summary.json", "map.tif", "map_rough.tif", "../outside", "notes.txt"]
+    )
     for name in ("map_rough.tif", "notes.txt", "map_mine.tif", "../outside"):
         (folder / name).write_text("x")
     remove_earlier(folder, earlier_outputs(folder), ["summary.json", "map.tif"])
