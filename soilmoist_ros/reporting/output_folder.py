@@ -16,7 +16,7 @@ SUMMARY = "summary.json"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html")
 MISSION_NAMES = ("series.csv", "visits.csv")
 MAX_BEYOND_AREA_DEG = 6.0
-"""Distance of a field from the area of a reference system at which it still has a place: a neighbouring UTM zone."""
+"""Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
 _PATTERNS = (*NAMES, *MISSION_NAMES, "map_*.tif", "samples_*.geojson")
 
 
@@ -100,7 +100,7 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
     beyond_deg = max(area.south - frame.latitude_deg, frame.latitude_deg - area.north, beyond_east_deg)
     if (area.east - area.west) % 360 and beyond_deg > MAX_BEYOND_AREA_DEG:
         raise InputError(
-            f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg away from the field",
+            f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg from the field",
             "choose one for this region, or none for the UTM zone of the field",
         )
 

@@ -452,6 +452,6 @@ def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_pa
         "map", roving_record, "--site", "gypsum_transect", "--crs", "EPSG:27700", "--out", tmp_path / "out"
     )
     assert result.exit_code == 2
-    assert "deg away from the field" in result.output
+    assert "deg from the field" in result.output
     assert "fitting" not in result.output
     assert not (tmp_path / "out").exists()

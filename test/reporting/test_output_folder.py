@@ -37,7 +37,7 @@ def test_a_missing_or_empty_folder_and_files_with_other_names_are_free(tmp_path)
 def test_results_are_replaced_only_if_the_user_says_so(tmp_path):
     folder = a_run(tmp_path / "run")
     assert results_in(folder) == "the results of a run (A map, north, made 2026-05-01 10:00:00 UTC)"
-    with pytest.raises(InputError, match="has the results of a run .* --overwrite"):
+    with pytest.raises(InputError, match=r"has the results of a run .* --overwrite"):
         require_free(folder)
     require_free(folder, overwrite=True)
 
@@ -80,9 +80,9 @@ def test_reference_systems_of_the_region(crs):
 @pytest.mark.parametrize(
     ("crs", "message"),
     [
-        ("EPSG:27700", "is for United Kingdom .UK., 88 deg away from the field"),
-        ("EPSG:32633", "deg away from the field"),
-        ("EPSG:32714", "39 deg away"),
+        ("EPSG:27700", "is for United Kingdom .UK., 88 deg from the field"),
+        ("EPSG:32633", "deg from the field"),
+        ("EPSG:32714", "39 deg from"),
         ("EPSG:4978", "is not a projection"),
         ("bogus", "is not a coordinate reference system"),
     ],
@@ -96,5 +96,5 @@ def test_the_area_of_a_reference_system_may_cross_the_antimeridian():
     """NZGD2000 / New Zealand Continental Shelf: 160.6 E to 171.2 W."""
     require_crs("EPSG:3851", LocalFrame(-43.9, -176.5))
     require_crs("EPSG:3851", LocalFrame(-43.5, 172.6))
-    with pytest.raises(InputError, match="deg away"):
+    with pytest.raises(InputError, match="deg from"):
         require_crs("EPSG:3851", LocalFrame(-43.5, -120.0))
