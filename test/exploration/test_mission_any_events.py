@@ -9,37 +9,33 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from soilmoist_ros.exploration.mission.mission import Mission, step
-from soilmoist_ros.exploration.mission.state import Todo, event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import (
-    Alarm,
-    AlarmOver,
+from soilmoist_ros.exploration.mission.actions import (
     Answer,
     CancelGoal,
-    Changes,
+    Finish,
+    GoTo,
+    Publish,
+    RequestPlan,
+    StartCounting,
+    StopCounting,
+    VisitDone,
+)
+from soilmoist_ros.exploration.mission.events import (
+    AlarmOver,
     ClockStepped,
     Command,
     EmergencyStop,
-    Finish,
     GoalFailed,
     GoalReached,
-    GoTo,
-    MissionRules,
     Moved,
-    OnSilence,
-    Phase,
     PlanFailed,
     Planned,
-    Publish,
     RecordArrived,
-    RequestPlan,
-    Response,
-    StartCounting,
-    StopCounting,
     Tick,
-    Verb,
-    VisitDone,
 )
+from soilmoist_ros.exploration.mission.mission import Mission, step
+from soilmoist_ros.exploration.mission.state import Todo, event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.types import Alarm, Changes, MissionRules, OnSilence, Phase, Response, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop

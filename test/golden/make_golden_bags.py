@@ -25,7 +25,8 @@ from msg_adapters.mission import mission_to_message
 from msg_adapters.raw_line import line_to_message
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message
-from soilmoist_ros.exploration.mission.types import Action, MissionStatus, Publish
+from soilmoist_ros.exploration.mission.actions import Action, Publish
+from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.recording.bag.definitions import find_definition
 from soilmoist_ros.recording.bag.metadata import Qos, Topic

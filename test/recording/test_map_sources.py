@@ -16,9 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_earlier_records import write_bag
 
+from soilmoist_ros.exploration.mission.events import Command, Moved, RecordArrived
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import Command, MissionRules, Moved, RecordArrived, Verb
+from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap

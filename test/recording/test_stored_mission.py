@@ -6,20 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, Moved, Tick
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
-    RESTART,
-    Alarm,
-    AlarmOver,
-    Command,
-    MissionRules,
-    Moved,
-    Phase,
-    Response,
-    Tick,
-    Verb,
-)
+from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.stored_mission import StoredMission

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
-from soilmoist_ros.exploration.mission.types import PlanKind, RequestPlan
+from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from soilmoist_ros.exploration.mission.events import ClockStarted, ClockStepped
 from soilmoist_ros.exploration.mission.state import MissionState
-from soilmoist_ros.exploration.mission.types import ClockStarted, ClockStepped
 
 NOTICED_S = 0.1
 """A smaller difference between the clocks is no step [s]."""

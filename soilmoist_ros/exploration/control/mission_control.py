@@ -39,33 +39,30 @@ from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.exploration.mission.journal import MissionJournal
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
-    RESTART,
+from soilmoist_ros.exploration.mission.actions import (
     Action,
     Answer,
     CancelGoal,
+    Finish,
+    GoTo,
+    Publish,
+    RequestPlan,
+    Save,
+    VisitDone,
+)
+from soilmoist_ros.exploration.mission.events import (
+    RESTART,
     ClockStepped,
     Command,
     EmergencyStop,
-    Finish,
     GoalFailed,
-    GoTo,
-    MissionRules,
-    MissionStatus,
-    Phase,
     PlanFailed,
-    PlanKind,
     Planned,
-    Publish,
-    RequestPlan,
-    Response,
-    Save,
     Tick,
-    Verb,
-    VisitDone,
 )
+from soilmoist_ros.exploration.mission.journal import MissionJournal
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus, Phase, PlanKind, Response, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.planning.properties import correction_factor

@@ -9,18 +9,9 @@ from collections.abc import Callable, Sequence
 from threading import RLock
 
 from soilmoist_ros.exploration.guard.place_filter import PlaceFix
+from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
+from soilmoist_ros.exploration.mission.events import Command, Event, GoalFailed, GoalReached, Moved, RecordArrived
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
-    Action,
-    Answer,
-    Command,
-    Event,
-    GoalFailed,
-    GoalReached,
-    Moved,
-    Publish,
-    RecordArrived,
-)
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.sensing.records import CountRecord
 

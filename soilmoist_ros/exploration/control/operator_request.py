@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.mission.events import Command
 from soilmoist_ros.exploration.mission.state import MissionState
-from soilmoist_ros.exploration.mission.types import Changes, Command, MissionRules, Verb
+from soilmoist_ros.exploration.mission.types import Changes, MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop

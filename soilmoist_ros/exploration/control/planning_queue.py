@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 
 from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
-from soilmoist_ros.exploration.mission.types import PlanFailed, PlanKind, Planned, RequestPlan
+from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import PlanFailed, Planned
+from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings

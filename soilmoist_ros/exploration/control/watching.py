@@ -9,8 +9,9 @@ from typing import Final
 from soilmoist_ros.exploration.control.mission_setup import FieldAccess
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import Doing, Watch
+from soilmoist_ros.exploration.mission.events import ClockStepped, Event
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import ClockStepped, Event, Phase
+from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.navigation.navigator import Navigator
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -14,7 +14,8 @@ from typing import Final
 
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.place_filter import PlaceFilter, PlaceFix, PlaceLimits, Verdict
-from soilmoist_ros.exploration.mission.types import Alarm, AlarmOver, Response
+from soilmoist_ros.exploration.mission.events import AlarmOver
+from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.record_check import StampLimits
 

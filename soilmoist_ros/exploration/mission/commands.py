@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import fields
 
+from soilmoist_ros.exploration.mission.events import RESTART, Command
 from soilmoist_ros.exploration.mission.moves import Moves, xy
 from soilmoist_ros.exploration.mission.state import (
     MissionState,
@@ -15,15 +16,7 @@ from soilmoist_ros.exploration.mission.state import (
     changed_rules,
     replace,
 )
-from soilmoist_ros.exploration.mission.types import (
-    RESTART,
-    Changes,
-    Command,
-    MissionEnd,
-    Phase,
-    Response,
-    Verb,
-)
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, Response, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
 from soilmoist_ros.foundation.errors import InputError

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from soilmoist_ros.exploration.mission.actions import CancelGoal
 from soilmoist_ros.exploration.mission.moves import Moves, after_colon
 from soilmoist_ros.exploration.mission.state import Todo, replace
-from soilmoist_ros.exploration.mission.types import Alarm, CancelGoal, MissionEnd, Phase, Response
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
 
 
 class Dangers(Moves):

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
+from soilmoist_ros.exploration.mission.events import Command, Event, Moved, RecordArrived, Tick
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import (
     event_from_dict,
@@ -15,15 +16,7 @@ from soilmoist_ros.exploration.mission.state import (
     state_from_json,
     visit_to_dict,
 )
-from soilmoist_ros.exploration.mission.types import (
-    Command,
-    Event,
-    MissionRules,
-    Moved,
-    RecordArrived,
-    Tick,
-    Verb,
-)
+from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.sensing.records import CountRecord
 

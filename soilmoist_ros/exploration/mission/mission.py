@@ -21,8 +21,24 @@ import json
 import math
 from typing import assert_never
 
+from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
 from soilmoist_ros.exploration.mission.commands import Commands
 from soilmoist_ros.exploration.mission.dangers import Dangers
+from soilmoist_ros.exploration.mission.events import (
+    AlarmOver,
+    ClockStarted,
+    ClockStepped,
+    Command,
+    EmergencyStop,
+    Event,
+    GoalFailed,
+    GoalReached,
+    Moved,
+    PlanFailed,
+    Planned,
+    RecordArrived,
+    Tick,
+)
 from soilmoist_ros.exploration.mission.moves import after_colon, xy
 from soilmoist_ros.exploration.mission.state import (
     Counting,
@@ -39,29 +55,7 @@ from soilmoist_ros.exploration.mission.state import (
     state_from_json,
     state_to_dict,
 )
-from soilmoist_ros.exploration.mission.types import (
-    Action,
-    Alarm,
-    AlarmOver,
-    Answer,
-    ClockStarted,
-    ClockStepped,
-    Command,
-    EmergencyStop,
-    Event,
-    GoalFailed,
-    GoalReached,
-    MissionEnd,
-    MissionRules,
-    MissionStatus,
-    Moved,
-    Phase,
-    PlanFailed,
-    Planned,
-    Publish,
-    RecordArrived,
-    Tick,
-)
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.travel.stop import inside_any
 from soilmoist_ros.sensing.records import CountRecord

@@ -8,6 +8,17 @@ from functools import cached_property
 from operator import itemgetter
 from typing import assert_never
 
+from soilmoist_ros.exploration.mission.actions import (
+    Action,
+    CancelGoal,
+    Finish,
+    GoTo,
+    RequestPlan,
+    Save,
+    StartCounting,
+    StopCounting,
+    VisitDone,
+)
 from soilmoist_ros.exploration.mission.state import (
     Counting,
     Goal,
@@ -22,23 +33,7 @@ from soilmoist_ros.exploration.mission.state import (
     raw_rate,
     replace,
 )
-from soilmoist_ros.exploration.mission.types import (
-    Action,
-    CancelGoal,
-    Finish,
-    GoTo,
-    MissionEnd,
-    MissionRules,
-    OnSilence,
-    Phase,
-    PlanKind,
-    RequestPlan,
-    Response,
-    Save,
-    StartCounting,
-    StopCounting,
-    VisitDone,
-)
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, OnSilence, Phase, PlanKind, Response
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
+from soilmoist_ros.exploration.mission.events import Event
 from soilmoist_ros.exploration.mission.types import (
     Alarm,
     Changes,
-    Event,
     MissionEnd,
     MissionRules,
     MissionStatus,

@@ -17,7 +17,8 @@ from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.plan import plan_to_markers, plan_to_path
 from msg_adapters.point_cloud import FRAME
-from soilmoist_ros.exploration.mission.types import Finish, MissionStatus, Polygons
+from soilmoist_ros.exploration.mission.actions import Finish
+from soilmoist_ros.exploration.mission.types import MissionStatus, Polygons
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health

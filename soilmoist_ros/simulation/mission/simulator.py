@@ -18,27 +18,27 @@ from soilmoist_ros.exploration.control.mission_setup import strategy_stream
 from soilmoist_ros.exploration.control.team import PendingMeasurement, pending_measurement
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
+from soilmoist_ros.exploration.mission.actions import (
     Action,
     CancelGoal,
-    Command,
-    Event,
     Finish,
-    GoalFailed,
-    GoalReached,
     GoTo,
-    MissionRules,
-    Moved,
-    Phase,
-    Planned,
     Publish,
-    RecordArrived,
     RequestPlan,
-    Tick,
-    Verb,
     VisitDone,
 )
+from soilmoist_ros.exploration.mission.events import (
+    Command,
+    Event,
+    GoalFailed,
+    GoalReached,
+    Moved,
+    Planned,
+    RecordArrived,
+    Tick,
+)
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import dwell_rule
 from soilmoist_ros.exploration.planning.properties import Property, correction_factor

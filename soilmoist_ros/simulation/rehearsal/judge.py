@@ -12,7 +12,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from soilmoist_ros.exploration.mission.types import Finish, MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.actions import Finish
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping.samples.samples import Samples

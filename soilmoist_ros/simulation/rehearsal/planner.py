@@ -12,8 +12,9 @@ from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
+from soilmoist_ros.exploration.mission.actions import Finish
 from soilmoist_ros.exploration.mission.journal import Journal, MissionJournal, interrupted_mission
-from soilmoist_ros.exploration.mission.types import Finish, MissionRules, MissionStatus
+from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
+from soilmoist_ros.exploration.mission.events import ClockStarted, ClockStepped, Moved
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import ClockStarted, ClockStepped, MissionRules, Moved
+from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 
 RULES = MissionRules(budget_s=900.0, dwell=parse_dwell("fmi:30"))

@@ -7,20 +7,10 @@ import pytest
 
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionFeed
 from soilmoist_ros.exploration.guard.place_filter import PlaceFix
+from soilmoist_ros.exploration.mission.actions import GoTo, Publish, RequestPlan, VisitDone
+from soilmoist_ros.exploration.mission.events import Command, Moved, Planned, RecordArrived
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
-    Command,
-    GoTo,
-    MissionRules,
-    Moved,
-    Phase,
-    Planned,
-    Publish,
-    RecordArrived,
-    RequestPlan,
-    Verb,
-    VisitDone,
-)
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice

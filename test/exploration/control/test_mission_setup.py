@@ -13,7 +13,8 @@ from soilmoist_ros.exploration.control.mission_setup import (
     FieldAccess,
     make_explorer,
 )
-from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
+from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.guard.watch import Doing, Watch, WatchLimits
-from soilmoist_ros.exploration.mission.types import Alarm, AlarmOver, Response
+from soilmoist_ros.exploration.mission.events import AlarmOver
+from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.health import Level
 
 IDLE, MISSION = Doing(), Doing(under_way=True)

@@ -2,20 +2,17 @@
 
 import math
 
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
-    Answer,
+from soilmoist_ros.exploration.mission.actions import Answer, GoTo, RequestPlan
+from soilmoist_ros.exploration.mission.events import (
     Command,
     GoalFailed,
     GoalReached,
-    GoTo,
-    MissionRules,
     Moved,
     Planned,
     RecordArrived,
-    RequestPlan,
-    Verb,
 )
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop

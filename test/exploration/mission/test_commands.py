@@ -5,16 +5,9 @@ import math
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver
 
-from soilmoist_ros.exploration.mission.types import (
-    Changes,
-    Command,
-    GoTo,
-    MissionEnd,
-    Phase,
-    RequestPlan,
-    Verb,
-    VisitDone,
-)
+from soilmoist_ros.exploration.mission.actions import GoTo, RequestPlan, VisitDone
+from soilmoist_ros.exploration.mission.events import Command
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived, Tick
 from soilmoist_ros.exploration.mission.journal import (
     VISIT,
     MissionJournal,
@@ -11,17 +12,7 @@ from soilmoist_ros.exploration.mission.journal import (
 )
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import visit_from_dict
-from soilmoist_ros.exploration.mission.types import (
-    Command,
-    GoalReached,
-    MissionRules,
-    Moved,
-    Phase,
-    Planned,
-    RecordArrived,
-    Tick,
-    Verb,
-)
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice

@@ -7,33 +7,31 @@ import numpy as np
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver, make_rules
 
-from soilmoist_ros.exploration.mission.mission import Mission, step
-from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import (
+from soilmoist_ros.exploration.mission.actions import (
     Answer,
     CancelGoal,
-    Command,
     Finish,
-    GoalFailed,
-    GoalReached,
     GoTo,
-    MissionEnd,
-    Moved,
-    OnSilence,
-    Phase,
-    PlanFailed,
-    PlanKind,
-    Planned,
     Publish,
-    RecordArrived,
     RequestPlan,
     Save,
     StartCounting,
     StopCounting,
-    Tick,
-    Verb,
     VisitDone,
 )
+from soilmoist_ros.exploration.mission.events import (
+    Command,
+    GoalFailed,
+    GoalReached,
+    Moved,
+    PlanFailed,
+    Planned,
+    RecordArrived,
+    Tick,
+)
+from soilmoist_ros.exploration.mission.mission import Mission, step
+from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.types import MissionEnd, OnSilence, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice

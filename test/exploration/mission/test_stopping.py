@@ -3,22 +3,9 @@
 import pytest
 from mission_driver import EAST, HOME, Driver
 
-from soilmoist_ros.exploration.mission.types import (
-    Alarm,
-    AlarmOver,
-    CancelGoal,
-    EmergencyStop,
-    Finish,
-    GoalFailed,
-    GoTo,
-    MissionEnd,
-    Moved,
-    Phase,
-    RequestPlan,
-    Response,
-    Tick,
-    VisitDone,
-)
+from soilmoist_ros.exploration.mission.actions import CancelGoal, Finish, GoTo, RequestPlan, VisitDone
+from soilmoist_ros.exploration.mission.events import AlarmOver, EmergencyStop, GoalFailed, Moved, Tick
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.mission.types import GoTo
+from soilmoist_ros.exploration.mission.actions import GoTo
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map

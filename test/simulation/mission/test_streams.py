@@ -11,7 +11,8 @@ from soilmoist_ros.exploration.control.mission_setup import (
     make_explorer,
     strategy_stream,
 )
-from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, RequestPlan
+from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field

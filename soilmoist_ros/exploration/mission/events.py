@@ -1,0 +1,185 @@
+"""Events that a mission takes, all of them frozen data.
+
+All times ``now_s`` come from the mission's clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from soilmoist_ros.exploration.mission.types import Alarm, Changes, Polygon, Verb
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.sensing.records import CountRecord
+
+RESTART = "a restart of the planner"
+"""Who pauses a mission that a planner finds under way when it starts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The operator asks for something; the mission answers with one :class:`Answer`.
+
+    :param now_s: time [s]
+    :param verb: what
+    :param cause: why a stop is skipped, for its sample and the status; empty: by the operator
+    :param who: who asks; empty: the operator
+    :param stop: where to measure (``MEASURE``); it joins the queue
+    :param dwell_s: for how long [s]; ``None``: as the dwell rule says
+    :param polygon: corners of an area in which no stop may be chosen (``RULE_OUT``) [m]
+    :param stops: names of the queued stops in their new order; the others are dropped (``ORDER``)
+    :param changes: new settings (``CHANGE``)
+    """
+
+    now_s: float
+    verb: Verb
+    cause: str = ""
+    who: str = ""
+    stop: Stop | None = None
+    dwell_s: float | None = None
+    polygon: Polygon = ()
+    stops: tuple[str, ...] = ()
+    changes: Changes | None = None
+
+    @property
+    def by(self) -> str:
+        """Who asks, for texts."""
+        return self.who or "the operator"
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """The planner answers a :class:`RequestPlan`.
+
+    :param now_s: time [s]
+    :param plan_id: id of the request
+    :param choice: next stop, ``None`` if no stop is useful and reachable
+    :param travel_s: expected travel time to it [s]; estimated from the straight distance if ``None``
+    :param reason: why there is no choice
+    """
+
+    now_s: float
+    plan_id: int
+    choice: Choice | None
+    travel_s: float | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFailed:
+    """The planner failed. The mission retries, and finally asks the operator."""
+
+    now_s: float
+    plan_id: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class GoalReached:
+    """The navigation reports success; the mission still checks the distance to the stop [m]."""
+
+    now_s: float
+    goal_id: int
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class GoalFailed:
+    """A goal has ended in any other way: aborted, rejected, or cancelled as asked.
+
+    :param now_s: time [s]
+    :param goal_id: id of the goal
+    :param reason: why
+    :param refused: the fence refused the goal, and it was never sent; its stop is ruled out without a retry
+    """
+
+    now_s: float
+    goal_id: int
+    reason: str
+    refused: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RecordArrived:
+    """The sensor delivered a record."""
+
+    now_s: float
+    record: CountRecord
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """The robot is at this place [m]."""
+
+    now_s: float
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmOver:
+    """A danger is over."""
+
+    now_s: float
+    cause: str
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStop:
+    """Somebody has pressed or released an emergency stop; releasing it moves nothing.
+
+    :param now_s: time [s]
+    :param active: whether it is pressed
+    :param source: which one
+    """
+
+    now_s: float
+    active: bool
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStarted:
+    """Mission time follows a steady clock.
+
+    :param now_s: time [s]
+    :param boot: names the start of the computer from which steady time counts
+    :param offset_s: mission time minus steady time [s]
+    """
+
+    now_s: float
+    boot: str
+    offset_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStepped:
+    """The clock that stamps the records was set, forward (positive) or back [s]. Mission time goes on evenly."""
+
+    now_s: float
+    step_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Time has passed. Needed at :attr:`Mission.next_deadline_s`, harmless at any other time."""
+
+    now_s: float
+
+
+Event = (
+    Command
+    | Planned
+    | PlanFailed
+    | GoalReached
+    | GoalFailed
+    | RecordArrived
+    | Moved
+    | Alarm
+    | AlarmOver
+    | EmergencyStop
+    | ClockStarted
+    | ClockStepped
+    | Tick
+)
