@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from soilmoist_ros.exploration.mission.stored import nan_as_text
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.journal_lines import decode
 from soilmoist_ros.sensing.records import CountRecord
@@ -47,7 +47,7 @@ class RecordLog:
 
         :raises OSError: as :meth:`write`
         """
-        self._journal.append(RESET, {"until_s": _number(until_s)})
+        self._journal.append(RESET, nan_as_text({"until_s": until_s}))
 
     def close(self) -> None:
         """Release the log."""
@@ -108,12 +108,8 @@ def logs_below(folder: Path) -> list[Path]:
 
 
 def _plain(record: CountRecord) -> dict[str, Any]:
-    return {name: value if isinstance(value, str) else _number(value) for name, value in asdict(record).items()}
-
-
-def _number(value: float) -> float | str:
-    """NaN and infinity as text, which ``float`` reads: JSON has no word for them."""
-    return value if math.isfinite(value) else str(value)
+    content: dict[str, Any] = nan_as_text(asdict(record))
+    return content
 
 
 def _record(payload: dict[str, Any]) -> CountRecord:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.state import state_from_json
+from soilmoist_ros.exploration.mission.stored import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
 from soilmoist_ros.recording.process_mark import ProcessMark

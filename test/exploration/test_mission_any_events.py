@@ -34,7 +34,8 @@ from soilmoist_ros.exploration.mission.events import (
     Tick,
 )
 from soilmoist_ros.exploration.mission.mission import Mission, step
-from soilmoist_ros.exploration.mission.state import Todo, event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.state import Todo
+from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import Alarm, Changes, MissionRules, OnSilence, Phase, Response, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice

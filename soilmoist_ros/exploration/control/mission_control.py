@@ -62,7 +62,7 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus, Phase, PlanKind, Response, Verb
+from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.planning.properties import correction_factor
@@ -76,16 +76,12 @@ from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.sensing.records import CountRecord
 
-POSITION_OLD_S = 10.0
-"""A position older than this is a fault [s]."""
 PLACE_TIME = "place_s"
 """Value of the status: when the newest place has come [s]; -inf for none."""
 PLACE_SHOWN_S = 2.0
 """In a mission the status shows places that are not older than this [s]; a simulated clock waits for that."""
 RECORD_STAMP = "record_stamp_s"
 """Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
-RECORD_OLD_S = 60.0
-"""A record older than this is one, too [s]."""
 
 _DECISIONS = (Verb.START, Verb.RESUME, Verb.ABORT, Verb.SKIP, Verb.RETURN)
 """Commands after which a mission that was interrupted is an ordinary one again."""
@@ -300,10 +296,7 @@ class MissionControl:
     @property
     def dangers(self) -> str:
         """Why a start would be refused now although nothing is missing; empty without a reason."""
-        state = self._mission.state
-        stops = (alarm for alarm in state.alarms if alarm.response.stops or alarm.response is Response.RETURN)
-        pressed = ("the emergency stop is pressed",) if state.emergency else ()
-        return "; ".join((*pressed, *(alarm.reason for alarm in stops)))
+        return self._mission.state.start_hindrance
 
     def command(self, verb: Verb) -> Answer:
         """The operator asks for something that needs no details."""
@@ -466,8 +459,9 @@ class MissionControl:
                     _log.warning("the clock was set by %+.1f s; the mission goes on in its own time", event.step_s)
                 self._feed.give(event)
             self._feed.give(Tick(self._clock.now_s()))
-        if self._resume_when_ready and self._mission.state.phase is Phase.PAUSED and not self.missing():
-            self.command(Verb.RESUME)
+        state = self._mission.state
+        if self._resume_when_ready and state.phase is Phase.PAUSED and not (self.missing() or state.hindrance):
+            self.command(Verb.RESUME)  # a refused command would be written down five times a second
         self._plan_if_due()
 
     def check(self) -> None:
@@ -544,8 +538,8 @@ class MissionControl:
             *([Health("others", Level.WARN, f"no status of {', '.join(unheard)} yet")] if unheard else []),
             *([Health("properties", Level.WARN, "; ".join(faults))] if faults else known if weighed else []),
             there,
-            self._age("position", now_s - self._feed.place_s, POSITION_OLD_S),
-            self._age("records", now_s - self._feed.record_s, RECORD_OLD_S),
+            self._age("position", now_s - self._feed.place_s, self.watch.limits.fix_old_s),
+            self._age("records", now_s - self._feed.record_s, self.watch.limits.records_old_s),
             self.watch.health(now_s),
         ]
 

@@ -9,14 +9,8 @@ from dataclasses import fields
 
 from soilmoist_ros.exploration.mission.events import RESTART, Command
 from soilmoist_ros.exploration.mission.moves import Moves, xy
-from soilmoist_ros.exploration.mission.state import (
-    MissionState,
-    QueuedStop,
-    Todo,
-    changed_rules,
-    replace,
-)
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, Response, Verb
+from soilmoist_ros.exploration.mission.state import MissionState, QueuedStop, Todo, changed_rules, replace
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
 from soilmoist_ros.foundation.errors import InputError
@@ -47,9 +41,8 @@ class Commands(Moves):
             return False, f"a mission is under way ({self.state.phase}): resume or abort it"
         if self.state.position is None:
             return False, "the robot's position is not known yet: wait for a fix"
-        if self.hindrance or any(alarm.response is Response.RETURN for alarm in self.state.alarms):
-            reasons = (alarm.reason for alarm in self.state.alarms if alarm.response is Response.RETURN)
-            return False, "; ".join(filter(None, (self.hindrance, *reasons)))
+        if self.state.start_hindrance:
+            return False, self.state.start_hindrance
         self.state = MissionState(
             now_s=self.state.now_s,
             started_s=self.state.now_s,
@@ -91,8 +84,8 @@ class Commands(Moves):
         resume = self.state.resume
         if resume is None:
             return False, f"nothing is paused: {self.state.reason}"
-        if self.hindrance:
-            return False, f"not yet: {self.hindrance}"
+        if self.state.hindrance:
+            return False, f"not yet: {self.state.hindrance}"
         self.state = replace(self.state, failures=0, wait_until_s=None)
         self.go_on_with(resume, f"resumed by {command.by}" if command.who else "resumed")
         return True, self.state.reason
@@ -202,8 +195,8 @@ class Commands(Moves):
             return False, "there is no home: set one, or abort"
         if not self.state.under_way or resume is None:
             return False, f"no mission is under way: {self.state.reason}"
-        if self.hindrance:
-            return False, f"not yet: {self.hindrance}"
+        if self.state.hindrance:
+            return False, f"not yet: {self.state.hindrance}"
         self.state = replace(self.state, wait_until_s=None, queue=())
         if resume is Todo.RETURN:
             self.then(Todo.RETURN, f"sent home by {command.by}")

@@ -52,9 +52,8 @@ from soilmoist_ros.exploration.mission.state import (
     mission_status,
     replace,
     shown,
-    state_from_json,
-    state_to_dict,
 )
+from soilmoist_ros.exploration.mission.stored import state_from_json, state_to_dict
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.travel.stop import inside_any

@@ -301,17 +301,15 @@ class Moves:
             return None if state.todo in ending else state.todo
         return _RESUMES.get(state.phase)
 
-    @property
-    def hindrance(self) -> str:
-        """Why the robot must not move, in words; empty if it may."""
-        if self.state.emergency:
-            return f"the emergency stop is pressed ({', '.join(self.state.emergency)}): release it first"
-        return "; ".join(alarm.reason for alarm in self.state.alarms if alarm.response.stops)
-
     def release(self) -> None:
         """Go on by itself after a hold, once nothing speaks against it."""
         resume = self.state.resume
-        if self.state.phase is Phase.PAUSED and self.state.held and resume is not None and not self.hindrance:
+        if (
+            self.state.phase is Phase.PAUSED
+            and self.state.held
+            and resume is not None
+            and not self.state.hindrance
+        ):
             self.go_on_with(resume, "all is well again")
 
     def go_on_with(self, todo: Todo, reason: str) -> None:

@@ -1,22 +1,14 @@
-"""What a mission remembers, how that is shown, and how it and the events are written down.
-
-State and events become plain dictionaries of numbers, texts and lists, fit for strict JSON, so that a journal can
-store them, replay the events, or go on from a stored state.
-"""
+"""What a mission remembers, and its status."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import StrEnum
-from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, get_args
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
-from pydantic import TypeAdapter, ValidationError
-
-from soilmoist_ros.exploration.mission.events import Event
 from soilmoist_ros.exploration.mission.types import (
     Alarm,
     Changes,
@@ -25,11 +17,10 @@ from soilmoist_ros.exploration.mission.types import (
     MissionStatus,
     Phase,
     Polygons,
+    Response,
 )
-from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.errors import InputError
 
 
 class Todo(StrEnum):
@@ -239,6 +230,19 @@ class MissionState:
         """Whether a mission has started and not ended."""
         return self.started_s is not None and self.ended_s is None
 
+    @property
+    def hindrance(self) -> str:
+        """Why the robot must not move, in words; empty if it may."""
+        if self.emergency:
+            return f"the emergency stop is pressed ({', '.join(self.emergency)}): release it first"
+        return "; ".join(alarm.reason for alarm in self.alarms if alarm.response.stops)
+
+    @property
+    def start_hindrance(self) -> str:
+        """Why no mission may start, in words; empty if one may."""
+        home = (alarm.reason for alarm in self.alarms if alarm.response is Response.RETURN)
+        return "; ".join(filter(None, (self.hindrance, *home)))
+
 
 if TYPE_CHECKING:
     from dataclasses import replace as replace
@@ -345,100 +349,3 @@ def raw_rate(state: MissionState) -> float:
         if gathered is not None and gathered.raw_counts > 0:
             return gathered.raw_counts / gathered.exposure_s
     return math.nan
-
-
-def state_to_dict(state: MissionState) -> dict[str, Any]:
-    """The state as plain data, fit for JSON."""
-    return _plain(state)
-
-
-def state_from_json(text: str) -> MissionState:
-    """The state that a snapshot of a mission holds.
-
-    :raises InputError: if the text is not a snapshot
-    """
-    try:
-        content = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"the mission's state is not valid JSON: {error}", "start without it") from None
-    return state_from_dict(content)
-
-
-def state_from_dict(content: object) -> MissionState:
-    """The state that :func:`state_to_dict` wrote.
-
-    :raises InputError: if it is not one
-    """
-    state = _read("MissionState", content, "a mission state")
-    assert isinstance(state, MissionState)
-    return state
-
-
-def event_to_dict(event: Event) -> dict[str, Any]:
-    """An event as plain data, fit for JSON; ``event`` holds its kind."""
-    return {"event": type(event).__name__, **_plain(event)}
-
-
-def event_from_dict(content: dict[str, Any]) -> Event:
-    """The event that :func:`event_to_dict` wrote.
-
-    :raises InputError: if it is not one
-    """
-    name = content.get("event")
-    if name not in _EVENTS:
-        raise InputError(f"{name!r} is not a mission event", f"known are {', '.join(_EVENTS)}")
-    values = {key: value for key, value in content.items() if key != "event"}
-    event: Event = _read(name, values, f"a mission event {name!r}")
-    return event
-
-
-def visit_to_dict(visit: Visit) -> dict[str, Any]:
-    """A visit as plain data, fit for JSON."""
-    return _plain(visit)
-
-
-def visit_from_dict(content: object) -> Visit:
-    """The visit that :func:`visit_to_dict` wrote.
-
-    :raises InputError: if it is not one
-    """
-    visit = _read("Visit", content, "a visit")
-    assert isinstance(visit, Visit)
-    return visit
-
-
-_EVENTS: dict[str, Any] = {kind.__name__: kind for kind in get_args(Event)}
-_KINDS: dict[str, Any] = {"MissionState": MissionState, "Visit": Visit, **_EVENTS}
-
-
-@cache
-def _adapter(name: str) -> TypeAdapter[Any]:
-    return TypeAdapter(_KINDS[name])
-
-
-def _plain(value: Any) -> dict[str, Any]:
-    content = _finite(_adapter(type(value).__name__).dump_python(value, mode="json"))
-    assert isinstance(content, dict)
-    return content
-
-
-def _finite(value: Any) -> Any:
-    """NaN and infinity as text, which reads back as a number: JSON has no word for them."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _read(name: str, content: object, what: str) -> Any:
-    remedy = "it was written by another version or has been changed: start without it"
-    unknown = set(content) - {field.name for field in fields(_KINDS[name])} if isinstance(content, dict) else set()
-    if unknown:
-        raise InputError(f"this is not {what}: unknown {', '.join(sorted(map(str, unknown)))}", remedy)
-    try:
-        return _adapter(name).validate_python(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"this is not {what}: {where or 'its type'}: {first['msg']}", remedy) from None

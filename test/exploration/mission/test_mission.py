@@ -30,7 +30,8 @@ from soilmoist_ros.exploration.mission.events import (
     Tick,
 )
 from soilmoist_ros.exploration.mission.mission import Mission, step
-from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.state import MissionState
+from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import MissionEnd, OnSilence, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
