@@ -13,6 +13,8 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
+from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing.corrections.settings import IntensityCorrection
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -72,16 +74,16 @@ def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile
 
 def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[CorrectionRow]:
     settings = site.corrections
-    monitor = settings.intensity
+    used, intensity = site.corrections_parameters, settings.intensity
     rows = [
         (
             "air pressure",
             "exp(beta (P - P0))",
             "f_pressure",
-            {"beta [1/hPa]": settings.pressure.beta_per_hpa, "P0 [hPa]": settings.pressure.reference_hpa}
+            {"beta [1/hPa]": round(used.beta_per_hpa, 6), "P0 [hPa]": round(used.reference_pressure_hpa, 2)}
             if settings.pressure
             else None,
-            "",
+            _from_the_place(site) if settings.pressure else "",
         ),
         (
             "air humidity",
@@ -94,10 +96,10 @@ def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[Correct
         ),
         (
             "incoming neutrons",
-            "C0 / C",
+            "C0 / C" if used.intensity_scale == 1 else "1 / (1 + k (C / C0 - 1))",
             "f_intensity",
-            {"C0": monitor.reference} if monitor else None,
-            f"C from {monitor.file.name if monitor.file else 'a constant'}" if monitor else "",
+            _intensity_parameters(intensity, used) if intensity else None,
+            _intensity_source(intensity) if intensity else "",
         ),
     ]
     return [
@@ -110,6 +112,28 @@ def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[Correct
         )
         for name, formula, factor, parameters, remark in rows
     ]
+
+
+def _from_the_place(site: Site) -> str:
+    """Values of the pressure correction that follow from the place; empty if there are none."""
+    pressure, cosmic = site.corrections.pressure, site.corrections.cosmic(site.location)
+    if pressure is None or cosmic is None or None not in (pressure.beta_per_hpa, pressure.reference_hpa):
+        return ""
+    names = ["beta"] * (pressure.beta_per_hpa is None) + ["P0"] * (pressure.reference_hpa is None)
+    return (
+        f"{' and '.join(names)} from the place ({cosmic.cutoff_rigidity_gv:.2f} GV, {cosmic.depth_gcm2:.0f} g/cm2)"
+    )
+
+
+def _intensity_parameters(intensity: IntensityCorrection, used: Corrections) -> dict[str, float | str]:
+    scaled = {} if intensity.scaling == "none" else {"k": round(used.intensity_scale, 4)}
+    return {"C0": intensity.reference, **scaled}
+
+
+def _intensity_source(intensity: IntensityCorrection) -> str:
+    monitor = f" of {intensity.monitor.name}" if intensity.monitor else ""
+    scaling = "" if intensity.scaling == "none" else f", scaled as in {intensity.scaling}"
+    return f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
 
 
 def _range(factors: Sequence[float]) -> tuple[float, float, float]:

@@ -21,6 +21,8 @@ class Corrections:
     :param reference_humidity_gm3: absolute humidity at which the humidity factor is 1 [g/m^3]
     :param reference_intensity: neutron-monitor rate at which the intensity factor is 1 (any unit), ``None``
         for no correction
+    :param intensity_scale: relative change of the intensity at the site for a relative change of 1 at the monitor,
+        k [-]; see :func:`soilmoist_ros.sensing.corrections.intensity.intensity_scale`
     :raises ValueError: if a parameter is not finite or out of range
     """
 
@@ -29,6 +31,7 @@ class Corrections:
     humidity_coefficient_m3g: float = 0.0054
     reference_humidity_gm3: float = 0.0
     reference_intensity: float | None = None
+    intensity_scale: float = 1.0
 
     def __post_init__(self) -> None:
         _require_positive("beta_per_hpa", self.beta_per_hpa)
@@ -38,6 +41,7 @@ class Corrections:
                 raise ValueError(f"{name} must be zero or positive and finite, got {getattr(self, name)}")
         if self.reference_intensity is not None:
             _require_positive("reference_intensity", self.reference_intensity)
+        _require_positive("intensity_scale", self.intensity_scale)
 
     def f_pressure(self, pressure_hpa: float) -> float:
         """``exp(beta (P - P0))`` [-]."""
@@ -53,11 +57,16 @@ class Corrections:
         return factor
 
     def f_intensity(self, intensity: float) -> float:
-        """``C0 / C`` [-]; 1 if no reference intensity is set."""
+        """``1 / (1 + k (C / C0 - 1))`` [-], for k = 1 ``C0 / C``; 1 if no reference intensity is set."""
         if self.reference_intensity is None:
             return 1.0
         _require_positive("intensity", intensity)
-        return self.reference_intensity / intensity
+        if self.intensity_scale == 1.0:
+            return self.reference_intensity / intensity
+        at_site = 1 + self.intensity_scale * (intensity / self.reference_intensity - 1)
+        if at_site <= 0:
+            raise ValueError(f"an intensity of {intensity:g} is far too low for the reference")
+        return 1 / at_site
 
 
 def absolute_humidity_gm3(temperature_degc: float, relative_humidity: float) -> float:

@@ -11,55 +11,13 @@ from pydantic import Field, model_validator
 
 from soilmoist_ros.foundation.configuration import Section, load_model, resource
 from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, Location
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
-
-
-class PressureCorrection(Section):
-    """Factor ``exp(beta (P - P0))``."""
-
-    beta_per_hpa: Annotated[float, Field(gt=0, lt=0.1)] = 0.0077
-    """Barometric coefficient [1/hPa]; site dependent."""
-    reference_hpa: Annotated[float, Field(gt=300, lt=1200)] = 1013.25
-    """Pressure at which the factor is 1 [hPa]."""
-
-
-class HumidityCorrection(Section):
-    """Factor ``1 + c (Q - Q0)``."""
-
-    coefficient_m3g: Annotated[float, Field(ge=0, lt=0.1)] = 0.0054
-    """Coefficient c [m^3/g] (Rosolem et al. 2013)."""
-    reference_gm3: Annotated[float, Field(ge=0, lt=60)] = 0.0
-    """Absolute humidity at which the factor is 1 [g/m^3]."""
-
-
-class IntensityCorrection(Section):
-    """Factor ``C0 / C`` from a neutron monitor."""
-
-    reference: Positive
-    """Neutron-monitor rate C0 at which the factor is 1 (the monitor's unit)."""
-    constant: Positive | None = None
-    """One rate C for the whole survey, in the unit of the reference."""
-    file: Path | None = None
-    """CSV of time (UTC) and rate C; a relative path starts at the site file."""
-
-    @model_validator(mode="after")
-    def _one_source(self) -> IntensityCorrection:
-        if (self.constant is None) == (self.file is None):
-            raise ValueError("give the incoming intensity either as 'constant' or as 'file'")
-        return self
-
-
-class CorrectionSettings(Section):
-    """The corrections to apply; ``null`` switches a correction off."""
-
-    pressure: PressureCorrection | None = PressureCorrection()
-    humidity: HumidityCorrection | None = HumidityCorrection()
-    intensity: IntensityCorrection | None = None
 
 
 class Soil(Section):
@@ -90,17 +48,6 @@ class Calibration(Section):
     """Whether N0 is a guess, not a calibration; the report then warns that absolute moisture is not real."""
 
 
-class Location(Section):
-    """Position of a stationary probe."""
-
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
-    """Latitude, WGS-84 [deg]."""
-    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
-    """Longitude, WGS-84, east positive [deg]."""
-    altitude_m: float | None = None
-    """Altitude above mean sea level [m]."""
-
-
 class Site(Section):
     """One sensor at one site."""
 
@@ -126,19 +73,16 @@ class Site(Section):
     def __repr_args__(self) -> Iterator[tuple[str, str]]:
         yield "name", self.name
 
+    @model_validator(mode="after")
+    def _place_is_known(self) -> Site:
+        # Fails for a value that is ``auto`` without a place.
+        _ = self.corrections_parameters
+        return self
+
     @property
     def corrections_parameters(self) -> Corrections:
         """Parameters for :mod:`factors`; a correction switched off is neutral."""
-        settings = self.corrections
-        pressure = settings.pressure or PressureCorrection()
-        humidity = settings.humidity or HumidityCorrection(coefficient_m3g=0.0)
-        return Corrections(
-            beta_per_hpa=pressure.beta_per_hpa,
-            reference_pressure_hpa=pressure.reference_hpa,
-            humidity_coefficient_m3g=humidity.coefficient_m3g,
-            reference_humidity_gm3=humidity.reference_gm3,
-            reference_intensity=settings.intensity.reference if settings.intensity else None,
-        )
+        return self.corrections.parameters(self.location)
 
     @property
     def support_radius_m(self) -> float:

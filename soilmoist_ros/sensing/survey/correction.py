@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
+from soilmoist_ros.sensing.corrections.settings import CorrectionSettings
 from soilmoist_ros.sensing.corrections.tubes import combine_tubes
 from soilmoist_ros.sensing.corrections.weather import Weather
-from soilmoist_ros.sensing.moisture.site import CorrectionSettings, Site
+from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 

@@ -1,0 +1,187 @@
+"""The corrections of a site file, and the parameters that follow from them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from soilmoist_ros.foundation.configuration import Section
+from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.sensing.corrections.atmosphere import barometric_coefficient, standard_pressure_hpa
+from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing.corrections.intensity import (
+    MONITORS,
+    CosmicPlace,
+    Scaling,
+    cosmic_place,
+    intensity_scale,
+)
+
+Positive = Annotated[float, Field(gt=0)]
+Rigidity = Annotated[float, Field(ge=0, le=20)]
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Altitude = Annotated[float, Field(ge=-500, le=9000)]
+
+
+def _from_the_place(value: Any) -> Any:
+    return None if value == "auto" else value
+
+
+AUTO = BeforeValidator(_from_the_place)
+"""Reads the word ``auto`` as ``None``: the value follows from the place."""
+
+
+class Location(Section):
+    """A place on the earth."""
+
+    latitude_deg: Latitude
+    """Latitude, WGS-84 [deg]."""
+    longitude_deg: Longitude
+    """Longitude, WGS-84, east positive [deg]."""
+    altitude_m: Altitude | None = None
+    """Altitude above mean sea level [m]."""
+
+
+class PressureCorrection(Section):
+    """Factor ``exp(beta (P - P0))``."""
+
+    beta_per_hpa: Annotated[Annotated[float, Field(gt=0, lt=0.1)] | None, AUTO] = 0.0077
+    """Barometric coefficient [1/hPa]; ``auto`` computes it from the place."""
+    reference_hpa: Annotated[Annotated[float, Field(gt=300, lt=1200)] | None, AUTO] = 1013.25
+    """Pressure at which the factor is 1 [hPa]; ``auto``: that of the standard atmosphere at the place."""
+
+
+class HumidityCorrection(Section):
+    """Factor ``1 + c (Q - Q0)``."""
+
+    coefficient_m3g: Annotated[float, Field(ge=0, lt=0.1)] = 0.0054
+    """Coefficient c [m^3/g] (Rosolem et al. 2013)."""
+    reference_gm3: Annotated[float, Field(ge=0, lt=60)] = 0.0
+    """Absolute humidity at which the factor is 1 [g/m^3]."""
+
+
+class Monitor(Section):
+    """A neutron monitor."""
+
+    name: str
+    """Its code in the database NMDB, such as JUNG; names its column in a file of several monitors."""
+    latitude_deg: Latitude
+    """Latitude [deg]."""
+    longitude_deg: Longitude
+    """Longitude, east positive [deg]."""
+    altitude_m: Altitude
+    """Altitude above mean sea level [m]."""
+    cutoff_rigidity_gv: Rigidity | None = None
+    """Vertical cutoff rigidity [GV]; from the place if left out."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        if value.upper() not in MONITORS:
+            known = ", ".join(MONITORS)
+            raise ValueError(
+                f"there is no monitor {value!r} among {known}{did_you_mean(value.upper(), list(MONITORS))}; "
+                "for another one give its name, latitude_deg, longitude_deg and altitude_m"
+            )
+        _, latitude, longitude, altitude = MONITORS[value.upper()]
+        place = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": altitude}
+        return {"name": value.upper(), **place}
+
+    @property
+    def cosmic(self) -> CosmicPlace:
+        """Cutoff rigidity and atmospheric depth."""
+        return cosmic_place(self.latitude_deg, self.longitude_deg, self.altitude_m, self.cutoff_rigidity_gv)
+
+
+class IntensityCorrection(Section):
+    """Factor ``1 / (1 + k (C / C0 - 1))`` from a neutron monitor."""
+
+    reference: Positive
+    """Neutron-monitor rate C0 at which the factor is 1 (the monitor's unit)."""
+    constant: Positive | None = None
+    """One rate C for the whole survey, in the unit of the reference."""
+    file: Path | None = None
+    """Rates C in time, as exported from nmdb.eu; a relative path starts at the site file."""
+    monitor: Monitor | None = None
+    """The neutron monitor: a code such as JUNG, or name, place and cutoff rigidity."""
+    scaling: Scaling = "none"
+    """How a change at the monitor becomes one at the site: none, hawdon2014 or mcjannet2023."""
+    gaps: Literal["interpolate", "hold"] = "interpolate"
+    """In gaps of the file: interpolate between the two neighbours, or hold the last value."""
+    max_gap_hours: Annotated[float, Field(ge=0, le=240)] = 6.0
+    """Maximum duration of such a gap [h]; records in longer ones cannot be corrected."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> IntensityCorrection:
+        if (self.constant is None) == (self.file is None):
+            raise ValueError("give the incoming intensity either as 'constant' or as 'file'")
+        if self.scaling != "none" and self.monitor is None:
+            raise ValueError(f"the scaling {self.scaling} needs a 'monitor', such as JUNG")
+        return self
+
+
+class CorrectionSettings(Section):
+    """The corrections to apply; ``null`` switches a correction off."""
+
+    place: Location | None = None
+    """Place from which ``auto`` values follow; the location of the site if left out."""
+    cutoff_rigidity_gv: Rigidity | None = None
+    """Vertical cutoff rigidity of the place [GV]; from a table of the world if left out."""
+    pressure: PressureCorrection | None = PressureCorrection()
+    humidity: HumidityCorrection | None = HumidityCorrection()
+    intensity: IntensityCorrection | None = None
+
+    @property
+    def need_of_place(self) -> str:
+        """Key whose value follows from the place; empty if there is none."""
+        if self.pressure is not None and self.pressure.beta_per_hpa is None:
+            return "beta_per_hpa"
+        if self.pressure is not None and self.pressure.reference_hpa is None:
+            return "reference_hpa"
+        return "scaling" if self.intensity is not None and self.intensity.scaling != "none" else ""
+
+    def cosmic(self, location: Location | None) -> CosmicPlace | None:
+        """Cutoff rigidity and atmospheric depth of the place; ``None`` without a place or its altitude.
+
+        :param location: location of the site
+        """
+        place = self.place or location
+        if place is None or place.altitude_m is None:
+            return None
+        return cosmic_place(place.latitude_deg, place.longitude_deg, place.altitude_m, self.cutoff_rigidity_gv)
+
+    def parameters(self, location: Location | None) -> Corrections:
+        """Parameters of the factors; a correction switched off is neutral.
+
+        :param location: location of the site
+        :raises ValueError: if a value follows from the place and the place is unknown
+        """
+        pressure = self.pressure or PressureCorrection()
+        humidity = self.humidity or HumidityCorrection(coefficient_m3g=0.0)
+        beta, reference_hpa, scale = pressure.beta_per_hpa, pressure.reference_hpa, 1.0
+        if self.need_of_place:
+            place, cosmic = self.place or location, self.cosmic(location)
+            if place is None or place.altitude_m is None or cosmic is None:
+                raise ValueError(
+                    f"{self.need_of_place!r} follows from the place: give latitude_deg, longitude_deg and "
+                    "altitude_m as 'location', or as 'place' below 'corrections'"
+                )
+            beta = beta or barometric_coefficient(cosmic.depth_gcm2, cosmic.cutoff_rigidity_gv)
+            reference_hpa = reference_hpa or standard_pressure_hpa(place.latitude_deg, place.altitude_m)
+            if self.intensity is not None and self.intensity.monitor is not None:
+                scale = intensity_scale(self.intensity.scaling, cosmic, self.intensity.monitor.cosmic)
+        assert beta is not None
+        assert reference_hpa is not None
+        return Corrections(
+            beta_per_hpa=beta,
+            reference_pressure_hpa=reference_hpa,
+            humidity_coefficient_m3g=humidity.coefficient_m3g,
+            reference_humidity_gm3=humidity.reference_gm3,
+            reference_intensity=self.intensity.reference if self.intensity else None,
+            intensity_scale=scale,
+        )

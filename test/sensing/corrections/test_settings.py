@@ -1,0 +1,64 @@
+import pytest
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.corrections.atmosphere import atmospheric_depth_gcm2, barometric_coefficient
+from soilmoist_ros.sensing.moisture.site import Site, load_site
+
+KANSAS = {"latitude_deg": 38.2346, "longitude_deg": -97.571, "altitude_m": 455}
+
+
+def test_auto_values_follow_from_the_place() -> None:
+    pressure = {"beta_per_hpa": "auto", "reference_hpa": "auto"}
+    for site in (
+        Site(location=KANSAS, corrections={"pressure": pressure, "cutoff_rigidity_gv": 3.1}),
+        Site(corrections={"pressure": pressure, "cutoff_rigidity_gv": 3.1, "place": KANSAS}),
+    ):
+        parameters = site.corrections_parameters
+        assert parameters.beta_per_hpa == barometric_coefficient(atmospheric_depth_gcm2(38.2346, 455), 3.1)
+        assert parameters.reference_pressure_hpa == pytest.approx(959.8, abs=0.1)
+        assert parameters.f_pressure(parameters.reference_pressure_hpa) == 1.0
+
+
+def test_an_old_site_file_keeps_its_parameters() -> None:
+    site = Site(location=KANSAS)
+    assert site.corrections_parameters.beta_per_hpa == 0.0077
+    assert site.corrections_parameters.reference_pressure_hpa == 1013.25
+    assert site.corrections_parameters.intensity_scale == 1.0
+
+
+def test_scaling_uses_the_monitor_by_its_code_or_its_place() -> None:
+    def scale(monitor: object) -> float:
+        intensity = {"reference": 150, "constant": 148, "scaling": "hawdon2014", "monitor": monitor}
+        corrections = {"intensity": intensity, "cutoff_rigidity_gv": 3.0}
+        return Site(location=KANSAS, corrections=corrections).corrections_parameters.intensity_scale
+
+    place = {"latitude_deg": 46.55, "longitude_deg": 7.98, "altitude_m": 3570}
+    assert scale({"name": "mine", **place, "cutoff_rigidity_gv": 4.49}) == pytest.approx(1 + 0.075 * 1.49)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("corrections: {pressure: {beta_per_hpa: auto}}", "'beta_per_hpa' follows from the place"),
+        (
+            "location: {latitude_deg: 1, longitude_deg: 2}\ncorrections: {pressure: {reference_hpa: auto}}",
+            "'reference_hpa' follows from the place",
+        ),
+        (
+            "corrections: {intensity: {reference: 1, constant: 1, scaling: hawdon2014}}",
+            "the scaling hawdon2014 needs a 'monitor'",
+        ),
+        (
+            "corrections: {intensity: {reference: 1, constant: 1, monitor: JUGN}}",
+            "did you mean 'JUNG'?",
+        ),
+        ("corrections: {pressure: {beta_per_hpa: automatic}}", "number"),
+    ],
+)
+def test_a_value_without_its_basis_is_refused(tmp_path, text, message) -> None:
+    path = tmp_path / "site.yaml"
+    path.write_text(text + "\n")
+    with pytest.raises(InputError) as caught:
+        load_site(path)
+    assert message in str(caught.value)
+    assert len(caught.value.mistakes) == 1
