@@ -23,8 +23,9 @@ def read_earlier(path: Path, name: str = "") -> list[CountRecord]:
 
         found = load_journal(path, whole=True)
         return interrupted_records(found.snapshot, (entry.payload for entry in found.entries), name)
-    if (path / RECORDS).is_file():
-        return read_records(path / RECORDS)
+    for table in (path / f"records_{name.strip('/')}.csv", path / RECORDS):
+        if table.is_file():
+            return read_records(table)
     if path.is_dir() and not any(path.glob("*.mcap")) and not (path / "metadata.yaml").is_file():
         raise InputError(
             f"holds neither {RECORDS} nor a bag nor a journal",

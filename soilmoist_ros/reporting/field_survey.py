@@ -13,7 +13,6 @@ from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
 from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.recording.record_table import RECORDS, write_records
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ class FieldSurvey:
         )
 
     def save(self, folder: Path, snapshot: Snapshot) -> list[Path]:
-        """Write the output folder of a snapshot, including the table of its records.
+        """Write the output folder of a snapshot.
 
         :param folder: output folder; made if missing
         :returns: the files
@@ -88,9 +87,7 @@ class FieldSurvey:
         """
         from soilmoist_ros.reporting.outputs import write_outputs
 
-        written = write_outputs(folder, self.run(snapshot))
-        write_records(folder / RECORDS, snapshot.track)
-        return [*written, folder / RECORDS]
+        return write_outputs(folder, self.run(snapshot))
 
 
 def open_survey(

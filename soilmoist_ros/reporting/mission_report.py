@@ -32,7 +32,8 @@ UNUSED_COUNTS = 0.01
 def write_mission(
     folder: Path, result: MissionResult, crs: CRS | str | int | None = None, created_utc: datetime | None = None
 ) -> list[Path]:
-    """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``series.csv``, ``visits.csv``.
+    """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv``,
+    ``series.csv``, ``visits.csv``.
 
     A mission without a map leaves only ``summary.json``, ``series.csv`` and ``visits.csv``; other files of an
     older mission in the folder are removed.

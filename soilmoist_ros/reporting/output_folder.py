@@ -13,11 +13,11 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 
 SUMMARY = "summary.json"
-NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html")
+NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv")
 MISSION_NAMES = ("series.csv", "visits.csv")
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
-_PATTERNS = (*NAMES, *MISSION_NAMES, "map_*.tif", "samples_*.geojson")
+_PATTERNS = (*NAMES, *MISSION_NAMES, "map_*.tif", "samples_*.geojson", "records_*.csv")
 
 
 def require_writable(folder: Path) -> None:

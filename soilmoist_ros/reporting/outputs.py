@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.record_table import write_records
 from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
@@ -28,10 +29,10 @@ _LEFT_S = 3600.0
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
-    """Write ``summary.json``, ``map.tif``, ``samples.geojson`` and ``report.html``.
+    """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html`` and ``records.csv``.
 
-    A mission adds ``series.csv`` and ``visits.csv``; each property after the first adds ``map_NAME.tif`` and
-    ``samples_NAME.geojson`` with its name.
+    A mission adds ``series.csv`` and ``visits.csv``; each property after the first adds ``map_NAME.tif``,
+    ``samples_NAME.geojson`` and ``records_NAME.csv`` with its name.
 
     The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
     half a file, nor files of different runs after a failure.
@@ -56,9 +57,10 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
     try:
         for number, one in enumerate(run.properties):
-            of_map, of_samples = property_names(one.name if number else "")
+            of_map, of_samples, of_records = property_names(one.name if number else "")
             write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
             write_samples(workshop / of_samples, one)
+            write_records(workshop / of_records, one.track)
         write_report(workshop / "report.html", run)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
@@ -76,13 +78,13 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     return [folder / name for name in names]
 
 
-def property_names(name: str) -> tuple[str, str]:
-    """Names of the files with the map and the samples of a property.
+def property_names(name: str) -> tuple[str, str, str]:
+    """Names of the files with the map, the samples and the records of a property.
 
     :param name: name of the property, empty for the first
     """
     end = f"_{name}" if name else ""
-    return f"map{end}.tif", f"samples{end}.geojson"
+    return f"map{end}.tif", f"samples{end}.geojson", f"records{end}.csv"
 
 
 def _tags(run: MapRun) -> dict[str, str]:
@@ -91,4 +93,17 @@ def _tags(run: MapRun) -> dict[str, str]:
         "SOILMOIST_CREATED_UTC": run.created,
         "SOILMOIST_FIELD": run.field_name,
         **({"SOILMOIST_PROPERTY": run.name} if run.name else {}),
+        **_survey_tags(run),
+    }
+
+
+def _survey_tags(run: MapRun) -> dict[str, str]:
+    """Begin and end of the survey; none for a clock without a date."""
+    begin, end = run.survey_start_utc, run.survey_end_utc
+    if begin is None or end is None:
+        return {}
+    return {
+        "TIFFTAG_DATETIME": f"{begin:%Y:%m:%d %H:%M:%S}",
+        "SOILMOIST_SURVEY_START_UTC": f"{begin:%Y-%m-%dT%H:%M:%SZ}",
+        "SOILMOIST_SURVEY_END_UTC": f"{end:%Y-%m-%dT%H:%M:%SZ}",
     }

@@ -8,13 +8,14 @@ import pytest
 import rasterio
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording import read_records
 from soilmoist_ros.reporting import outputs, write_outputs
 
-NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html"]
+NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "records.csv"]
 
 
 @pytest.mark.slow
-def test_all_four_and_nothing_else(make_run, tmp_path):
+def test_all_files_and_nothing_else(make_run, tmp_path):
     paths = write_outputs(tmp_path / "a" / "b", make_run(simulated=True), crs="EPSG:27700")
     assert [path.name for path in paths] == NAMES
     assert sorted(path.name for path in (tmp_path / "a" / "b").iterdir()) == sorted(NAMES)
@@ -23,6 +24,10 @@ def test_all_four_and_nothing_else(make_run, tmp_path):
     assert found["crs"] == "EPSG:27700"
     with rasterio.open(paths[1]) as raster:
         assert raster.tags()["SOILMOIST_SIMULATED"] == "yes"
+        assert raster.tags()["TIFFTAG_DATETIME"] == "2023:11:14 22:07:37"
+        assert raster.tags()["SOILMOIST_SURVEY_START_UTC"] == "2023-11-14T22:07:37Z"
+        assert raster.tags()["SOILMOIST_SURVEY_END_UTC"] == "2027-01-15T08:00:00Z"
+    assert [record.stamp_s for record in read_records(paths[4])] == [record.stamp_s for record in make_run().track]
 
 
 def test_a_failure_leaves_the_old_files(make_run, tmp_path, monkeypatch):
@@ -36,7 +41,7 @@ def test_a_failure_leaves_the_old_files(make_run, tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="no space"):
         write_outputs(tmp_path, make_run())
     assert {path.read_text() for path in tmp_path.iterdir()} == {"old"}
-    assert len(list(tmp_path.iterdir())) == 4
+    assert len(list(tmp_path.iterdir())) == len(NAMES)
 
 
 def test_folder_that_is_a_file(make_run, tmp_path):

@@ -1,4 +1,4 @@
-"""The samples, the track and the field as GeoJSON (RFC 7946)."""
+"""The samples, the track, the field and its no-go areas as GeoJSON (RFC 7946)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.moisture_bands import make_bands
+from soilmoist_ros.reporting.files.sample_times import sample_times
 from soilmoist_ros.reporting.files.strict_json import dumps, jsonable
 from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
 from soilmoist_ros.reporting.run import MapRun
@@ -30,11 +32,11 @@ def write_samples(path: Path, run: MapRun) -> Path:
 def samples_collection(run: MapRun) -> dict[str, Any]:
     """Field, track and samples as a GeoJSON feature collection.
 
-    Each feature has a ``kind``: ``field`` (polygon), ``track`` (one line for each robot that moved) or ``sample``
-    (point). Undefined values, such as the moisture of a rate below the curve, are ``null``.
+    Each feature has a ``kind``: ``field`` (polygon without the no-go areas), ``no_go`` (polygon), ``track`` (one
+    line for each robot that moved) or ``sample`` (point). Undefined values, such as the moisture of a rate below the curve, are ``null``.
     """
     samples = _sample_features(run)
-    shapes = [_field_feature(run)]
+    shapes = [_field_feature(run), *_no_go_features(run)]
     tracks = run.tracks_xy
     moved = [track for track in tracks if len(np.unique(track, axis=0)) > 1]
     if moved:
@@ -55,7 +57,9 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     rate_sd = np.where(counts > 0, np.sqrt(counts) / exposure, np.nan)
     vwc = np.full_like(rate, np.nan) if curve is None else curve.vwc(rate)
     vwc_sd = np.full_like(rate, np.nan) if curve is None else curve.vwc_sd(rate, rate_sd, order=3)
+    interval = make_bands(rate, rate_sd**2, curve)
     lon_lat = _lon_lat(run.frame, samples.xy)
+    begin, end, n_records = sample_times(run).T
     return [
         {
             "type": "Feature",
@@ -69,6 +73,11 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
                 "rate_sd_cps": rate_sd[i],
                 "vwc": vwc[i],
                 "vwc_sd": vwc_sd[i],
+                "vwc_p05": interval.vwc_p05[i],
+                "vwc_p95": interval.vwc_p95[i],
+                "n_records": round(n_records[i]),
+                "first_stamp_s": begin[i],
+                "last_stamp_s": end[i],
             },
         }
         for i in range(len(rate))
@@ -87,6 +96,21 @@ def _field_feature(run: MapRun) -> dict[str, Any]:
         "created_utc": run.created,
     }
     return {"type": "Feature", "id": "field", "geometry": _geometry(run.frame, polygon), "properties": properties}
+
+
+def _no_go_features(run: MapRun) -> list[dict[str, Any]]:
+    from shapely.geometry import Polygon
+
+    shapes = enumerate(map(Polygon, run.soil_map.grid.holes), start=1)
+    return [
+        {
+            "type": "Feature",
+            "id": f"no-go-{number}",
+            "geometry": _geometry(run.frame, right_handed(shape)),
+            "properties": {"kind": "no_go", "area_m2": round(float(shape.area), 1)},
+        }
+        for number, shape in shapes
+    ]
 
 
 def _track_feature(run: MapRun, tracks: Sequence[NDArray[np.float64]]) -> dict[str, Any]:

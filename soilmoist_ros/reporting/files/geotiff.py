@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,15 @@ if TYPE_CHECKING:
 
     from soilmoist_ros.mapping import SoilMap
 
-BANDS: tuple[tuple[str, str, str], ...] = (
-    ("rate", "counts/s", "corrected neutron count rate"),
-    ("rate_sd", "counts/s", "standard deviation of the corrected neutron count rate"),
-    ("vwc", "m3/m3", "volumetric water content of the soil"),
-    ("vwc_sd", "m3/m3", "standard deviation of the volumetric water content"),
-)
+BANDS: dict[str, tuple[str, str]] = {
+    "vwc": ("m3/m3", "volumetric water content of the soil"),
+    "vwc_sd": ("m3/m3", "standard deviation of the volumetric water content"),
+    "vwc_p05": ("m3/m3", "5 % quantile of the volumetric water content"),
+    "vwc_p95": ("m3/m3", "95 % quantile of the volumetric water content"),
+    "rate": ("counts/s", "corrected neutron count rate"),
+    "rate_sd": ("counts/s", "standard deviation of the corrected neutron count rate"),
+}
+"""Unit and meaning of each band by its name, in the order of the file. A map without a curve has only the rate."""
 CELLS_AT_ONCE = 2**20
 """Many, since tiles of a large map that lie in two parts are computed twice."""
 MAX_CELLS = 25_000_000
@@ -38,10 +41,11 @@ def write_geotiff(
     crs: CRS | str | int | None = None,
     tags: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write the map on a north-up grid in a projected coordinate reference system.
+    """Write the map as a cloud-optimised GeoTIFF, north up, in a projected coordinate reference system.
 
     The map is kriged again at the centre of each cell in the local frame, not resampled. Cells whose centre lies
-    outside the field are NaN.
+    outside the field are NaN. Bands have names, units and meanings, see :data:`BANDS`: moisture comes first, and a
+    map without a moisture curve has the count rate only. Large maps have overviews.
 
     :param path: file to write
     :param soil_map: the map
@@ -56,16 +60,18 @@ def write_geotiff(
     target = export_crs(frame, crs)
     x, y, step = _axes(soil_map, frame, target)
     transform = rasterio.Affine(step[0], 0, x[0] - step[0] / 2, 0, -step[1], y[0] + step[1] / 2)
+    names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
     profile = {
-        "driver": "GTiff", "dtype": "float32", "count": len(BANDS), "width": x.size, "height": y.size,
+        "driver": "COG", "dtype": "float32", "count": len(names), "width": x.size, "height": y.size,
         "crs": rasterio.crs.CRS.from_wkt(target.to_wkt()), "transform": transform, "nodata": float("nan"),
-        "compress": "deflate", "predictor": 3, "tiled": True, "blockxsize": 256, "blockysize": 256,
-        "bigtiff": "IF_SAFER",
+        "compress": "deflate", "predictor": "floating_point", "blocksize": 256,
+        "overview_resampling": "average", "bigtiff": "IF_SAFER",
     }  # fmt: skip
-    layers = _evaluate(soil_map, _to_local(frame, target), x, y)
+    layers = _evaluate(soil_map, names, _to_local(frame, target), x, y)
     with rasterio.open(path, "w", **profile) as raster:
-        for band, ((name, unit, meaning), layer) in enumerate(zip(BANDS, layers, strict=True), start=1):
-            raster.write(layer, band)
+        raster.write(layers)
+        for band, name in enumerate(names, start=1):
+            unit, meaning = BANDS[name]
             raster.set_band_description(band, name)
             raster.set_band_unit(band, unit)
             raster.update_tags(band, long_name=meaning, units=unit)
@@ -118,6 +124,19 @@ def _tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
         "TIFFTAG_IMAGEDESCRIPTION": "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging",
         "SOILMOIST_MODEL": json.dumps(model_parameters(soil_map)),
         "SOILMOIST_PARAMETERS": json.dumps(parameters),
+        **_moisture_tags(soil_map),
+    }
+
+
+def _moisture_tags(soil_map: SoilMap) -> dict[str, str]:
+    """The limits of the soil, and what the interval of the moisture contains."""
+    if soil_map.limits is None:
+        return {}
+    return {
+        "SOILMOIST_LIMITS": json.dumps(dict(zip(("dryness", "saturation"), soil_map.limits, strict=True))),
+        "SOILMOIST_INTERVAL": "vwc_p05 to vwc_p95 holds the true moisture of 90 in 100 places: counting, "
+        "interpolation, and the calibration as far as its standard deviations are known; cut at the limits of the "
+        "soil. vwc_sd leaves the calibration out, which all places have in common",
     }
 
 
@@ -165,17 +184,15 @@ def _cell_size(cell_m: float, centre: NDArray[np.float64], back: Transformer, cr
 
 
 def _evaluate(
-    soil_map: SoilMap, to_local: Transformer, x: NDArray[np.float64], y: NDArray[np.float64]
+    soil_map: SoilMap, names: Sequence[str], to_local: Transformer, x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """The bands on the exported raster, shape (4, rows, columns), NaN outside the field."""
-    layers = np.full((len(BANDS), y.size * x.size), np.nan, np.float32)
+    """The named bands on the exported raster, shape (bands, rows, columns), NaN outside the field."""
+    layers = np.full((len(names), y.size * x.size), np.nan, np.float32)
     for start in range(0, layers.shape[1], CELLS_AT_ONCE):
         index = np.arange(start, min(start + CELLS_AT_ONCE, layers.shape[1]))
         local = np.column_stack(to_local.transform(x[index % x.size], y[index // x.size]))
         inside = inside_field(soil_map, local)
         if inside.any():
-            bands: Any = soil_map.evaluate(local[inside])
-            layers[:, index[inside]] = np.stack(
-                [np.asarray(getattr(bands, name), np.float32) for name, _, _ in BANDS]
-            )
-    return layers.reshape(len(BANDS), y.size, x.size)
+            bands = soil_map.evaluate(local[inside])
+            layers[:, index[inside]] = np.stack([getattr(bands, name) for name in names])
+    return layers.reshape(len(names), y.size, x.size)

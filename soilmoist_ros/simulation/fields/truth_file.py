@@ -57,7 +57,7 @@ class TruthSection(Section):
     formula: Formula | None = None
     """Family of fields and its parameters."""
     band: str | None = None
-    """Name of the GeoTIFF's band; by default the first one."""
+    """Name of the GeoTIFF's band; by default ``rate``, or the first one if none has this name."""
     variogram: TruthVariogram | None = None
     """Variogram for ``points``."""
     hours: Positive = 2.0

@@ -103,7 +103,7 @@ def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent
     """Read one band of a GeoTIFF and resample it to the plane of the field by bilinear interpolation.
 
     :param path: file, in any coordinate reference system
-    :param band: name of the band; the first one if ``None``. A name that contains ``vwc`` means soil moisture
+    :param band: name of the band; if ``None``, the one named ``rate``, else the first. A name that contains ``vwc`` means soil moisture
         [m^3/m^3], any other name the corrected rate [counts/s]
     :param frame: plane of the field
     :param extent: box of the field
@@ -145,7 +145,7 @@ def _read_band(path: Path, source: DatasetReader, band: str | None) -> tuple[Arr
     if band is not None and band not in names:
         known = ", ".join(repr(name) for name in names if name) or "none has a name"
         raise InputError(f"has no band {band!r}", f"its bands are: {known}; give one as 'band'", path)
-    number = names.index(band) if band is not None else 0
+    number = names.index(band or "rate") if (band or "rate") in names else 0
     if source.width * source.height > MAX_PIXELS:
         raise InputError(
             f"has {source.width} x {source.height} pixels (at most {MAX_PIXELS:,})", "crop it to the field", path

@@ -58,7 +58,7 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
     assert about["mission"]["also"]["n_records"] == len(second)
     truth = surrogate_field("rough")
     with rasterio.open(out / "map_rough.tif") as raster:
-        rate = raster.read(1, masked=True)
+        rate = raster.read(raster.descriptions.index("rate") + 1, masked=True)
     assert abs(rate.mean() - truth.rate_at(truth.field.grid().cells).mean()) < 0.5
     assert (out / "map_rough" / "map.tif").is_file(), "what its mapper has saved itself"
     header, *_, final = (out / "series.csv").read_text().splitlines()

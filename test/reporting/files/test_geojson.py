@@ -1,14 +1,16 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
-from shapely.geometry import shape
+from shapely.geometry import Polygon, shape
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
 from soilmoist_ros.reporting import write_samples
+from soilmoist_ros.reporting.files.geojson import samples_collection
 
 
 def refuse(constant):
@@ -28,8 +30,12 @@ def kinds(collection):
     return [feature["properties"]["kind"] for feature in collection["features"]]
 
 
+def of_kind(collection, kind):
+    return [feature for feature in collection["features"] if feature["properties"]["kind"] == kind]
+
+
 def test_kinds(collection):
-    assert kinds(collection) == ["field", "track", *["sample"] * 12]
+    assert kinds(collection) == ["field", "no_go", "track", *["sample"] * 12]
     assert collection["type"] == "FeatureCollection"
 
 
@@ -41,19 +47,40 @@ def test_polygon_is_right_handed_with_its_hole(collection):
 
 
 def test_places_are_rounded_and_lead_back(collection, the_map):
-    lon_lat = np.array([f["geometry"]["coordinates"] for f in collection["features"][2:]])
+    lon_lat = np.array([f["geometry"]["coordinates"] for f in of_kind(collection, "sample")])
     assert np.array_equal(lon_lat, np.round(lon_lat, 7))
     back = LocalFrame(53.27, -0.52).to_local(lon_lat[:, 1], lon_lat[:, 0])
     np.testing.assert_allclose(back, the_map.samples.xy, atol=0.01)
 
 
 def test_sample_values(collection, the_map):
-    found = collection["features"][2]["properties"]
+    found = of_kind(collection, "sample")[0]["properties"]
     rate = the_map.samples.rate_cps[0]
     assert found["raw_counts"] == the_map.samples.counts[0]
     assert found["rate_cps"] == pytest.approx(rate)
     assert found["rate_sd_cps"] == pytest.approx(rate / np.sqrt(found["raw_counts"]))
     assert found["vwc"] == pytest.approx(float(the_map.curve.vwc(rate)))
+    assert found["vwc_p05"] < found["vwc"] < found["vwc_p95"]
+
+
+def test_samples_know_when_they_were_counted(make_run):
+    run = make_run()
+    first, *more = run.track
+    jump = dataclasses.replace(first, stamp_s=first.stamp_s + 1e4, x_m=first.x_m + 0.1)
+    found = samples_collection(dataclasses.replace(run, track=[*more, first, jump]))
+    times = [
+        [one["properties"][name] for name in ("first_stamp_s", "last_stamp_s", "n_records")]
+        for one in of_kind(found, "sample")
+    ]
+    assert times[0] == [first.stamp_s - first.exposure_s, first.stamp_s + 1e4, 2]
+    assert times[1] == [more[0].stamp_s - more[0].exposure_s, more[0].stamp_s, 1]
+
+
+def test_no_go_area_fills_the_hole_of_the_field(collection):
+    (no_go,) = of_kind(collection, "no_go")
+    (hole,) = shape(collection["features"][0]["geometry"]).interiors
+    assert shape(no_go["geometry"]).equals(Polygon(hole))
+    assert no_go["properties"]["area_m2"] == 56.0
 
 
 def test_bbox_holds_everything(collection):
@@ -74,9 +101,12 @@ def test_undefined_is_null(make_run, steep, uncalibrated, tmp_path):
 def test_nothing_counted_and_nowhere_moved(make_run, the_map, tmp_path):
     soil = make_soil_map(Samples([(1.0, 2.0)], [0], [10.0]), the_map.grid, Variogram("gaussian", 0, 9, 1))
     found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil, track=())))
-    assert kinds(found) == ["field", "sample"]
-    assert found["features"][1]["properties"]["rate_cps"] == 0
-    assert found["features"][1]["properties"]["rate_sd_cps"] is None
+    assert kinds(found) == ["field", "no_go", "sample"]
+    (sample,) = of_kind(found, "sample")
+    assert sample["properties"]["rate_cps"] == 0
+    assert sample["properties"]["rate_sd_cps"] is None
+    assert sample["properties"]["n_records"] == 0
+    assert sample["properties"]["first_stamp_s"] is None
 
 
 def test_field_across_the_antimeridian_is_cut(make_run, tmp_path):
@@ -85,7 +115,7 @@ def test_field_across_the_antimeridian_is_cut(make_run, tmp_path):
     west, _, east, _ = found["bbox"]
     assert west > 179
     assert east < -179
-    field, track = (shape(f["geometry"]) for f in found["features"][:2])
+    field, track = (shape(of_kind(found, kind)[0]["geometry"]) for kind in ("field", "track"))
     assert field.geom_type == "MultiPolygon"
     assert all(part.bounds[2] - part.bounds[0] < 0.001 for part in field.geoms)
     assert all(part.exterior.is_ccw for part in field.geoms)

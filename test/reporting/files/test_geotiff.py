@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,7 +10,9 @@ from pyproj import Transformer
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.reporting import write_geotiff
+from soilmoist_ros.reporting.files.geotiff import BANDS
 
 FRAME = LocalFrame(53.27, -0.52)
 
@@ -21,6 +24,19 @@ def tif(the_map, tmp_path_factory):
     )
 
 
+def test_large_maps_are_cloud_optimised_and_have_overviews(the_map, tmp_path):
+    fine = dataclasses.replace(the_map, grid=FieldGrid.from_polygon(the_map.grid.polygons, 0.15))
+    with rasterio.open(write_geotiff(tmp_path / "map.tif", fine, FRAME)) as raster:
+        assert raster.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+        assert raster.overviews(1) == [2]
+        full = raster.read(1)
+        half = raster.read(1, out_shape=(raster.height // 2, raster.width // 2))
+    rows, columns = half.shape
+    mean = full[: rows * 2, : columns * 2].reshape(rows, 2, columns, 2).mean(axis=(1, 3))
+    assert np.isfinite(mean).sum() > 0.5 * half.size
+    np.testing.assert_allclose(half[np.isfinite(mean)], mean[np.isfinite(mean)], atol=2e-3)
+
+
 def centres(raster):
     rows, columns = np.indices(raster.shape)
     t = raster.transform
@@ -30,8 +46,9 @@ def centres(raster):
 def test_header(tif):
     with rasterio.open(tif) as raster:
         assert raster.crs.to_epsg() == 32630
-        assert raster.descriptions == ("rate", "rate_sd", "vwc", "vwc_sd")
-        assert raster.units == ("counts/s", "counts/s", "m3/m3", "m3/m3")
+        assert raster.descriptions == tuple(BANDS) == ("vwc", "vwc_sd", "vwc_p05", "vwc_p95", "rate", "rate_sd")
+        assert raster.units == tuple(BANDS[name][0] for name in raster.descriptions)
+        assert raster.tags(1)["long_name"] == "volumetric water content of the soil"
         assert set(raster.dtypes) == {"float32"}
         assert all(np.isnan(value) for value in raster.nodatavals)
         assert raster.profile["compress"] == "deflate"
@@ -40,6 +57,8 @@ def test_header(tif):
         assert raster.tags()["SOILMOIST_SIMULATED"] == "no"
         assert json.loads(raster.tags()["SOILMOIST_MODEL"])["range_m"] == 12.0
         assert json.loads(raster.tags()["SOILMOIST_PARAMETERS"])["calibration"]["n0_cps"] == 7.0
+        assert json.loads(raster.tags()["SOILMOIST_LIMITS"])["saturation"] == pytest.approx(1 - 1.4 / 2.65)
+        assert "90 in 100 places" in raster.tags()["SOILMOIST_INTERVAL"]
     assert [p.name for p in tif.parent.iterdir()] == ["map.tif"], "no side-car files"
 
 
@@ -60,8 +79,9 @@ def test_each_cell_is_the_prediction_at_its_place(tif, the_map):
     )
     inside = np.isfinite(bands["rate"]).ravel()
     expected = the_map.evaluate(local[inside])._asdict()
-    for name, band in bands.items():
-        np.testing.assert_allclose(band.ravel()[inside], expected[name], rtol=1e-6)
+    assert bands.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_allclose(bands[name].ravel()[inside], values, rtol=1e-6)
 
 
 def test_only_the_field_without_its_hole_has_values(tif, the_map):
@@ -98,8 +118,8 @@ def test_another_crs(the_map, tmp_path, crs, epsg, cell):
 def test_southern_hemisphere_and_no_calibration(uncalibrated, tmp_path):
     with rasterio.open(write_geotiff(tmp_path / "m.tif", uncalibrated, LocalFrame(-33.0, 151.0))) as raster:
         assert raster.crs.to_epsg() == 32756
+        assert raster.descriptions == ("rate", "rate_sd"), "no band without values comes first"
         assert np.isfinite(raster.read(1)).any()
-        assert np.isnan(raster.read(3)).all()
         assert json.loads(raster.tags()["SOILMOIST_PARAMETERS"])["calibration"] is None
 
 

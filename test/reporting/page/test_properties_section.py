@@ -17,7 +17,7 @@ from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
-OTHER = ("map_synthetic_low.tif", "samples_synthetic_low.geojson")
+OTHER = ("map_synthetic_low.tif", "samples_synthetic_low.geojson", "records_synthetic_low.csv")
 
 
 @pytest.fixture(scope="module")
@@ -38,12 +38,13 @@ def test_each_property_has_files_by_its_name(mission, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in written)
     other = mission_run(mission, NOW).others[0]
     with rasterio.open(tmp_path / OTHER[0]) as raster, rasterio.open(tmp_path / "map.tif") as first:
-        assert raster.descriptions == first.descriptions
+        assert (raster.descriptions, first.descriptions[0]) == (("rate", "rate_sd"), "vwc")
         assert raster.tags()["SOILMOIST_FIELD"] == other.field_name
         assert raster.tags()["SOILMOIST_PROPERTY"] == "synthetic_low"
         assert raster.tags()["SOILMOIST_SIMULATED"] == "yes"
-        assert raster.read(1, masked=True).mean() == pytest.approx(np.nanmean(other.soil_map.rate), rel=0.02)
-        assert not np.array_equal(raster.read(1), first.read(1))
+        rate, of_first = (file.read(file.descriptions.index("rate") + 1, masked=True) for file in (raster, first))
+    assert rate.mean() == pytest.approx(np.nanmean(other.soil_map.rate), rel=0.02)
+    assert not np.array_equal(rate, of_first)
     features = json.loads((tmp_path / OTHER[1]).read_text())["features"]
     counts = [one["properties"]["raw_counts"] for one in features if one["properties"]["kind"] == "sample"]
     assert counts == other.soil_map.samples.counts.tolist()
