@@ -29,7 +29,9 @@ def sample_times(run: MapRun) -> NDArray[np.float64]:
         visits = [(visit.arrival_stamp_s, visit.end_stamp_s) for visit in run.mission.visits]
         during = [(table[:, 2] >= begin - 1e-3) & (table[:, 3] <= end + 1e-3) for begin, end in visits]
         table = table[np.any(during, axis=0)] if during else table[:0]
-    times = np.column_stack([np.full(len(samples), np.inf), np.full(len(samples), -np.inf), np.zeros(len(samples))])
+    times = np.column_stack(
+        [np.full(len(samples), np.inf), np.full(len(samples), -np.inf), np.zeros(len(samples))]
+    )
     if len(table) and len(samples):
         nearest = cKDTree(samples.xy).query(table[:, :2])[1]
         np.minimum.at(times[:, 0], nearest, table[:, 2])
