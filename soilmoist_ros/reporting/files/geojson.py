@@ -33,7 +33,8 @@ def samples_collection(run: MapRun) -> dict[str, Any]:
     """Field, track and samples as a GeoJSON feature collection.
 
     Each feature has a ``kind``: ``field`` (polygon without the no-go areas), ``no_go`` (polygon), ``track`` (one
-    line for each robot that moved) or ``sample`` (point). Undefined values, such as the moisture of a rate below the curve, are ``null``.
+    line for each robot that moved) or ``sample`` (point). Undefined values, such as the
+    moisture of a rate below the curve, are ``null``.
     """
     samples = _sample_features(run)
     shapes = [_field_feature(run), *_no_go_features(run)]

@@ -103,8 +103,8 @@ def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent
     """Read one band of a GeoTIFF and resample it to the plane of the field by bilinear interpolation.
 
     :param path: file, in any coordinate reference system
-    :param band: name of the band; if ``None``, the one named ``rate``, else the first. A name that contains ``vwc`` means soil moisture
-        [m^3/m^3], any other name the corrected rate [counts/s]
+    :param band: name of the band; if ``None``, the one named ``rate``, else the first. A name that
+        contains ``vwc`` means soil moisture [m^3/m^3], any other name the corrected rate [counts/s]
     :param frame: plane of the field
     :param extent: box of the field
     :param cells: cell centres inside the field, shape (g, 2) [m]
