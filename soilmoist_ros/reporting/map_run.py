@@ -12,7 +12,14 @@ import numpy as np
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping import SoilMap
-from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun
+from soilmoist_ros.reporting.run import (
+    CalibrationInfo,
+    CorrectionRow,
+    InputFile,
+    IrrigationLimits,
+    LossRow,
+    MapRun,
+)
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import IntensityCorrection
 from soilmoist_ros.sensing.moisture.site import Site
@@ -63,6 +70,7 @@ def make_run(
         settings=settings,
         footprint_radius_m=site.footprint_radius_m,
         quarantined=[record for record in records if record.quarantine],
+        irrigation=IrrigationLimits(**site.irrigation.model_dump()),
     )
 
 

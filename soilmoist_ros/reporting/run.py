@@ -106,6 +106,26 @@ class CalibrationInfo:
     illustrative: bool = False
 
 
+@dataclass(frozen=True)
+class IrrigationLimits:
+    """What divides a field into dry and moist zones, and how deep roots reach.
+
+    :param root_depth_mm: depth of the root zone [mm]
+    :param wilting_point: moisture at the wilting point [m^3/m^3]
+    :param field_capacity: moisture at field capacity [m^3/m^3]
+    :param depletion: share of the water between both that plants use before they lack water [0..1]
+    :param dry_below: limit of the dry zone given by the user [m^3/m^3]; with the next one it replaces those above
+    :param moist_above: limit of the moist zone given by the user [m^3/m^3]
+    """
+
+    root_depth_mm: float = 300.0
+    wilting_point: float | None = None
+    field_capacity: float | None = None
+    depletion: float = 0.5
+    dry_below: float | None = None
+    moist_above: float | None = None
+
+
 class NoteCode(StrEnum):
     """Topic of a note."""
 
@@ -167,6 +187,7 @@ class MapRun:
     :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
         share of the rate [-]
     :param quarantined: records left out of the map, each with its reason, in order of time
+    :param irrigation: limits of dry and moist soil
     :raises ValueError: if ``created_utc`` has no time zone
     """
 
@@ -195,6 +216,7 @@ class MapRun:
     uncertain_vwc_sd: float = 0.03
     uncertain_rate_share: float = 0.05
     quarantined: Sequence[CountRecord] = ()
+    irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
 
     def __post_init__(self) -> None:
         if self.created_utc.tzinfo is None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.reporting.page import charts, maps, numbers, wording
+from soilmoist_ros.reporting.page import maps, numbers, wording
+from soilmoist_ros.reporting.page.charts import survey_charts as charts
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.mission_section import mission_part
 from soilmoist_ros.reporting.page.notes import notes

@@ -48,6 +48,44 @@ class Calibration(Section):
     """Whether N0 is a guess, not a calibration; the report then warns that absolute moisture is not real."""
 
 
+class Irrigation(Section):
+    """Limits of dry and moist soil for the report; terciles of the field if none are given."""
+
+    root_depth_mm: Annotated[float, Field(gt=0, le=3000)] = 300.0
+    """Depth of the root zone [mm]."""
+    wilting_point: WaterFraction | None = None
+    """Moisture at the wilting point [m^3/m^3]."""
+    field_capacity: WaterFraction | None = None
+    """Moisture at field capacity [m^3/m^3]."""
+    depletion: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Share of the water between both that plants use before they lack water (FAO paper 56, table 22)."""
+    dry_below: WaterFraction | None = None
+    """Your own limit of dry soil [m^3/m^3]; replaces those above."""
+    moist_above: WaterFraction | None = None
+    """Your own limit of moist soil [m^3/m^3]."""
+
+    @model_validator(mode="after")
+    def _in_pairs(self) -> Irrigation:
+        for low, high in (("wilting_point", "field_capacity"), ("dry_below", "moist_above")):
+            values = getattr(self, low), getattr(self, high)
+            if (values[0] is None) != (values[1] is None):
+                raise ValueError(f"give '{low}' and '{high}' together")
+            if values[0] is not None and values[0] >= values[1]:
+                raise ValueError(f"'{low}' must be below '{high}'")
+        return self
+
+
+class Location(Section):
+    """Position of a stationary probe."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    """Latitude, WGS-84 [deg]."""
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
+    """Longitude, WGS-84, east positive [deg]."""
+    altitude_m: float | None = None
+    """Altitude above mean sea level [m]."""
+
+
 class Site(Section):
     """One sensor at one site."""
 
@@ -69,6 +107,8 @@ class Site(Section):
     """Soil properties; without them only the rate is mapped."""
     calibration: Calibration | None = None
     """Calibration; without it only the rate is mapped."""
+    irrigation: Irrigation = Irrigation()
+    """Limits of dry and moist soil for the report."""
 
     def __repr_args__(self) -> Iterator[tuple[str, str]]:
         yield "name", self.name

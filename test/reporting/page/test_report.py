@@ -1,4 +1,4 @@
-"""The page: report.py with its maps.py, charts.py, wording.py and style.py."""
+"""The page: report.py with its maps.py, survey_charts.py, wording.py and style.py."""
 
 from __future__ import annotations
 

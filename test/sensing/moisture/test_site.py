@@ -78,3 +78,14 @@ def test_the_word_in_the_note_of_an_old_file_is_read_with_a_warning(tmp_path, ca
     assert "write 'illustrative: true'" in record.getMessage()
     assert load_site(config_folder() / "sites" / "gypsum_transect.yaml").calibration.illustrative
     assert len(caplog.records) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "mistake"),
+    [("wilting_point: 0.1", "together"), ("{dry_below: 0.3, moist_above: 0.2}", "must be below")],
+)
+def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
+    path = tmp_path / "site.yaml"
+    path.write_text(f"irrigation:\n  {text}\n" if ":" in text and "{" not in text else f"irrigation: {text}\n")
+    with pytest.raises(InputError, match=mistake):
+        load_site(path)

@@ -1,0 +1,250 @@
+"""The farmer's page: zones of the field by soil moisture, water in the root zone, and what to do next."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
+from soilmoist_ros.reporting.geometry import field_polygon
+from soilmoist_ros.reporting.page.numbers import area, percent, volume
+from soilmoist_ros.reporting.page.statistics import calibration_sd, mean_sd
+from soilmoist_ros.reporting.run import IrrigationLimits, MapRun
+
+Array = NDArray[np.float64]
+
+COLOURS = ("#d8b365", "#a6d5cf", "#2166ac")
+"""Colours of dry, medium and moist; readers with colour-blindness can distinguish them."""
+RELATIVE = ("driest third", "middle third", "wettest third")
+BY_USER = ("dry", "medium", "moist")
+BY_PLANT = ("too dry", "enough water", "wet")
+FEW_PLACES = 10
+SURE_ENOUGH = 0.5
+"""Share of the area with a certain zone from which the map supports decisions zone by zone."""
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A class of the field's area.
+
+    :param name: name for readers
+    :param limits: its range in words, with the unit
+    :param colour: colour on the map
+    :param area_m2: its area [m^2]
+    :param share: share of the field's area [0..1]
+    :param sure: share of its area whose 90 % interval lies inside the class [0..1], NaN if it is empty
+    :param water_mm: mean water in the root zone [mm], NaN without a calibration
+    :param missing_mm: mean water missing to field capacity [mm], NaN if that is unknown
+    """
+
+    name: str
+    limits: str
+    colour: str
+    area_m2: float
+    share: float
+    sure: float
+    water_mm: float
+    missing_mm: float
+
+    @property
+    def area(self) -> str:
+        """The area with its unit."""
+        return " ".join(area(self.area_m2)) if self.area_m2 > 0 else "0"
+
+
+@dataclass(frozen=True, eq=False)
+class Irrigation:
+    """What the map means for irrigation.
+
+    :param zones: from dry to moist
+    :param number: number of the zone of each cell, NaN outside the field, shape (ny, nx)
+    :param sure: whether the interval of a cell lies inside its zone, shape (ny, nx)
+    :param relative: whether the zones only compare places of this field
+    :param basis: where the limits of the zones come from, as a sentence
+    :param water: water in the root zone of the mean of the field, as a sentence; empty without a calibration
+    :param level: what is known of the absolute moisture, as a sentence
+    :param advice: what to do next, as a sentence
+    """
+
+    zones: tuple[Zone, ...]
+    number: Array
+    sure: NDArray[np.bool_]
+    relative: bool
+    basis: str
+    water: str
+    level: str
+    advice: str
+
+    @property
+    def sure_share(self) -> float:
+        """Share of the field whose zone is certain [0..1]."""
+        inside = np.isfinite(self.number)
+        return float(self.sure[inside].mean()) if inside.any() else math.nan
+
+
+def irrigation(run: MapRun) -> Irrigation:
+    """Zones, water and advice of a map; of its count rate if there is no calibration."""
+    values, low, high = _values(run)
+    names, edges, basis = _edges(run, values)
+    number = np.where(np.isfinite(values), np.searchsorted(edges, np.nan_to_num(values), side="right"), np.nan)
+    bounds = np.concatenate([[-np.inf], edges, [np.inf]])
+    own = np.nan_to_num(number).astype(int)
+    sure = np.isfinite(number) & (low >= bounds[own]) & (high <= bounds[own + 1])
+    zones = tuple(_zone(run, i, names[i], edges, values, number, sure) for i in range(3))
+    found = Irrigation(zones, number, sure, names == RELATIVE, basis, _water(run), _level(run), "")
+    return Irrigation(**{**vars(found), "advice": _advice(run, found)})
+
+
+def stress_point(limits: IrrigationLimits) -> float | None:
+    """Moisture below which plants lack water [m^3/m^3]; ``None`` without wilting point and field capacity.
+
+    Readily available water is the share ``depletion`` of the water between wilting point and field capacity
+    (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83).
+    """
+    if limits.wilting_point is None or limits.field_capacity is None:
+        return None
+    return limits.field_capacity - limits.depletion * (limits.field_capacity - limits.wilting_point)
+
+
+def _absolute(run: MapRun) -> bool:
+    """Whether the map has moistures that limits can be compared with."""
+    return run.calibrated and not (run.calibration is not None and run.calibration.illustrative)
+
+
+def _values(run: MapRun) -> tuple[Array, Array, Array]:
+    """Moisture with its interval, or minus the rate with its interval; more is moister. NaN outside the field."""
+    soil_map = run.soil_map
+    if run.calibrated:
+        bands = (soil_map.vwc, soil_map.vwc_p05, soil_map.vwc_p95)
+    else:
+        away = QUANTILE_SD * soil_map.rate_sd
+        bands = (-soil_map.rate, -soil_map.rate - away, -soil_map.rate + away)
+    value, low, high = (np.where(soil_map.grid.mask, band, np.nan) for band in bands)
+    return value, low, high
+
+
+def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
+    """Names of the zones, the two limits between them, and their origin."""
+    limits, stress = run.irrigation, stress_point(run.irrigation)
+    if _absolute(run) and limits.dry_below is not None and limits.moist_above is not None:
+        return BY_USER, np.array([limits.dry_below, limits.moist_above]), "The limits are those of the site file."
+    if _absolute(run) and stress is not None and limits.field_capacity is not None:
+        basis = (
+            f"Plants lack water below {volume(stress)} %: there, {percent(limits.depletion)} of the water between "
+            f"field capacity ({volume(limits.field_capacity)} %) and wilting point "
+            f"({volume(limits.wilting_point)} %) is used up. Above field capacity the soil drains."
+        )
+        return BY_PLANT, np.array([stress, limits.field_capacity]), basis
+    finite = values[np.isfinite(values)]
+    edges = np.quantile(finite, (1 / 3, 2 / 3)) if finite.size else np.zeros(2)
+    basis = (
+        "The zones only compare places of this field: each is about a third of the area, however dry or wet it is."
+    )
+    given = stress is not None or limits.dry_below is not None
+    if given and not _absolute(run):
+        basis += " The limits of the site file need a calibrated sensor."
+    elif not given:
+        basis += (
+            " For absolute zones, give wilting point and field capacity, or your own limits, in the site file."
+        )
+    return RELATIVE, edges, basis
+
+
+def _zone(
+    run: MapRun, index: int, name: str, edges: Array, values: Array, number: Array, sure: NDArray[np.bool_]
+) -> Zone:
+    chosen = number == index
+    total = np.count_nonzero(run.soil_map.grid.mask)
+    share = np.count_nonzero(chosen) / total
+    depth, full = run.irrigation.root_depth_mm, run.irrigation.field_capacity
+    water = missing = math.nan
+    if run.calibrated and chosen.any():
+        water = float(values[chosen].mean()) * depth
+        if full is not None and _absolute(run):
+            missing = float(np.maximum(full - values[chosen], 0).mean()) * depth
+    size_m2 = share * float(field_polygon(run.soil_map).area)
+    return Zone(
+        name, _range_text(run, index, edges), COLOURS[index], size_m2, share,
+        float(sure[chosen].mean()) if chosen.any() else math.nan, water, missing,
+    )  # fmt: skip
+
+
+def _range_text(run: MapRun, index: int, edges: Array) -> str:
+    """Range of a zone: moisture, or rates, which fall towards moist soil."""
+    if run.calibrated:
+        first, second = (volume(edge) for edge in edges.tolist())
+        return (f"below {first} %", f"{first} to {second} %", f"above {second} %")[index]
+    first, second = (f"{-edge:.2f}" for edge in edges.tolist())
+    return (f"above {first} counts/s", f"{second} to {first} counts/s", f"below {second} counts/s")[index]
+
+
+def _water(run: MapRun) -> str:
+    """Water in the root zone with its 90 % interval."""
+    if not run.calibrated:
+        return ""
+    mean = float(np.nanmean(run.soil_map.vwc)) if np.isfinite(run.soil_map.vwc).any() else math.nan
+    if not math.isfinite(mean):
+        return ""
+    depth, sd = run.irrigation.root_depth_mm, mean_sd(run.soil_map, moisture=True)
+    common = calibration_sd(run.soil_map, run.calibration.n0_sd_cps if run.calibration else None)
+    text = f"On average the upper {depth:g} mm of the soil hold {mean * depth:.0f} mm of water"
+    if sd is not None:
+        away = QUANTILE_SD * math.hypot(sd, common or 0.0)
+        text += f" (90 % interval {max(mean - away, 0) * depth:.0f} to {(mean + away) * depth:.0f} mm)"
+    text += ", if the soil below the reach of the sensor is as moist as above"
+    return f"{text}." if common is not None else f"{text}. An error of the calibration is not included."
+
+
+def _level(run: MapRun) -> str:
+    if not run.calibrated:
+        return "Not calibrated: the map shows where it is drier and wetter, but not how much water there is."
+    if not _absolute(run):
+        return (
+            "Illustrative: the calibration is a guess. Trust where it is drier and wetter, but not the "
+            "percentages and millimetres."
+        )
+    if run.simulated:
+        return "Simulated: no real field was measured."
+    source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
+    return f"Calibrated{source}: the percentages and millimetres are meant as they stand, with their intervals."
+
+
+def _advice(run: MapRun, found: Irrigation) -> str:
+    """The next step that helps most, as a sentence."""
+    if not run.calibrated:
+        return "Next: take soil cores and calibrate the sensor, so that the map shows water."
+    if not _absolute(run):
+        return "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
+    samples = len(run.soil_map.samples)
+    if samples < FEW_PLACES:
+        return f"Next: measure at more places; {samples} are too few to know how sure the map is."
+    if found.sure_share < SURE_ENOUGH:
+        return (
+            f"Next: count longer or at more places {_least_sure(run)}; now the zone is certain on only "
+            f"{percent(found.sure_share)} of the area."
+        )
+    dry = found.zones[0]
+    if not found.relative and dry.share > 0 and math.isfinite(dry.missing_mm):
+        return (
+            f"Next: look at the {dry.area} that are too dry; about {dry.missing_mm:.0f} mm would fill their root "
+            "zone to field capacity."
+        )
+    return "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
+
+
+def _least_sure(run: MapRun) -> str:
+    """Part of the field where the interval is widest, in words."""
+    soil_map = run.soil_map
+    width = np.where(soil_map.grid.mask, soil_map.vwc_p95 - soil_map.vwc_p05, np.nan)
+    rows, columns = np.nonzero(width >= np.nanquantile(width, 0.8))
+    every_row, every_column = np.nonzero(soil_map.grid.mask)
+    x, y = soil_map.grid.x_m, soil_map.grid.y_m
+    east = float(x[columns].mean() - x[every_column].mean()) / max(float(np.ptp(x[every_column])), 1e-9)
+    north = float(y[rows].mean() - y[every_row].mean()) / max(float(np.ptp(y[every_row])), 1e-9)
+    if math.hypot(east, north) < 0.12:
+        return "all over the field"
+    points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
+    return f"in the {points[round(math.degrees(math.atan2(north, east)) / 45) % 8]}"

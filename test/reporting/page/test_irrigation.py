@@ -1,0 +1,87 @@
+"""The farmer's page: irrigation.py."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.reporting.page.irrigation import BY_PLANT, BY_USER, RELATIVE, irrigation, stress_point
+from soilmoist_ros.reporting.run import CalibrationInfo, IrrigationLimits
+
+
+def names(found):
+    return tuple(zone.name for zone in found.zones)
+
+
+def test_without_limits_the_zones_are_thirds_and_say_so(make_run):
+    found = irrigation(make_run())
+    assert names(found) == RELATIVE
+    assert [zone.share for zone in found.zones] == pytest.approx([1 / 3] * 3, abs=0.02)
+    assert sum(zone.area_m2 for zone in found.zones) == pytest.approx(1106.5, rel=1e-6)
+    assert "only compare places of this field" in found.basis
+    assert found.zones[0].water_mm < found.zones[1].water_mm < found.zones[2].water_mm
+
+
+def test_limits_of_the_user_divide_the_field(make_run, the_map):
+    found = irrigation(make_run(irrigation=IrrigationLimits(dry_below=0.2, moist_above=0.3)))
+    inside = the_map.vwc[the_map.grid.mask]
+    assert names(found) == BY_USER
+    assert found.zones[0].share == pytest.approx(np.mean(inside < 0.2))
+    assert found.zones[2].share == pytest.approx(np.mean(inside >= 0.3))
+
+
+def test_available_water_gives_the_stress_point_and_the_missing_water(make_run, the_map):
+    # FAO-56 example: field capacity 0.30, wilting point 0.12, p = 0.5: half of 0.18 may be used
+    limits = IrrigationLimits(root_depth_mm=500, wilting_point=0.12, field_capacity=0.30)
+    assert stress_point(limits) == pytest.approx(0.21)
+    found = irrigation(make_run(irrigation=limits))
+    assert names(found) == BY_PLANT
+    for zone, chosen in zip(found.zones, (found.number == i for i in range(3)), strict=True):
+        if chosen.any():
+            missing = np.maximum(0.30 - the_map.vwc[chosen], 0).mean() * 500
+            assert zone.missing_mm == pytest.approx(missing)
+            assert zone.water_mm == pytest.approx(the_map.vwc[chosen].mean() * 500)
+
+
+def test_a_cell_is_certain_if_its_interval_lies_in_its_zone(make_run, the_map):
+    found = irrigation(make_run(irrigation=IrrigationLimits(dry_below=0.01, moist_above=0.46)))
+    inside = the_map.grid.mask
+    expected = (the_map.vwc_p05 >= 0.01) & (the_map.vwc_p95 <= 0.46) & inside
+    assert found.zones[1].share == 1
+    np.testing.assert_array_equal(found.sure, expected)
+    assert found.sure_share == pytest.approx(expected[inside].mean())
+    assert math.isnan(found.zones[0].sure)
+
+
+def test_a_guessed_calibration_has_no_absolute_zones(make_run):
+    limits = IrrigationLimits(dry_below=0.2, moist_above=0.3)
+    found = irrigation(make_run(irrigation=limits, calibration=CalibrationInfo(7.0, 1.4, illustrative=True)))
+    assert names(found) == RELATIVE
+    assert "Illustrative" in found.level
+    assert "calibrate" in found.advice
+    assert all(math.isnan(zone.missing_mm) for zone in found.zones)
+
+
+def test_rates_are_zones_from_many_to_few_neutrons(make_run, uncalibrated):
+    found = irrigation(make_run(soil_map=uncalibrated, calibration=None))
+    driest = uncalibrated.rate[found.number == 0].min()
+    assert driest >= uncalibrated.rate[found.number == 2].max()
+    assert found.water == ""
+    assert "counts/s" in found.zones[0].limits
+    assert "Not calibrated" in found.level
+
+
+def test_water_of_the_root_zone_has_an_interval(make_run, the_map):
+    text = irrigation(make_run()).water
+    mean = float(np.nanmean(the_map.vwc)) * 300
+    assert f"hold {mean:.0f} mm" in text
+    low, high = (int(part) for part in text.split("interval ")[1].split(" mm")[0].split(" to "))
+    assert low < mean < high
+    assert "upper 300 mm" in text
+
+
+def test_advice_names_where_the_map_is_least_sure(make_run, map_of):
+    assert "more places" in irrigation(make_run(soil_map=map_of(n=4))).advice
+    assert irrigation(make_run()).advice.startswith("Next: ")
