@@ -75,17 +75,6 @@ class Irrigation(Section):
         return self
 
 
-class Location(Section):
-    """Position of a stationary probe."""
-
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
-    """Latitude, WGS-84 [deg]."""
-    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
-    """Longitude, WGS-84, east positive [deg]."""
-    altitude_m: float | None = None
-    """Altitude above mean sea level [m]."""
-
-
 class Site(Section):
     """One sensor at one site."""
 
