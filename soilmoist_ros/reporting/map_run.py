@@ -95,11 +95,9 @@ def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[Correct
         ),
         (
             "air humidity",
-            "1 + c (Q - Q0)",
+            "1 + c (Q - Q0)" if site.humidity_method == "linear" else "N(Q0) / N(Q), universal transport solution",
             "f_humidity",
-            {"c [m3/g]": settings.humidity.coefficient_m3g, "Q0 [g/m3]": settings.humidity.reference_gm3}
-            if settings.humidity
-            else None,
+            _humidity_parameters(site),
             "",
         ),
         (
@@ -142,6 +140,16 @@ def _intensity_source(intensity: IntensityCorrection) -> str:
     monitor = f" of {intensity.monitor.name}" if intensity.monitor else ""
     scaling = "" if intensity.scaling == "none" else f", scaled as in {intensity.scaling}"
     return f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
+
+
+def _humidity_parameters(site: Site) -> dict[str, float | str] | None:
+    settings = site.corrections.humidity
+    if settings is None:
+        return None
+    reference: dict[str, float | str] = {"Q0 [g/m3]": settings.reference_gm3}
+    if site.humidity_method == "universal":
+        return {**reference, "at moisture [m3/m3]": site.corrections.typical_vwc}
+    return {"c [m3/g]": settings.coefficient_m3g, **reference}
 
 
 def _range(factors: Sequence[float]) -> tuple[float, float, float]:

@@ -7,6 +7,7 @@ The counts stay unchanged: the *exposure* is divided by the product of the facto
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 
@@ -23,6 +24,8 @@ class Corrections:
         for no correction
     :param intensity_scale: relative change of the intensity at the site for a relative change of 1 at the monitor,
         k [-]; see :func:`soilmoist_ros.sensing.corrections.intensity.intensity_scale`
+    :param humidity_response: rate at an absolute humidity [g/m^3] over the rate at the reference humidity [-],
+        from a curve that knows the humidity; ``None`` for the linear factor
     :raises ValueError: if a parameter is not finite or out of range
     """
 
@@ -32,6 +35,7 @@ class Corrections:
     reference_humidity_gm3: float = 0.0
     reference_intensity: float | None = None
     intensity_scale: float = 1.0
+    humidity_response: Callable[[float], float] | None = None
 
     def __post_init__(self) -> None:
         _require_positive("beta_per_hpa", self.beta_per_hpa)
@@ -49,8 +53,10 @@ class Corrections:
         return math.exp(self.beta_per_hpa * (pressure_hpa - self.reference_pressure_hpa))
 
     def f_humidity(self, temperature_degc: float, relative_humidity: float) -> float:
-        """``1 + c (Q - Q0)`` with the absolute humidity Q of the air [-]."""
+        """``1 + c (Q - Q0)`` with the absolute humidity Q of the air, or one over the response to Q [-]."""
         humidity = absolute_humidity_gm3(temperature_degc, relative_humidity)
+        if self.humidity_response is not None:
+            return 1 / self.humidity_response(humidity)
         factor = 1 + self.humidity_coefficient_m3g * (humidity - self.reference_humidity_gm3)
         if factor <= 0:
             raise ValueError(f"the humidity factor is {factor:.3g}: reference_humidity_gm3 is far too high")

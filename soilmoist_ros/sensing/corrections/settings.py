@@ -55,8 +55,10 @@ class PressureCorrection(Section):
 
 
 class HumidityCorrection(Section):
-    """Factor ``1 + c (Q - Q0)``."""
+    """Factor ``1 + c (Q - Q0)``, or the response of the universal transport solution."""
 
+    method: Literal["linear", "universal"] | None = None
+    """Which of the two; by default the one that belongs to the curve of the calibration."""
     coefficient_m3g: Annotated[float, Field(ge=0, lt=0.1)] = 0.0054
     """Coefficient c [m^3/g] (Rosolem et al. 2013)."""
     reference_gm3: Annotated[float, Field(ge=0, lt=60)] = 0.0
@@ -135,6 +137,8 @@ class CorrectionSettings(Section):
     pressure: PressureCorrection | None = PressureCorrection()
     humidity: HumidityCorrection | None = HumidityCorrection()
     intensity: IntensityCorrection | None = None
+    typical_vwc: Annotated[float, Field(ge=0, le=1)] = 0.2
+    """Moisture of the field at which corrections that depend on the moisture are exact [m^3/m^3]."""
 
     @property
     def need_of_place(self) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,8 +13,9 @@ from pydantic import Field, model_validator
 
 from soilmoist_ros.foundation.configuration import Section, load_model, resource
 from soilmoist_ros.sensing.corrections.factors import Corrections
-from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, Location
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, HumidityCorrection, Location
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
+from soilmoist_ros.sensing.moisture.universal import SIMULATED_DENSITY_GCM3, UniversalCurve
 
 _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
@@ -37,7 +40,11 @@ class Calibration(Section):
     """Result of a calibration, as ``soilmoist calibrate`` writes it."""
 
     n0_cps: Positive
-    """Count rate over dry soil N0: all tubes, corrected [counts/s]."""
+    """Count rate over dry soil N0: all tubes, corrected [counts/s]. It belongs to its curve."""
+    curve: Literal["desilets", "universal"] = "desilets"
+    """Curve from the rate to the moisture: Desilets et al. (2010), or Köhli et al. (2021)."""
+    parameter_set: Literal["mcnp_drf", "mcnp_thl", "uranos_drf", "uranos_thl"] = "mcnp_drf"
+    """Parameters of the universal curve."""
     n0_sd_cps: NotNegative | None = None
     """Standard deviation of N0 [counts/s]."""
     date: str | None = None
@@ -111,7 +118,30 @@ class Site(Section):
     @property
     def corrections_parameters(self) -> Corrections:
         """Parameters for :mod:`factors`; a correction switched off is neutral."""
-        return self.corrections.parameters(self.location)
+        parameters = self.corrections.parameters(self.location)
+        if self.humidity_method == "universal":
+            return replace(parameters, humidity_response=self._humidity_response)
+        return parameters
+
+    @property
+    def humidity_method(self) -> Literal["linear", "universal"]:
+        """How counts are corrected for humidity."""
+        settings = self.corrections.humidity
+        if settings is None:
+            return "linear"
+        by_curve = self.calibration is not None and self.calibration.curve == "universal"
+        return settings.method or ("universal" if by_curve else "linear")
+
+    @property
+    def _humidity_response(self) -> Callable[[float], float]:
+        calibration = self.calibration or Calibration(n0_cps=1.0)
+        soil = self.soil or Soil(bulk_density_gcm3=SIMULATED_DENSITY_GCM3)
+        curve = _universal_curve(calibration, soil, self._reference_humidity_gm3)
+        return partial(curve.humidity_response, self.corrections.typical_vwc)
+
+    @property
+    def _reference_humidity_gm3(self) -> float:
+        return (self.corrections.humidity or HumidityCorrection()).reference_gm3
 
     @property
     def support_radius_m(self) -> float:
@@ -119,18 +149,37 @@ class Site(Section):
         return self.footprint_radius_m if self.deconvolve_footprint else 0.0
 
     @property
-    def curve(self) -> CalibrationCurve | None:
+    def curve(self) -> MoistureCurve | None:
         """Calibration curve, ``None`` until the site has both soil properties and N0."""
         if self.soil is None or self.calibration is None:
             return None
-        return CalibrationCurve(
-            self.calibration.n0_cps,
-            self.soil.bulk_density_gcm3,
-            self.soil.lattice_water,
-            self.soil.organic_water,
-            self.calibration.n0_sd_cps or 0.0,
-            self.soil.bulk_density_sd_gcm3 or 0.0,
-        )
+        return moisture_curve(self.calibration, self.soil, self._reference_humidity_gm3)
+
+
+def moisture_curve(calibration: Calibration, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:
+    """The curve that a calibration names.
+
+    :param reference_humidity_gm3: absolute humidity to which the rates are corrected [g/m^3]
+    """
+    if calibration.curve == "universal":
+        return _universal_curve(calibration, soil, reference_humidity_gm3)
+    return CalibrationCurve(*_common(calibration, soil))
+
+
+def _universal_curve(calibration: Calibration, soil: Soil, humidity_gm3: float) -> UniversalCurve:
+    return UniversalCurve(*_common(calibration, soil), humidity_gm3, calibration.parameter_set)
+
+
+def _common(calibration: Calibration, soil: Soil) -> tuple[float, float, float, float, float, float]:
+    """Parameters that all curves share, in order."""
+    return (
+        calibration.n0_cps,
+        soil.bulk_density_gcm3,
+        soil.lattice_water,
+        soil.organic_water,
+        calibration.n0_sd_cps or 0.0,
+        soil.bulk_density_sd_gcm3 or 0.0,
+    )
 
 
 def load_site(name_or_path: str | Path) -> Site:

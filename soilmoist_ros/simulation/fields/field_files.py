@@ -34,6 +34,7 @@ def write_site_file(field: SurrogateField, path: Path) -> None:
     :raises InputError: if it cannot be written
     """
     about: dict[str, Any] = {"name": "simulated sensor", "footprint_radius_m": 10.0}
+    about["corrections"] = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
     _write(path, _yaml({**about, **_calibration(field, note="the calibration that the simulation uses")}))
 
 
@@ -71,12 +72,10 @@ def _outline(field: SurrogateField) -> dict[str, Any]:
 def _calibration(field: SurrogateField, note: str | None = None) -> dict[str, Any]:
     if field.curve is None:
         return {}
-    soil = {
-        "bulk_density_gcm3": field.curve.bulk_density_gcm3,
-        "lattice_water": field.curve.lattice_water,
-        "organic_water": field.curve.organic_water,
-    }
-    calibration: dict[str, Any] = {"n0_cps": field.curve.n0_cps}
+    parameters = field.curve.parameters
+    soil = {name: parameters[name] for name in ("bulk_density_gcm3", "lattice_water", "organic_water")}
+    names = ("n0_cps", "curve", "parameter_set")
+    calibration: dict[str, Any] = {name: parameters[name] for name in names if name in parameters}
     if note:
         calibration["note"] = note
     return {"soil": soil, "calibration": calibration}

@@ -15,8 +15,8 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.mapping.field import Field, FieldFile, load_field
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
-from soilmoist_ros.sensing.moisture.site import Calibration, Soil
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.sensing.moisture.site import Calibration, Soil, moisture_curve
 from soilmoist_ros.simulation.fields.rate_extrapolation import MAX_POINTS, default_variogram, kriged_grid
 from soilmoist_ros.simulation.fields.rate_formula import Formula, Quantity, Truth
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
@@ -87,10 +87,7 @@ class TruthSection(Section):
         """Calibration curve, ``None`` without soil and calibration."""
         if self.soil is None or self.calibration is None:
             return None
-        soil = self.soil
-        return CalibrationCurve(
-            self.calibration.n0_cps, soil.bulk_density_gcm3, soil.lattice_water, soil.organic_water
-        )
+        return moisture_curve(self.calibration, self.soil)
 
 
 class SurrogateFile(FieldFile):
