@@ -8,23 +8,19 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import replace
-from queue import SimpleQueue
-from threading import Lock
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import (
     ExplorerSettings,
     FieldAccess,
     changed_settings,
-    make_explorer,
 )
 from soilmoist_ros.exploration.control.operator_request import (
     OperatorRequest,
@@ -33,7 +29,8 @@ from soilmoist_ros.exploration.control.operator_request import (
     RequestError,
     Requests,
 )
-from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
+from soilmoist_ros.exploration.control.planning_queue import OWN, PlanningQueue, PropertyMap
+from soilmoist_ros.exploration.control.planning_thread import PlanningThread, Terms
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.fence import Fence
@@ -56,7 +53,6 @@ from soilmoist_ros.exploration.mission.events import (
     Command,
     EmergencyStop,
     GoalFailed,
-    PlanFailed,
     Planned,
     Tick,
 )
@@ -115,15 +111,6 @@ class Outputs(Protocol):
     def wake(self) -> None:
         """Call :meth:`MissionControl.hand_on` soon, from another thread than this one."""
         ...
-
-
-class _MadeFor(NamedTuple):
-    """What an explorer was made for; another one follows when something of it changes."""
-
-    started_s: float | None
-    access: FieldAccess
-    settings: ExplorerSettings
-    home: Stop | None
 
 
 class MissionControl:
@@ -186,10 +173,7 @@ class MissionControl:
         self._start(mission or Mission(rules))
         named = (PropertyMap(name, weight) for name, weight in properties.items())
         self._queue = PlanningQueue(map_wait_s, (OWN, *named))
-        self._queue_lock = Lock()
-        self._pool = executor or ThreadPoolExecutor(1, "planning")
-        self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
-        self._explorer: tuple[_MadeFor, Explorer] | None = None  # of the pool's thread
+        self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
@@ -389,8 +373,7 @@ class MissionControl:
         now_s = self._clock.now_s()
         records = self._watching.stamped(records, self._outputs.now_s())
         if records:
-            with self._queue_lock:
-                self._queue.take_factor(name, correction_factor(records[-1]))
+            self._queue.take_factor(name, correction_factor(records[-1]))
         if name:
             for record in records:
                 if math.isfinite(record.x_m) and math.isfinite(record.y_m):
@@ -409,8 +392,7 @@ class MissionControl:
 
     def samples(self, samples: Samples, stamp_s: float, name: str = "") -> None:
         """The merged samples of a property have come."""
-        with self._queue_lock:
-            self._queue.take_samples(name, samples, stamp_s)
+        self._queue.take_samples(name, samples, stamp_s)
         if not name:
             self.watch.map(self._clock.now_s(), stamp_s)
         self._plan_if_due()
@@ -422,8 +404,7 @@ class MissionControl:
         """
         if not name and cell_m is not None:
             self._use_cells(cell_m)
-        with self._queue_lock:
-            self._queue.take_fit(name, fit, stamp_s)
+        self._queue.take_fit(name, fit, stamp_s)
         self._plan_if_due()
 
     def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
@@ -435,8 +416,7 @@ class MissionControl:
         """
         self._others[name] = status
         pending = pending_measurement(status) if status is not None else None
-        with self._queue_lock:
-            self._queue.take_other(name, pending)
+        self._queue.take_other(name, pending)
         state, access = self._mission.state, self._access
         if not goes_first or pending is None or access is None or state.target is None:
             return
@@ -474,8 +454,8 @@ class MissionControl:
 
     def hand_on(self) -> None:
         """Hand the plans that are ready to the mission."""
-        while not self._answers.empty():
-            event = replace(self._answers.get(), now_s=self._clock.now_s())
+        for answer in self._planning.answers():
+            event = replace(answer, now_s=self._clock.now_s())
             if isinstance(event, Planned):
                 self._choice = event.choice
             self._feed.give(event)
@@ -485,7 +465,7 @@ class MissionControl:
         self._closed = True
         if self._mission.state.goal is not None:
             self.navigator.cancel(self._mission.state.goal.goal_id)
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._planning.close()
 
     # What is shown -------------------------------------------------------------------------------------------
 
@@ -529,8 +509,7 @@ class MissionControl:
         elif self.navigator.caution:
             there = Health("navigation", self._severity, self.navigator.caution)
         problem = self._journal.problem
-        with self._queue_lock:
-            faults, weighed = self._queue.faults, ", ".join(self._queue.weighed)
+        faults, weighed = self._queue.faults, ", ".join(self._queue.weighed)
         known = [Health("properties", Level.OK, f"the last stop was chosen with the map of {weighed}")]
         unheard = [name for name, status in self._others.items() if status is None]
         return [
@@ -563,8 +542,7 @@ class MissionControl:
     def _carry_out(self, action: Action) -> None:
         match action:
             case RequestPlan():
-                with self._queue_lock:
-                    self._queue.ask(action, self._clock.now_s())
+                self._queue.ask(action, self._clock.now_s())
                 self._plan_if_due()
             case GoTo():
                 self._go(action)
@@ -575,8 +553,7 @@ class MissionControl:
                 self._outputs.visit(visit)
                 measured_s = self._mission.state.last_stamp_s
                 if measured_s is not None:
-                    with self._queue_lock:
-                        self._queue.measured(measured_s + self._mission.state.stamp_offset_s)
+                    self._queue.measured(measured_s + self._mission.state.stamp_offset_s)
             case Publish():
                 self._journal.keep(self._mission)
                 self.show()
@@ -601,36 +578,12 @@ class MissionControl:
     # Planning ------------------------------------------------------------------------------------------------
 
     def _plan_if_due(self) -> None:
-        with self._queue_lock:
-            job = self._queue.due(self._clock.now_s(), self._feed.place)
-            if job is not None:
-                for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():
-                    _log.warning(fault)
-                rules, state = self._mission.current_rules, self._mission.state
-                settings = changed_settings(self._settings, rules, state.changes)
-                self._pool.submit(self._plan, job, state.started_s, settings, rules)
-
-    def _plan(
-        self, job: PlanJob, started_s: float | None, settings: ExplorerSettings, rules: MissionRules
-    ) -> None:
-        """In the pool's thread: choose a stop.
-
-        Strategies remember what they planned, so each mission has its own; an operator's changes take effect here.
-        """
-        try:
-            access = self._access
-            assert access is not None, "a mission does not start before it knows where the robot may go"
-            held, wanted = self._explorer, _MadeFor(started_s, access, settings, rules.home)
-            if held is None or held[0] != wanted:
-                explorer = make_explorer(access, settings, rules)
-                if held is not None and held[0].started_s == started_s and held[0].access.stops == access.stops:
-                    explorer.go_on_from(held[1], held[0].settings.strategy == settings.strategy)
-                held = self._explorer = (wanted, explorer)
-            if job.late:
-                _log.warning("choosing the next stop without what was measured last: the mapper is late")
-            event = answer(held[1], job, settings.needs_map)
-        except Exception as error:
-            _log.exception("planning failed")
-            event = PlanFailed(0.0, job.request.plan_id, f"{type(error).__name__}: {error}")
-        self._answers.put(event)
-        self._outputs.wake()
+        job, access = self._queue.due(self._clock.now_s(), self._feed.place), self._access
+        if job is None:
+            return
+        assert access is not None, "a mission does not start before it knows where the robot may go"
+        for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():
+            _log.warning(fault)
+        rules, state = self._mission.current_rules, self._mission.state
+        settings = changed_settings(self._settings, rules, state.changes)
+        self._planning.submit(job, Terms(state.started_s, access, settings, rules))

@@ -256,7 +256,7 @@ def test_changes_take_effect_at_the_next_plan():
     around.map()
     around.planned()
     assert "integrated" in around.status.reason or "variance" in around.status.reason
-    assert around.control._explorer[1].home.name == "r0c0"
+    assert around.control._planning._explorer[1].home.name == "r0c0"
     assert ask(around, "return_home").accepted
     around.control.ended(around_end(around))
     assert around.status.phase is Phase.RETURNING
