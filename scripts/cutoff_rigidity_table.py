@@ -28,6 +28,8 @@ ESCAPED_RADII = 25.0
 MAX_STEPS = 2500
 COARSE_GV, FINE_GV, MAX_GV = 0.3, 0.02, 18.0
 BATCH = 4096
+UNRESOLVED_GV = 0.26
+"""Below, particles gyrate so tightly that MAX_STEPS end their trace; the atmosphere stops them anyway."""
 
 
 class Field:
@@ -162,7 +164,8 @@ def cutoff_rigidities(field: Field, places: Array) -> Array:
     ]
     found = _scan(field, places, fine)
     forbidden = [(~passes).sum() for passes in found]
-    return np.array([each[0] + FINE_GV * (count - 0.5) for each, count in zip(fine, forbidden, strict=True)])
+    found_gv = np.array([each[0] + FINE_GV * (count - 0.5) for each, count in zip(fine, forbidden, strict=True)])
+    return np.where(found_gv > UNRESOLVED_GV + FINE_GV / 4, found_gv, 0.0)
 
 
 def _scan(field: Field, places: Array, rigidities: list[Array]) -> list[NDArray[np.bool_]]:

@@ -151,6 +151,7 @@ def read_logs(
     :raises InputError: if a file cannot be used
     """
     form = load_logger_format(logger) if logger else detect_format(paths[0])
+    form = form.on_clock(site.logger_utc_offset_hours)
     logs = []
     for index, path in enumerate(paths):
         progress("reading logs", index / len(paths))

@@ -12,6 +12,7 @@ from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.replay.topics import TEXT, RunTopics
 from soilmoist_ros.sensing.formats.log_file import matching_formats
 from soilmoist_ros.sensing.formats.log_values import split_lines
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.moisture.site import Site
@@ -53,7 +54,8 @@ def read_raw(
     if name is None:
         raise InputError("has no topic raw/logger", "map its counts instead", topics.reader.path)
     lines = _lines(topics.reader, name)
-    form = logger or next(iter(matching_formats(lines)), FORMAT_NAME)
+    form = load_logger_format(logger or next(iter(matching_formats(lines)), FORMAT_NAME))
+    form = form.on_clock(site.logger_utc_offset_hours)
     log = parse_log(lines, form, site.longitude, _place(name))
     gnss = topics.find("raw/gnss", TEXT)
     track = None

@@ -41,6 +41,7 @@ class Kind(enum.StrEnum):
     OUT_OF_RANGE = "out_of_range", "value out of range", Severity.WARNING
     SENTINEL = "sentinel", "value marked as missing", Severity.NOTE
     MISSING_COLUMN = "missing_column", "no column of a quantity", Severity.WARNING
+    OTHER_UNIT = "other_unit", "unit differs from the logger format", Severity.WARNING
     MISSING_VALUE = "missing_value", "no value", Severity.NOTE
     MISSING_TUBE = "missing_tube", "tube without counts", Severity.WARNING
     NO_COUNTS = "no_counts", "no tube with counts", Severity.WARNING

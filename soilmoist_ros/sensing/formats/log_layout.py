@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from soilmoist_ros.sensing.formats import units
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.formats.logger_format import Humidity, LoggerFormat, Pressure, Temperature
 
 TUBE = "{tube}"
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
@@ -19,8 +20,14 @@ def plain_name(name: str) -> str:
 
 
 def split_fields(logger: LoggerFormat, text: str) -> list[str]:
-    """Fields of a line without blanks around them."""
-    return [field.strip() for field in text.split(_SEPARATORS[logger.delimiter])]
+    """Fields of a line without blanks around them; a quoted field may contain the separator."""
+    separator = _SEPARATORS[logger.delimiter]
+    if separator and '"' in text:
+        try:
+            return [field.strip() for field in next(csv.reader([text], delimiter=separator, skipinitialspace=True))]
+        except csv.Error:
+            pass
+    return [field.strip() for field in text.split(separator)]
 
 
 class MissingColumnsError(ValueError):
@@ -74,6 +81,7 @@ class Layout:
     :param temperature: thermometers in order of preference
     :param humidity: hygrometers in order of preference
     :param position: columns of the position
+    :param remarks: differences between the units of the header and the format, with the name of the column
     """
 
     names: tuple[str, ...]
@@ -86,6 +94,7 @@ class Layout:
     temperature: tuple[Source, ...]
     humidity: tuple[Source, ...]
     position: PositionLayout | None
+    remarks: tuple[tuple[str, str], ...] = ()
 
     @property
     def number_of_sources(self) -> int:
@@ -104,9 +113,11 @@ class Layout:
 class _Columns:
     """Finds names in a header."""
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], given: Sequence[str] = ()) -> None:
         self.names = tuple(name.strip() for name in names)
         self._plain = [plain_name(name) for name in self.names]
+        self._units = [*given, *[""] * len(self.names)]
+        self.remarks: list[tuple[str, str]] = []
 
     def find(self, alternatives: Sequence[str], convert: Callable[[float], float] = float) -> Source | None:
         for name in alternatives:
@@ -115,6 +126,23 @@ class _Columns:
                 index = self._plain.index(plain)
                 return Source(index, self.names[index], convert)
         return None
+
+    def find_sensor(self, name: str, unit: str, quantity: units.Quantity) -> Source | None:
+        """Column of a sensor; a unit in the header has priority over that of the format."""
+        source = self.find([name])
+        if source is None:
+            return None
+        written = self._units[source.index]
+        found = units.canonical(written)
+        used = found or unit
+        if written and not found:
+            self.remarks.append((source.name, f"the unit {written!r} is unknown, {unit} is used"))
+        elif found and not units.measures(quantity, found):
+            self.remarks.append((source.name, f"{written!r} is no unit of {quantity}: the column is not read"))
+            return None
+        elif found and found != unit and not units.same(found, unit):
+            self.remarks.append((source.name, f"the header says {written}, the format {unit}: {found} is used"))
+        return Source(source.index, source.name, units.converter(quantity, used))
 
     def find_tubes(self, alternatives: Sequence[str]) -> dict[int, Source]:
         """Columns by tube number: those that match a pattern with ``{tube}``, or a plain name as tube 1."""
@@ -145,13 +173,14 @@ def is_header(logger: LoggerFormat, fields: Sequence[str]) -> bool:
     return any(plain_name(field) in known for field in fields)
 
 
-def build_layout(logger: LoggerFormat, names: Sequence[str]) -> Layout:
+def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequence[str] = ()) -> Layout:
     """Find the columns of a format in a header.
 
     :param names: names of the columns, in order
+    :param given_units: units of the columns in the header, empty if unknown
     :raises MissingColumnsError: if the time, the counts or a required position is missing
     """
-    columns = _Columns(names)
+    columns = _Columns(names, given_units)
     time = _find_time(columns, logger.time.columns)
     counts = columns.find_tubes(logger.counts.columns)
     position = _find_position(columns, logger)
@@ -171,10 +200,11 @@ def build_layout(logger: LoggerFormat, names: Sequence[str]) -> Layout:
         tubes=tuple(counts),
         counts=tuple(counts.values()),
         live=_find_live(columns, logger, tuple(counts)),
-        pressure=_sensors(columns, logger.pressure, units.to_hpa),
-        temperature=_sensors(columns, logger.temperature, units.to_degc),
-        humidity=_sensors(columns, logger.humidity, units.to_fraction),
+        pressure=_sensors(columns, logger.pressure, "pressure"),
+        temperature=_sensors(columns, logger.temperature, "temperature"),
+        humidity=_sensors(columns, logger.humidity, "humidity"),
         position=position,
+        remarks=tuple(columns.remarks),
     )
 
 
@@ -205,10 +235,10 @@ def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) ->
 
 
 def _sensors(
-    columns: _Columns, quantity: object, converter: Callable[[str], units.Converter]
+    columns: _Columns, settings: Pressure | Temperature | Humidity | None, quantity: units.Quantity
 ) -> tuple[Source, ...]:
-    sensors = getattr(quantity, "sensors", [])
-    found = [columns.find([sensor.column], converter(sensor.unit)) for sensor in sensors]
+    sensors = settings.sensors if settings else ()
+    found = [columns.find_sensor(sensor.column, sensor.unit, quantity) for sensor in sensors]
     return tuple(source for source in found if source is not None)
 
 

@@ -66,7 +66,8 @@ class FieldReader:
         self._side = longitude
         self._missing = {text.casefold() for text in logger.missing} | {""}
         self._notes: list[Note] = []
-        self._previous_stamp_s = NAN
+        self._previous_stamp_s, self._previous_number = NAN, -1
+        self._usual_s, self._unusual_s = NAN, NAN
 
     def read(self, fields: Sequence[str], period_s: float | None, line: int) -> Reading:
         """Convert one line to a record.
@@ -78,8 +79,10 @@ class FieldReader:
         """
         self._notes = []
         stamp_s = self._stamp(fields)
-        since_s, self._previous_stamp_s = stamp_s - self._previous_stamp_s, stamp_s
-        live = self._live_times(fields, period_s, since_s)
+        number = self._record_number(fields)
+        since_s, steps = stamp_s - self._previous_stamp_s, number - self._previous_number
+        self._previous_stamp_s, self._previous_number = stamp_s, number
+        live = self._live_times(fields, period_s, since_s, 1 if number < 0 else steps)
         counts = self._counts(fields, live)
         live = [NAN if math.isnan(count) else time for count, time in zip(counts, live, strict=True)]
         live_s = max(time for time in live if not math.isnan(time))
@@ -98,7 +101,7 @@ class FieldReader:
             relative_humidity=humidity if math.isnan(humidity) else min(humidity, 1.0),
             position=self._position(fields, self.layout.position) if self.layout.position else None,
             line=line,
-            record_number=self._record_number(fields),
+            record_number=number,
         )
         return Reading(record, self._notes, self._gnss_offset(fields, record))
 
@@ -134,15 +137,38 @@ class FieldReader:
             return -1
         return int(number)
 
-    def _live_times(self, fields: Sequence[str], period_s: float | None, since_s: float) -> list[float]:
-        """Live time of each tube [s]; NaN if the tube did not count."""
-        if self._logger.live_time.from_stamps:
-            return [self._time_since(period_s, since_s)] * len(self.layout.tubes)
+    def _live_times(
+        self, fields: Sequence[str], period_s: float | None, since_s: float, steps: int
+    ) -> list[float]:
+        """Live time of each tube [s]; NaN if the tube did not count.
+
+        :param since_s: time since the previous record [s]
+        :param steps: difference to the record number before, 1 without numbers
+        """
+        if self._logger.live_time.from_stamps and not any(self.layout.live):
+            live_s = self._interval(since_s, steps) if period_s is None else self._time_since(period_s, since_s)
+            return [live_s] * len(self.layout.tubes)
         return [self._live_time(fields, source, period_s) for source in self.layout.live]
 
-    def _time_since(self, period_s: float | None, since_s: float) -> float:
+    def _interval(self, since_s: float, steps: int) -> float:
+        """Counting interval of a logger without a nominal period [s]: the time since the previous record.
+
+        After missing records it is the usual interval. After a restart, or when the logger stood still, it is
+        unknown; a longer interval that returns becomes the usual one.
+        """
+        if steps > 1 and math.isfinite(self._usual_s):
+            return self._assumed_live_time(self._usual_s, "records are missing before this one")
+        returns = abs(since_s - self._unusual_s) < 1.0
+        if steps == 1 and since_s > 0 and (returns or not since_s > 1.5 * self._usual_s):
+            self._usual_s, self._unusual_s = since_s, NAN
+            return since_s
+        self._unusual_s = since_s if steps == 1 else NAN
+        what = "the logger stood still" if steps == 1 and since_s > 0 else "the logger has just started"
+        _lose(Kind.NO_LIVE_TIME, f"{what}: how long this record counted is unknown")
+
+    def _time_since(self, period_s: float, since_s: float) -> float:
         """Time since the previous line [s]; the record period if the previous line is missing."""
-        if since_s > 0 and (period_s is None or since_s < 1.5 * period_s):
+        if 0 < since_s < 1.5 * period_s:
             return since_s
         return self._assumed_live_time(period_s, "the previous line's time is not known")
 

@@ -65,6 +65,12 @@ class Header(Section):
     """First names of header lines that continue the list of columns, such as GpsUTC."""
     columns: tuple[str, ...] = ()
     """Names of all columns in order, for loggers without a header; a header line replaces them."""
+    environment: tuple[str, ...] = ()
+    """Keys of the values in a line before the names, such as that of a TOA5 table; the first is its first field."""
+    lines_after_names: int = Field(default=0, ge=0, le=10)
+    """Number of lines after the names that are not records, such as units and processing."""
+    units_line: bool = False
+    """Whether the first of these lines has the units; they replace those of this file, with a note."""
 
 
 class Time(Section):
@@ -108,7 +114,8 @@ class LiveTime(Section):
     covers: int = Field(default=1, ge=1)
     """Number of neighbouring tubes that share one column: with 2, N1ETsec also applies to tube 2."""
     from_stamps: bool = False
-    """Whether the live time is the time since the previous record's stamp."""
+    """Whether the live time is the time since the previous record's stamp. After a gap in the record numbers it is
+    the period, or else the last time between two records."""
     range: Limits = (0, 90_000)
     """Limits of the live time [s]; a line with a value outside is damaged."""
 
@@ -252,14 +259,24 @@ class LoggerFormat(Section):
     def __repr_args__(self) -> Iterator[tuple[str, str]]:
         yield "title", self.title
 
+    def on_clock(self, utc_offset_hours: float | None) -> LoggerFormat:
+        """This format for a logger whose clock is ahead of UTC [h]; unchanged if ``None``."""
+        if utc_offset_hours is None:
+            return self
+        time = self.time.model_copy(update={"utc_offset_hours": utc_offset_hours})
+        return self.model_copy(update={"time": time})
+
     @model_validator(mode="after")
     def _duration_is_known(self) -> LoggerFormat:
         period = self.record_period
-        if not (self.live_time.columns or period.header_key or period.default_s):
+        live = self.live_time
+        if not (live.columns or period.header_key or period.default_s or (live.from_stamps and self.record_number)):
             raise ValueError(
-                "nothing says how long a record counts: give live_time.columns, record_period.header_key or "
-                "record_period.default_s"
+                "nothing says how long a record counts: give live_time.columns, record_period.header_key, "
+                "record_period.default_s, or live_time.from_stamps with record_number"
             )
+        if self.header.units_line and not self.header.lines_after_names:
+            raise ValueError("header.units_line needs header.lines_after_names of 1 or more")
         return self
 
 

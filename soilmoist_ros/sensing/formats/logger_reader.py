@@ -22,14 +22,8 @@ from soilmoist_ros.sensing.formats.log_file import (
     read_lines,
     unreadable_header,
 )
-from soilmoist_ros.sensing.formats.log_layout import (
-    Layout,
-    MissingColumnsError,
-    build_layout,
-    is_header,
-    plain_name,
-    split_fields,
-)
+from soilmoist_ros.sensing.formats.log_header import HeaderReader
+from soilmoist_ros.sensing.formats.log_layout import Layout, MissingColumnsError, build_layout, split_fields
 from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
 from soilmoist_ros.sensing.formats.log_values import MAX_LINE, decode_line, read_number, strip_checksum
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
@@ -50,11 +44,9 @@ __all__ = [
     "read_log",
 ]
 
-MAX_METADATA = 500
 MAX_PERIOD_S = 90_000.0
 REMEMBERED_RECORDS = 100_000
 CLOCK_TOLERANCE_S = 5.0
-_KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
 _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
 
 
@@ -117,27 +109,28 @@ class RecordParser:
     ) -> None:
         self.format = load_logger_format(logger) if isinstance(logger, str) else logger
         self.problems: list[Problem] = []
-        self.metadata: dict[str, str] = {}
         self.line_number = 0
         self.gnss_offsets_s: list[float] = []
         self._side = _checked_side(self.format, longitude, path)
         self._on_problem = on_problem or self.problems.append
         self._path = path
-        self._values: dict[str, str] = {}
-        self._names: list[str] = list(self.format.header.columns)
-        self._continued: set[str] = set()
+        self._header = HeaderReader(self.format)
         self._reader: FieldReader | None = None
         self._bad_header: MissingColumnsError | None = None
-        self._header_is_new = bool(self._names)
         self._seen: dict[tuple[int, float, tuple[float, ...]], None] = {}
         self._stamps: dict[float, None] = {}
         self._previous: LoggerRecord | None = None
 
     @property
+    def metadata(self) -> dict[str, str]:
+        """All values in the header, by their keys."""
+        return self._header.metadata
+
+    @property
     def period_s(self) -> float | None:
         """Nominal duration of a record [s] from the header, else from the format; ``None`` if unknown."""
         period = self.format.record_period
-        match = _LEADING_NUMBER.match(self._value_of(period.header_key))
+        match = _LEADING_NUMBER.match(self._header.value_of(period.header_key))
         number = read_number(match[0]) if match else None
         period_s = units.to_seconds(period.unit)(number) if number else 0.0
         return period_s if 0 < period_s <= MAX_PERIOD_S else period.default_s
@@ -145,7 +138,7 @@ class RecordParser:
     @property
     def serial(self) -> str:
         """Serial number of the logger, empty until it is in a header."""
-        return self._value_of(self.format.serial_key)
+        return self._header.value_of(self.format.serial_key)
 
     @property
     def layout(self) -> Layout | None:
@@ -192,7 +185,7 @@ class RecordParser:
         text = decode_line(line)
         comment = self.format.header.comment
         if comment and text.lstrip().startswith(comment):
-            self._take_header(text.lstrip()[len(comment) :])
+            self._header.take_comment(text.lstrip()[len(comment) :])
             return None
         return self._take_record(text, complete)
 
@@ -201,37 +194,12 @@ class RecordParser:
         comment = self.format.header.comment.encode()
         return bool(comment) and line.lstrip().startswith(comment) and b"*" not in line
 
-    def _value_of(self, key: str) -> str:
-        return self._values.get(plain_name(key), "") if key else ""
-
-    def _take_header(self, text: str) -> None:
-        names = split_fields(self.format, text)
-        while names and not names[-1]:
-            names.pop()
-        if not names:
-            return
-        first = plain_name(names[0])
-        if is_header(self.format, names):
-            known = self._names[: len(names)] if self.format.header.continued_by else self._names
-            if names != known:
-                self._names = names
-                self._header_is_new = True
-                self._continued.clear()
-        elif self._names and first in map(plain_name, self.format.header.continued_by):
-            if first not in self._continued and first not in map(plain_name, self._names):
-                self._names = self._names + names
-                self._header_is_new = True
-            self._continued.add(first)
-        elif (match := _KEY_AND_VALUE.fullmatch(text)) and len(self.metadata) < MAX_METADATA:
-            self.metadata[match[1]] = match[2]
-            self._values[plain_name(match[1])] = match[2]
-
     def _use_new_header(self) -> None:
-        if not self._header_is_new:
+        if not self._header.is_new:
             return
-        self._header_is_new = False
+        self._header.is_new = False
         try:
-            layout = build_layout(self.format, self._names)
+            layout = build_layout(self.format, self._header.names, self._header.units)
         except MissingColumnsError as error:
             self._reader = None
             self._bad_header = error
@@ -243,14 +211,15 @@ class RecordParser:
         for quantity in ("pressure", "temperature", "humidity"):
             if getattr(self.format, quantity) and not getattr(layout, quantity):
                 self._report(Note(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
+        for column, remark in layout.remarks:
+            self._report(Note(Kind.OTHER_UNIT, remark, column, "check the unit in the logger format"), lost=False)
 
     def _take_record(self, text: str, complete: bool) -> LoggerRecord | None:
         if not text.replace("\t", " ").strip("\ufeff").isprintable():
             self._lose(Note(Kind.UNREADABLE, "the line has bytes that are not text"))
             return None
         fields = split_fields(self.format, text)
-        if not fields[0][:1].isdigit() and is_header(self.format, fields):
-            self._take_header(text)
+        if self._header.takes(fields):
             return None
         self._use_new_header()
         if self._reader is None:

@@ -2,36 +2,86 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from typing import Literal
 
 Converter = Callable[[float], float]
+Quantity = Literal["pressure", "temperature", "humidity"]
 
-_PRESSURE = {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0}
 _DURATION = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
+_SCALES: dict[Quantity, dict[str, float]] = {
+    "pressure": {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0},
+    "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0},
+    "humidity": {"percent": 0.01, "fraction": 1.0},
+}
+_SPELLINGS = {
+    "hpa": "hPa",
+    "hectopascal": "hPa",
+    "mb": "mb",
+    "mbar": "mbar",
+    "millibar": "mbar",
+    "pa": "Pa",
+    "pascal": "Pa",
+    "kpa": "kPa",
+    "c": "degC",
+    "degc": "degC",
+    "celsius": "degC",
+    "degreescelsius": "degC",
+    "degcelsius": "degC",
+    "f": "degF",
+    "degf": "degF",
+    "fahrenheit": "degF",
+    "k": "K",
+    "kelvin": "K",
+    "%": "percent",
+    "percent": "percent",
+    "pct": "percent",
+    "%rh": "percent",
+    "fraction": "fraction",
+    "volt": "V",
+    "volts": "V",
+    "v": "V",
+    "count": "counts",
+    "counts": "counts",
+    "m": "m",
+    "mm": "mm",
+    "m/s": "m/s",
+    "w/m2": "W/m2",
+}
 
 
-def to_hpa(unit: str) -> Converter:
-    """Converter of a pressure unit to hPa."""
-    return _scale(_PRESSURE[unit])
+def canonical(text: str) -> str:
+    """A unit as a format file spells it, such as degC for ``Deg C``; empty if the unit is unknown.
+
+    >>> canonical("Deg C"), canonical("mBar"), canonical("furlong")
+    ('degC', 'mbar', '')
+    """
+    return _SPELLINGS.get(re.sub(r"[\s.°^_]|^[\[(]|[\])]$", "", text.casefold()), "")
+
+
+def measures(quantity: Quantity, unit: str) -> bool:
+    """Whether a unit is one of a quantity."""
+    return unit in _SCALES[quantity]
+
+
+def same(one: str, other: str) -> bool:
+    """Whether two units are equal, as hPa and mbar are."""
+    return {one, other} <= {"hPa", "mb", "mbar"}
+
+
+def converter(quantity: Quantity, unit: str) -> Converter:
+    """Converter of a unit to hPa, degC or a fraction."""
+    if unit == "K":
+        return lambda value: value - 273.15
+    if unit == "degF":
+        return lambda value: (value - 32.0) / 1.8
+    return _scale(_SCALES[quantity][unit])
 
 
 def to_seconds(unit: str) -> Converter:
     """Converter of a unit of duration to seconds."""
     return _scale(_DURATION[unit])
-
-
-def to_degc(unit: str) -> Converter:
-    """Converter of a temperature unit to degC."""
-    if unit == "K":
-        return lambda value: value - 273.15
-    if unit == "degF":
-        return lambda value: (value - 32.0) / 1.8
-    return _scale(1.0)
-
-
-def to_fraction(unit: str) -> Converter:
-    """Converter of a unit of relative humidity to 0..1."""
-    return _scale(0.01 if unit == "percent" else 1.0)
 
 
 def _scale(factor: float) -> Converter:

@@ -89,6 +89,8 @@ class Site(Section):
     """Name shown in reports."""
     longitude: Literal["signed", "east", "west"] = "signed"
     """Hemisphere of the site, for loggers that write longitudes without a sign."""
+    logger_utc_offset_hours: Annotated[float, Field(ge=-12, le=14)] | None = None
+    """Logger's clock minus UTC [h]; that of the logger format if left out."""
     location: Location | None = None
     """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0

@@ -7,7 +7,7 @@ from collections import Counter, deque
 import numpy as np
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
@@ -69,7 +69,9 @@ class SensorStream:
         arms: LeverArms = NO_ARMS,
     ) -> None:
         self.logger_problems, self.gnss_problems = ProblemCount(), ProblemCount()
-        self.parser = RecordParser(logger, site.longitude, self._on_problem)
+        form = load_logger_format(logger) if isinstance(logger, str) else logger
+        form = form.on_clock(site.logger_utc_offset_hours)
+        self.parser = RecordParser(form, site.longitude, self._on_problem)
         self.survey = Survey(
             site,
             frame,

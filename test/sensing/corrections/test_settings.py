@@ -34,6 +34,7 @@ def test_scaling_uses_the_monitor_by_its_code_or_its_place() -> None:
 
     place = {"latitude_deg": 46.55, "longitude_deg": 7.98, "altitude_m": 3570}
     assert scale({"name": "mine", **place, "cutoff_rigidity_gv": 4.49}) == pytest.approx(1 + 0.075 * 1.49)
+    assert scale("jung") == scale({"name": "mine", **place})
 
 
 @pytest.mark.parametrize(
