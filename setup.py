@@ -37,7 +37,10 @@ setup(
     maintainer_email="maintainers@soilmoist-ros.example.org",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={NAME: ["py.typed", "reporting/page/templates/*", "sensing/corrections/*.csv"], "msg_adapters": ["py.typed"]},
+    package_data={
+        NAME: ["py.typed", "reporting/page/templates/*", "sensing/corrections/*.csv"],
+        "msg_adapters": ["py.typed"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -24,7 +24,9 @@ def split_fields(logger: LoggerFormat, text: str) -> list[str]:
     separator = _SEPARATORS[logger.delimiter]
     if separator and '"' in text:
         try:
-            return [field.strip() for field in next(csv.reader([text], delimiter=separator, skipinitialspace=True))]
+            return [
+                field.strip() for field in next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+            ]
         except csv.Error:
             pass
     return [field.strip() for field in text.split(separator)]

@@ -270,7 +270,9 @@ class LoggerFormat(Section):
     def _duration_is_known(self) -> LoggerFormat:
         period = self.record_period
         live = self.live_time
-        if not (live.columns or period.header_key or period.default_s or (live.from_stamps and self.record_number)):
+        if not (
+            live.columns or period.header_key or period.default_s or (live.from_stamps and self.record_number)
+        ):
             raise ValueError(
                 "nothing says how long a record counts: give live_time.columns, record_period.header_key, "
                 "record_period.default_s, or live_time.from_stamps with record_number"
