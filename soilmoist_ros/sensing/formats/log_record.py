@@ -158,13 +158,13 @@ class FieldReader:
         """
         if steps > 1 and math.isfinite(self._usual_s):
             return self._assumed_live_time(self._usual_s, "records are missing before this one")
-        returns = abs(since_s - self._unusual_s) < 1.0
-        if steps == 1 and since_s > 0 and (returns or not since_s > 1.5 * self._usual_s):
-            self._usual_s, self._unusual_s = since_s, NAN
-            return since_s
-        self._unusual_s = since_s if steps == 1 else NAN
-        what = "the logger stood still" if steps == 1 and since_s > 0 else "the logger has just started"
-        _lose(Kind.NO_LIVE_TIME, f"{what}: how long this record counted is unknown")
+        runs, returns = steps == 1 and since_s > 0, abs(since_s - self._unusual_s) < 1.0
+        if not runs or (since_s > 1.5 * self._usual_s and not returns):
+            self._unusual_s = since_s if runs else NAN
+            what = "the logger stood still" if runs else "the logger has just started"
+            _lose(Kind.NO_LIVE_TIME, f"{what}: how long this record counted is unknown")
+        self._usual_s, self._unusual_s = since_s, NAN
+        return since_s
 
     def _time_since(self, period_s: float, since_s: float) -> float:
         """Time since the previous line [s]; the record period if the previous line is missing."""

@@ -66,7 +66,7 @@ class Header(Section):
     columns: tuple[str, ...] = ()
     """Names of all columns in order, for loggers without a header; a header line replaces them."""
     environment: tuple[str, ...] = ()
-    """Keys of the values in a line before the names, such as that of a TOA5 table; the first is its first field."""
+    """Keys of the values in a line before the names, as in a TOA5 table; the first is its first field."""
     lines_after_names: int = Field(default=0, ge=0, le=10)
     """Number of lines after the names that are not records, such as units and processing."""
     units_line: bool = False
@@ -260,7 +260,7 @@ class LoggerFormat(Section):
         yield "title", self.title
 
     def on_clock(self, utc_offset_hours: float | None) -> LoggerFormat:
-        """This format for a logger whose clock is ahead of UTC [h]; unchanged if ``None``."""
+        """The format for a logger whose clock is ahead of UTC [h]; unchanged if ``None``."""
         if utc_offset_hours is None:
             return self
         time = self.time.model_copy(update={"utc_offset_hours": utc_offset_hours})
