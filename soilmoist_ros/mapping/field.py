@@ -101,6 +101,20 @@ class Field:
                 f"the field {self.name!r} cannot be gridded: {error}", "change the cell size"
             ) from None
 
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Latitude and longitude of the centre of the boundary [deg]."""
+        import shapely
+
+        centre = shapely.Polygon(self.polygon).centroid
+        latitude, longitude = self.frame.to_geographic([[centre.x, centre.y]])[0]
+        return float(latitude), float(longitude)
+
+    @property
+    def extent_m(self) -> float:
+        """Longer side of the boundary's bounding box [m]."""
+        return float(np.ptp(self.polygon, axis=0).max())
+
     def __repr__(self) -> str:
         width, height = np.ptp(self.polygon, axis=0).tolist()
         return f"Field({self.name!r}, {width:.0f} m x {height:.0f} m, {len(self.no_go)} no-go areas)"

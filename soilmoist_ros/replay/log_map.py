@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
+from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
@@ -29,6 +31,9 @@ from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Consequence, Problem
 from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs
+
+MAX_GAP_S = 60.0
+"""Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
 
 Progress = Callable[[str, float], None]
 """Called with the current step and its finished share [0..1]."""
@@ -95,6 +100,11 @@ def map_logs(
     require_crs(settings.crs, field.frame if field else None)
     logs = read_logs(paths, settings.logger, site, progress)
     track, track_problems = _read_track(settings.nmea)
+    placement = None
+    if field is not None:
+        source = _position_source(logs, track, site, settings)
+        reach_m = max(field.extent_m, site.footprint_radius_m)  # no variogram yet
+        placement = require_near(field, log_positions(logs, track, site), reach_m, source)
     progress("correcting and placing records", 0.0)
     survey = process_logs(logs, site, field.frame if field else None, track)
     require_crs(settings.crs, survey.frame)
@@ -117,6 +127,9 @@ def map_logs(
     soil_map = field_map.compute(field_map.state, lambda share: progress(kriging, share), compute)
     if soil_map is None:
         raise InputError("there are too few samples for a map", "survey at two places at least, or use REML")
+    if placement is not None and placement.nearest_m > max(range_m := soil_map.variogram.practical_range_m, radius_m):
+        message = f"{placement.words}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
+        raise InputError(message, "give the field file of the place that was surveyed", settings.field)
     return make_run(
         soil_map,
         sorted([*survey.records, *survey.quarantined], key=attrgetter("stamp_s")),
@@ -157,6 +170,32 @@ def read_logs(
         progress("reading logs", index / len(paths))
         logs.append(read_log(path, form, longitude=site.longitude))
     return logs
+
+
+def log_positions(logs: Sequence[LogFile], track: Track | None, site: Site) -> NDArray[np.float64]:
+    """Latitude and longitude of the records of logs, shape (n, 2) [deg]; records without a place are left out.
+
+    :param track: positions of a separate receiver, if any
+    :param site: site with the location of a stationary probe, if any
+    """
+    records = [record for log in logs for record in log.records]
+    places = [record.position if track is None else track.at(record.stamp_s, MAX_GAP_S) for record in records]
+    known = [(place.latitude_deg, place.longitude_deg) for place in places if place is not None]
+    if not known and track is None and site.location is not None:
+        known = [(site.location.latitude_deg, site.location.longitude_deg)] * len(records)
+    return np.array(known, float).reshape(-1, 2)
+
+
+def _position_source(
+    logs: Sequence[LogFile], track: Track | None, site: Site, settings: MapSettings
+) -> PositionSource:
+    """Where the positions come from, for advice."""
+    if track is not None:
+        return PositionSource(settings.nmea[0].name, field_file=settings.field)
+    if not any(record.position for log in logs for record in log.records):
+        return PositionSource("'location' in the site file", field_file=settings.field)
+    side = site.longitude if any(log.unsigned_longitude for log in logs) else "signed"
+    return PositionSource(logs[0].path.name, side, settings.field)
 
 
 def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:

@@ -63,6 +63,7 @@ class LogFile:
     :param clock_offset_s: logger's clock minus GNSS time [s], median over the records, NaN if unknown.
         Subtract it from the stamps before joining them with positions of another receiver
     :param n_lines: number of lines in the file
+    :param unsigned_longitude: whether the site file gave the longitudes their sign
     """
 
     path: Path
@@ -74,6 +75,7 @@ class LogFile:
     period_s: float
     clock_offset_s: float
     n_lines: int
+    unsigned_longitude: bool = False
 
     def __repr__(self) -> str:
         return f"LogFile({self.path.name!r}, {len(self.records)} records, {self.records_lost} lost)"
@@ -336,6 +338,7 @@ def parse_log(
         period_s=parser.period_s or NAN,
         clock_offset_s=float(np.median(offsets)) if offsets else NAN,
         n_lines=len(lines),
+        unsigned_longitude=parser.format.position is not None and not parser.format.position.longitude_signed,
     )
 
 

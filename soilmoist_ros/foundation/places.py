@@ -1,0 +1,93 @@
+"""Places in words: coordinates, distance and direction, and the nearest town of an offline gazetteer."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.errors import InputError
+
+if TYPE_CHECKING:
+    from pyproj import Geod
+
+LatLon = tuple[float, float]
+"""Latitude and longitude, WGS-84, north and east positive [deg]."""
+
+_COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_NEAR_M = 30_000.0
+"""Distance up to which a place is near a town [m]."""
+
+
+def distance_and_bearing(start: LatLon, end: LatLon) -> tuple[float, float]:
+    """Length of the geodesic on the WGS-84 ellipsoid [m], and its bearing at the start, 0..360 [deg from north].
+
+    >>> distance_m, bearing_deg = distance_and_bearing((53.27, -0.52), (38.71, -97.43))
+    >>> round(distance_m / 1000), round(bearing_deg)
+    (7020, 299)
+    """
+    bearing_deg, _, distance_m = _geod().inv(start[1], start[0], end[1], end[0])
+    return float(distance_m), float(bearing_deg) % 360
+
+
+@lru_cache(maxsize=1)
+def _geod() -> Geod:
+    from pyproj import Geod
+
+    return Geod(ellps="WGS84")
+
+
+def direction(bearing_deg: float) -> str:
+    """The nearest of eight directions of the compass.
+
+    >>> direction(287.0), direction(359.0)
+    ('west', 'north')
+    """
+    return _COMPASS[round(bearing_deg / 45) % 8]
+
+
+def distance_text(distance_m: float) -> str:
+    """A distance in m or km.
+
+    >>> distance_text(42.4), distance_text(2340.0), distance_text(7_012_345.0)
+    ('42 m', '2.3 km', '7,012 km')
+    """
+    if distance_m < 1000:
+        return f"{distance_m:.0f} m"
+    return f"{distance_m / 1000:,.{1 if distance_m < 10_000 else 0}f} km"
+
+
+def coordinates_text(latitude_deg: float, longitude_deg: float, digits: int = 2) -> str:
+    """Latitude and longitude with letters instead of signs.
+
+    >>> coordinates_text(53.268, -0.5245)
+    '53.27 N, 0.52 W'
+    """
+    north, east = "S" if latitude_deg < 0 else "N", "W" if longitude_deg < 0 else "E"
+    return f"{abs(latitude_deg):.{digits}f} {north}, {abs(longitude_deg):.{digits}f} {east}"
+
+
+def town_text(place: LatLon) -> str:
+    """The nearest town with region and country; empty without the extra ``places``."""
+    town = _nearest_town(place)
+    if town is None:
+        return ""
+    region = [town.get("state", ""), town["country"]]
+    name = f"{town['city']} ({', '.join(dict.fromkeys(filter(None, region)))})"
+    distance_m, bearing_deg = distance_and_bearing((town["latitude"], town["longitude"]), place)
+    return f"near {name}" if distance_m < _NEAR_M else f"{distance_text(distance_m)} {direction(bearing_deg)} of {name}"
+
+
+def place_text(place: LatLon) -> str:
+    """Coordinates, and the nearest town if the extra ``places`` is installed."""
+    return ", ".join(filter(None, [coordinates_text(*place), town_text(place)]))
+
+
+@lru_cache(maxsize=64)
+def _nearest_town(place: LatLon) -> dict[str, Any] | None:
+    """Town of more than 1000 inhabitants (GeoNames), ``None`` without the gazetteer."""
+    try:
+        gazetteer = optional_module("reverse_geocode", "places")
+    except InputError:
+        return None
+    return dict(gazetteer.get(place))

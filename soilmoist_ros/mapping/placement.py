@@ -1,0 +1,214 @@
+"""Whether records lie in the field of a map, how far away they are if not, and why that may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.places import (
+    LatLon,
+    coordinates_text,
+    direction,
+    distance_and_bearing,
+    distance_text,
+    town_text,
+)
+from soilmoist_ros.mapping.field import Field
+
+Array = NDArray[np.float64]
+
+PLANE_M = 100_000.0
+"""Distance up to which distances in the plane of the field are used; beyond, geodesics [m]."""
+
+
+@dataclass(frozen=True)
+class PositionSource:
+    """Where the positions of records come from, for the advice.
+
+    :param name: the file or message, as the user knows it
+    :param longitude: side of Greenwich that the site file gives to a log without signs; ``signed`` if the log or
+        receiver has signs
+    :param field_file: the field file, ``None`` if unknown
+    """
+
+    name: str = "the log"
+    longitude: str = "signed"
+    field_file: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where records lie with respect to a field.
+
+    :param field: the field
+    :param latlon: latitude and longitude of the records, shape (n, 2), n >= 1 [deg]
+    """
+
+    field: Field
+    latlon: Array
+
+    @cached_property
+    def xy_m(self) -> Array:
+        """Places in the plane of the field, shape (n, 2) [m]; NaN on the far side of the earth."""
+        return self.field.frame.to_local(self.latlon[:, 0], self.latlon[:, 1])
+
+    @cached_property
+    def distances_m(self) -> Array:
+        """Distance of each record from the field, shape (n,) [m]; 0 inside, infinite beyond 100 km."""
+        import shapely
+
+        near = np.hypot(*self.xy_m.T) < PLANE_M
+        found = np.full(len(self.latlon), np.inf)
+        found[near] = shapely.distance(shapely.Polygon(self.field.polygon), shapely.points(self.xy_m[near]))
+        return found
+
+    @property
+    def inside(self) -> int:
+        """Number of records inside the boundary."""
+        return int(np.count_nonzero(self.distances_m == 0))
+
+    @property
+    def nearest_m(self) -> float:
+        """Distance of the nearest record from the field [m]."""
+        nearest_m = float(self.distances_m.min())
+        return nearest_m if math.isfinite(nearest_m) else self.nearest_from_centre[0]
+
+    @cached_property
+    def nearest_from_centre(self) -> tuple[float, float]:
+        """Distance [m] and bearing [deg] from the centre of the field to the nearest record."""
+        index = int(np.argmin(self.distances_m))
+        steps = [distance_and_bearing(self.centre, (lat, lon)) for lat, lon in np.unique(self.latlon, axis=0)[:1000]]
+        if math.isfinite(self.distances_m[index]):
+            return distance_and_bearing(self.centre, tuple(self.latlon[index]))
+        return min(steps)
+
+    @property
+    def centre(self) -> LatLon:
+        """Centre of the field."""
+        return self.field.centre
+
+    @property
+    def middle(self) -> LatLon:
+        """Median place of the records."""
+        latitude, longitude = np.median(self.latlon, axis=0)
+        return float(latitude), float(longitude)
+
+    @property
+    def words(self) -> str:
+        """How far away the records are: distance, direction and bearing."""
+        bearing_deg = self.nearest_from_centre[1]
+        count = len(self.latlon)
+        whose = "the only record lies" if count == 1 else f"all {count} records lie"
+        least = "" if count == 1 or self.nearest_m >= PLANE_M else "at least "
+        return (
+            f"{whose} {least}{distance_text(self.nearest_m)} {direction(bearing_deg)} "
+            f"(bearing {bearing_deg:.0f} deg) of the field {self.field.name!r}"
+        )
+
+
+def require_near(field: Field, latlon: ArrayLike, reach_m: float, source: PositionSource) -> Placement | None:
+    """Check that records lie within reach of a field.
+
+    :param field: the field
+    :param latlon: latitude and longitude of the records, shape (n, 2) [deg]; NaN for records without a place
+    :param reach_m: distance from the field at which a record still says something about it [m]
+    :param source: where the positions come from
+    :returns: where the records lie, ``None`` if none has a place
+    :raises InputError: if none lies within reach, with distance, direction and the likely cause
+    """
+    places = np.asarray(latlon, float).reshape(-1, 2)
+    places = places[np.isfinite(places).all(axis=1)]
+    if not len(places):
+        return None
+    placement = Placement(field, places)
+    if placement.nearest_m > reach_m:
+        raise InputError([Mistake(placement.words, likely_cause(placement, reach_m, source), source.field_file)])
+    return placement
+
+
+_Move = Callable[[Array, Array], tuple[Array, Array]]
+
+
+def _from_minutes(degrees: Array) -> Array:
+    """Degrees that were written as degrees and minutes: 53.16 for 53 deg 16 min."""
+    whole = np.trunc(degrees)
+    return np.asarray(whole + (degrees - whole) / 0.6)
+
+
+def _to_minutes(degrees: Array) -> Array:
+    whole = np.trunc(degrees)
+    return np.asarray(whole + (degrees - whole) * 0.6)
+
+
+_CAUSES: tuple[tuple[str, _Move], ...] = (
+    ("longitude", lambda lat, lon: (lat, -lon)),
+    ("latitude", lambda lat, lon: (-lat, lon)),
+    ("swapped", lambda lat, lon: (lon, lat)),
+    ("both", lambda lat, lon: (-lat, -lon)),
+    ("swapped", lambda lat, lon: (-lon, lat)),
+    ("swapped", lambda lat, lon: (lon, -lat)),
+    ("swapped", lambda lat, lon: (-lon, -lat)),
+    ("minutes", lambda lat, lon: (_from_minutes(lat), _from_minutes(lon))),
+    ("minutes", lambda lat, lon: (_to_minutes(lat), _to_minutes(lon))),
+)
+"""Mistakes in positions, the simple ones first, each with the positions as they should be."""
+
+
+def likely_cause(placement: Placement, reach_m: float, source: PositionSource) -> str:
+    """Advice: the first mistake in the positions without which most records would lie within reach of the field."""
+    for code, move in _CAUSES:
+        latitude, longitude = move(*placement.latlon.T)
+        valid = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180)
+        if not valid.any():
+            continue
+        moved = Placement(placement.field, np.column_stack([latitude, longitude])[valid])
+        if 2 * np.count_nonzero(moved.distances_m <= reach_m) >= len(placement.latlon):
+            return _advice(code, source)
+    records, field = (
+        f"{coordinates_text(*place, digits=4)}{f', {town}' if (town := town_text(place)) else ''}"
+        for place in (placement.middle, placement.centre)
+    )
+    return (
+        f"give the field file of this place: {source.name} has records at {records}, "
+        f"the field lies at {field}"
+    )
+
+
+def _advice(code: str, source: PositionSource) -> str:
+    field = "'datum' and boundary in the field file"
+    other = {"east": "west", "west": "east"}.get(source.longitude)
+    match code:
+        case "longitude" if other:
+            return f"write 'longitude: {other}' in the site file, or correct the sign in {field}"
+        case "longitude":
+            return (
+                f"correct the sign of the longitude, west is negative: in {source.name}, or in {field} "
+                "(with the other sign the records lie there)"
+            )
+        case "latitude":
+            return (
+                f"correct the sign of the latitude, south is negative: in {source.name}, or in {field} "
+                "(with the other sign the records lie there)"
+            )
+        case "both":
+            longitude = f" ('longitude: {other}' in the site file)" if other else ""
+            return (
+                f"correct the signs of latitude and longitude{longitude}, south and west are negative: "
+                f"in {source.name}, or in {field} (with the other signs the records lie there)"
+            )
+        case "swapped":
+            return (
+                f"swap latitude and longitude in {source.name} or in the field file, where 'polygon_lonlat' is "
+                "[longitude, latitude] (swapped, the records lie there)"
+            )
+    return (
+        f"give decimal degrees: in {source.name} or in {field}, degrees and minutes are written as decimal degrees "
+        "(53.16 for 53 deg 16 min is 53.2667)"
+    )
