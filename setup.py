@@ -79,6 +79,8 @@ setup(
         "cluster": ["distributed>=2024.1"],
         # Results of the Python API as tables, rasters and layers: to_dataframe, to_xarray, to_geodataframe.
         "frames": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=1.0"],
+        # The nearest town of a field (GeoNames, 3 MB), in messages and by soilmoist check.
+        "places": ["reverse-geocode>=1.6"],
         "test": [
             "pytest>=8",
             "pytest-xdist>=3.5",

@@ -107,10 +107,15 @@ def command(
 def _print_summary(run: MapRun) -> None:
     import numpy as np
 
+    from soilmoist_ros.foundation.places import place_text
+
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
     out = f"{len(run.quarantined)} quarantined, {lost} lost"
     click.echo(f"records    {len(run.track)} used, {out}; {len(soil_map.samples)} samples after merging")
+    inside, placed = run.inside
+    where = place_text((run.frame.latitude_deg, run.frame.longitude_deg))
+    click.echo(f"place      {inside} of {placed} records inside the field, {where}")
     rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
     click.echo(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
     if soil_map.curve is None:

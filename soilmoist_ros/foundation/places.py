@@ -24,7 +24,7 @@ def distance_and_bearing(start: LatLon, end: LatLon) -> tuple[float, float]:
 
     >>> distance_m, bearing_deg = distance_and_bearing((53.27, -0.52), (38.71, -97.43))
     >>> round(distance_m / 1000), round(bearing_deg)
-    (7020, 299)
+    (7088, 300)
     """
     bearing_deg, _, distance_m = _geod().inv(start[1], start[0], end[1], end[0])
     return float(distance_m), float(bearing_deg) % 360

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -101,7 +101,7 @@ class Field:
                 f"the field {self.name!r} cannot be gridded: {error}", "change the cell size"
             ) from None
 
-    @property
+    @cached_property
     def centre(self) -> tuple[float, float]:
         """Latitude and longitude of the centre of the boundary [deg]."""
         import shapely

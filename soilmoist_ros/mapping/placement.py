@@ -84,15 +84,9 @@ class Placement:
     def nearest_from_centre(self) -> tuple[float, float]:
         """Distance [m] and bearing [deg] from the centre of the field to the nearest record."""
         index = int(np.argmin(self.distances_m))
-        steps = [distance_and_bearing(self.centre, (lat, lon)) for lat, lon in np.unique(self.latlon, axis=0)[:1000]]
         if math.isfinite(self.distances_m[index]):
-            return distance_and_bearing(self.centre, tuple(self.latlon[index]))
-        return min(steps)
-
-    @property
-    def centre(self) -> LatLon:
-        """Centre of the field."""
-        return self.field.centre
+            return distance_and_bearing(self.field.centre, (self.latlon[index, 0], self.latlon[index, 1]))
+        return min(distance_and_bearing(self.field.centre, (lat, lon)) for lat, lon in np.unique(self.latlon, axis=0))
 
     @property
     def middle(self) -> LatLon:
@@ -163,17 +157,18 @@ _CAUSES: tuple[tuple[str, _Move], ...] = (
 
 def likely_cause(placement: Placement, reach_m: float, source: PositionSource) -> str:
     """Advice: the first mistake in the positions without which most records would lie within reach of the field."""
+    near_m = reach_m + placement.field.extent_m  # a boundary in metres is not mirrored with its datum
     for code, move in _CAUSES:
         latitude, longitude = move(*placement.latlon.T)
         valid = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180)
         if not valid.any():
             continue
         moved = Placement(placement.field, np.column_stack([latitude, longitude])[valid])
-        if 2 * np.count_nonzero(moved.distances_m <= reach_m) >= len(placement.latlon):
+        if 2 * np.count_nonzero(moved.distances_m <= near_m) >= len(placement.latlon):
             return _advice(code, source)
     records, field = (
         f"{coordinates_text(*place, digits=4)}{f', {town}' if (town := town_text(place)) else ''}"
-        for place in (placement.middle, placement.centre)
+        for place in (placement.middle, placement.field.centre)
     )
     return (
         f"give the field file of this place: {source.name} has records at {records}, "

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from soilmoist_ros.foundation.places import direction, distance_text
 from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
@@ -68,8 +69,18 @@ def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, 
     if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
         return Skip.NO_POSITION, "no position"
     if not shapely.contains_xy(area, record.x_m, record.y_m):
-        return Skip.OUTSIDE, f"at x = {record.x_m:.1f} m, y = {record.y_m:.1f} m"
+        return Skip.OUTSIDE, f"at x = {record.x_m:.1f} m, y = {record.y_m:.1f} m, {_way_to(record, area)}"
     return None, ""
+
+
+def _way_to(record: CountRecord, area: BaseGeometry) -> str:
+    """Distance and direction of a record from the field and its margin, in words."""
+    import shapely
+
+    centre = area.centroid
+    bearing_deg = math.degrees(math.atan2(record.x_m - centre.x, record.y_m - centre.y)) % 360
+    distance_m = float(shapely.distance(area, shapely.Point(record.x_m, record.y_m)))
+    return f"{distance_text(distance_m)} {direction(bearing_deg)} of the field"
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from soilmoist_ros.replay.properties import (
     team_properties,
 )
 from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
+from soilmoist_ros.replay.recorded_place import recorded_places, why_nothing
 from soilmoist_ros.replay.statuses import last_mission, read_statuses
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
@@ -127,7 +128,7 @@ def replay_bag(
         content = _read(reader, survey, chosen, configuration, remarks)
     first = content.properties[0]
     if not first.states:
-        raise InputError(_why_nothing(first.survey, first.records), "check the field file and the GNSS", bag)
+        raise why_nothing(first.survey, first.records, bag)
     progress("mapping", 0.0)
     mapped = []
     for one in content.properties:
@@ -217,6 +218,7 @@ def _read(
     """
     raw = None
     frame = str(read_parameters(configuration, "mapper").get("frame", ""))  # the mapper skips counts of others
+    places = recorded_places(configuration, survey.field)
     robots: list[RunTopics] = []
     if chosen.source == "raw":
         robots = [RunTopics.of_raw_lines(reader, chosen.counts_topic)]
@@ -232,6 +234,8 @@ def _read(
         if not counted:
             names = ", ".join(robot.counts for robot in robots)
             raise InputError(f"{names} has no messages", "was the driver running?", reader.path)
+        placed = places.records([record for _, record in counted])
+        counted = [(name, record) for (name, _), record in zip(counted, placed, strict=True)]
     records = [record for _, record in counted]
     found = team_properties(robots, configuration)
     wanted = chosen_properties(found, chosen.properties, reader.path)
@@ -240,7 +244,7 @@ def _read(
     for one in wanted:
         own = one.counts == tuple(robot.counts for robot in robots)
         try:
-            its = records if own else [record for _, record in reader.read_counts_of(one.counts, frame)]
+            its = records if own else places.records([it for _, it in reader.read_counts_of(one.counts, frame)])
         except InputError as error:
             if one.weight or one.name in chosen.properties:
                 raise
@@ -262,7 +266,7 @@ def _read(
     for number, robot in enumerate(robots, 1):
         its = [record for name, record in counted if name == robot.counts]
         if statuses := last_mission(read_statuses(robot)):
-            visits = mission_visits(statuses, read_visits(robot, number), its)
+            visits = places.visits(mission_visits(statuses, read_visits(robot, number), its))
             missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
     return _Content(raw, len(robots) > 1, missions, simulated, properties)
 
@@ -291,10 +295,3 @@ def _files(bag: Path) -> list[Path]:
     if not bag.is_dir():
         return [bag]
     return [path for path in sorted(bag.iterdir()) if {".mcap", ".db3"} & set(path.suffixes)]
-
-
-def _why_nothing(survey: FieldSurvey, records: Sequence[CountRecord]) -> str:
-    reasons = [
-        f"{entry.count} {reason.value} (the last: {entry.example})" for reason, entry in survey.map.skipped.items()
-    ]
-    return f"not one of {len(records)} records is in the field {survey.field.name!r}: {'; '.join(reasons)}"

@@ -57,6 +57,14 @@ def inside_field(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.boo
     return np.asarray(contains_xy(polygon, xy_m[:, 0], xy_m[:, 1]), bool)
 
 
+def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each point (n, 2) lies within the boundary of the field, its holes and its edge included."""
+    from shapely import Polygon, intersects_xy, union_all
+
+    area = union_all([Polygon(ring) for ring in soil_map.grid.polygons])
+    return np.asarray(intersects_xy(area, xy_m[:, 0], xy_m[:, 1]), bool)
+
+
 def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
     """Places of the records in order, without records that have none, shape (n, 2) [m]."""
     xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.reporting.geometry import distance_m, track_xy
+from soilmoist_ros.reporting.geometry import distance_m, inside_boundary, track_xy
 from soilmoist_ros.sensing.problems import Consequence
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -130,6 +130,8 @@ class NoteCode(StrEnum):
     """Topic of a note."""
 
     NO_MAP = "no_map"
+    OUTSIDE_FIELD = "outside_field"
+    IMPOSSIBLE_DATE = "impossible_date"
     NOT_MAPPED = "not_mapped"
     OTHER_CORRECTIONS = "other_corrections"
     ILLUSTRATIVE_CALIBRATION = "illustrative_calibration"
@@ -259,6 +261,12 @@ class MapRun:
         if not self.track:
             return None
         return max(r.stamp_s for r in self.track) - min(r.stamp_s - r.exposure_s for r in self.track)
+
+    @property
+    def inside(self) -> tuple[int, int]:
+        """Number of records inside the boundary of the field, and of all records that have a place."""
+        xy_m = track_xy([record for record in self.track if not record.quarantine])
+        return int(np.count_nonzero(inside_boundary(self.soil_map, xy_m))), len(xy_m)
 
     @property
     def travelled_m(self) -> float:

@@ -56,7 +56,7 @@ def field_map(**changes):
         (record(quarantine="noisy_tube"), Skip.QUARANTINED, "noisy_tube"),
         (record(NAN, NAN), Skip.NO_POSITION, "no position"),
         (record(10.0, math.inf), Skip.NO_POSITION, "no position"),
-        (record(-12.0, 20.0), Skip.OUTSIDE, "at x = -12.0 m, y = 20.0 m"),
+        (record(-12.0, 20.0), Skip.OUTSIDE, "at x = -12.0 m, y = 20.0 m, 2 m west of the field"),
         (record(exposure_s=0.0), Skip.IMPLAUSIBLE, "exposure of 0 s"),
         (record(effective_exposure_s=NAN), Skip.IMPLAUSIBLE, "effective exposure of nan s"),
         (record(exposure_s=math.inf), Skip.IMPLAUSIBLE, "exposure of inf s"),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.replay import MapSettings, map_logs
 from soilmoist_ros.replay.log_map import loss_rows
 from soilmoist_ros.sensing.problems import Kind, Problem
@@ -54,3 +56,73 @@ def test_losses_come_first_and_the_most_frequent_of_them():
     rows = loss_rows(problems)
     assert [(row.count, row.consequence) for row in rows] == [(2, "lost"), (1, "lost"), (1, "kept")]
     assert [row.example for row in rows] == ["often", "twice", "once"]
+
+
+def kansas(folder, corners, name="Kansas"):
+    path = folder / "field.yaml"
+    path.write_text(f"name: {name}\npolygon_lonlat: {corners}\n")
+    return path
+
+
+CORNERS = [[-97.48, 38.67], [-97.36, 38.67], [-97.36, 38.78], [-97.48, 38.78]]
+
+
+def refusal(log, **files):
+    with pytest.raises(InputError) as caught:
+        map_logs([log], MapSettings(**files))
+    return str(caught.value)
+
+
+def test_a_field_of_another_country_is_refused_before_the_work(roving_record):
+    site = config_folder() / "sites" / "gypsum_transect.yaml"
+    said = refusal(roving_record, site=site, field=config_folder() / "fields" / "example.yaml")
+    assert "example.yaml: all 200 records lie 7,079 km north-west (bearing 300 deg) of the field" in said
+    assert "records at 38.7252 N, 97.4221 W" in said
+
+
+def test_the_wrong_side_of_greenwich_is_named(roving_record, tmp_path):
+    shipped = (config_folder() / "sites" / "gypsum_transect.yaml").read_text()
+    (tmp_path / "site.yaml").write_text(shipped.replace("longitude: west", "longitude: east"))
+    said = refusal(roving_record, site=tmp_path / "site.yaml", field=kansas(tmp_path, CORNERS))
+    assert "write 'longitude: west' in the site file" in said
+
+
+def test_a_field_file_of_the_wrong_hemisphere_is_named(roving_record, tmp_path):
+    site = config_folder() / "sites" / "gypsum_transect.yaml"
+    said = refusal(roving_record, site=site, field=kansas(tmp_path, [[lon, -lat] for lon, lat in CORNERS]))
+    assert "correct the sign of the latitude" in said
+
+
+def test_a_stationary_probe_elsewhere_is_refused(survey, tmp_path):
+    """A log without positions: the site file says where the probe stands."""
+    site = tmp_path / "site.yaml"
+    site.write_text((survey / "site.yaml").read_text() + "location: {latitude_deg: 53.268, longitude_deg: 0.5245}\n")
+    said = refusal(survey / "survey.log", site=site, field=survey / "field.yaml")
+    assert "correct the sign of the longitude, west is negative: in 'location' in the site file" in said
+
+
+def test_a_receiver_elsewhere_is_refused(survey, tmp_path):
+    said = refusal(
+        survey / "survey.log", nmea=(survey / "survey.nmea",), site=survey / "site.yaml",
+        field=kansas(tmp_path, CORNERS),
+    )  # fmt: skip
+    assert "survey.nmea has records at 53.26" in said
+
+
+@pytest.mark.slow
+def test_a_field_beyond_the_correlation_range_is_refused(survey, tmp_path):
+    """The first check allows the extent of the field; the fitted variogram says how far the counts reach."""
+    frame = load_field(survey / "field.yaml").frame
+    corners = frame.to_geographic([(700.0, 0.0), (2000.0, 0.0), (2000.0, 60.0), (700.0, 60.0)])[:, ::-1].tolist()
+    said = refusal(
+        survey / "survey.log", nmea=(survey / "survey.nmea",), site=survey / "site.yaml",
+        field=kansas(tmp_path, corners, "next"), cell_m=20.0,
+    )  # fmt: skip
+    assert "west (be" in said
+    assert "beyond the correlation range of" in said
+
+
+def test_records_of_the_example_lie_inside(survey):
+    run = map_logs([survey / "survey.log"], settings(survey, cell_m=10.0))
+    inside, placed = run.inside
+    assert inside == placed == len(run.track)

@@ -36,7 +36,7 @@ def track(soil: SoilMap) -> list[CountRecord]:
             zip(soil.samples.xy.tolist(), soil.samples.counts, soil.samples.exposure_s.tolist(), strict=True)
         )
     ]
-    return [*records, dataclasses.replace(records[-1], stamp_s=1.8e9, x_m=NAN, y_m=NAN)]
+    return [*records, dataclasses.replace(records[-1], stamp_s=1.77e9, x_m=NAN, y_m=NAN)]
 
 
 @pytest.fixture(autouse=True)

@@ -26,7 +26,7 @@ def test_all_files_and_nothing_else(make_run, tmp_path):
         assert raster.tags()["SOILMOIST_SIMULATED"] == "yes"
         assert raster.tags()["TIFFTAG_DATETIME"] == "2023:11:14 22:07:37"
         assert raster.tags()["SOILMOIST_SURVEY_START_UTC"] == "2023-11-14T22:07:37Z"
-        assert raster.tags()["SOILMOIST_SURVEY_END_UTC"] == "2027-01-15T08:00:00Z"
+        assert raster.tags()["SOILMOIST_SURVEY_END_UTC"] == "2026-02-02T02:40:00Z"
     assert [record.stamp_s for record in read_records(paths[4])] == [record.stamp_s for record in make_run().track]
 
 

@@ -103,6 +103,7 @@ def _records(run: MapRun) -> dict[str, Any]:
     return {
         "n_records": len(run.track),
         "n_placed_records": len(track_xy(run.track)),
+        "n_inside_field": run.inside[0],
         "n_lost": {row.kind: row.count for row in run.losses if row.consequence == "lost"},
         "n_kept_with_reservation": {row.kind: row.count for row in run.losses if row.consequence == "kept"},
         "n_quarantined": dict(Counter(record.quarantine for record in run.quarantined)),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import implausible_shares
@@ -15,12 +18,36 @@ if TYPE_CHECKING:
 FEW_SAMPLES = 10
 MAX_RATE_ERROR = 0.05
 """Largest error of a tiled map that needs no note, as a share of the standard deviation."""
+FIRST_STAMP_S = 946_684_800.0
+"""2000-01-01 [s since 1970-01-01 UTC]: clocks that were never set are earlier."""
+MAX_AHEAD_S = 86_400.0
+"""How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
 _CHECK = "check N0, the bulk density, and whether all tubes were counted"
 
 
 def notes(run: MapRun) -> list[Note]:
     """The notes of a run and those that follow from its map, in the order of the report."""
-    return [*run.notes, *_on_calibration(run), *_on_moisture(run), *_on_model(run.soil_map)]
+    return [*run.notes, *_on_place_and_date(run), *_on_calibration(run), *_on_moisture(run), *_on_model(run.soil_map)]
+
+
+def _on_place_and_date(run: MapRun) -> Iterator[Note]:
+    """Notes on records outside the field, and on impossible dates."""
+    inside, placed = run.inside
+    if 2 * inside < placed:
+        yield Note(
+            NoteCode.OUTSIDE_FIELD,
+            f"Only {inside} of {placed} records lie inside the field: check the field file and the positions.",
+        )
+    stamps_s = [record.stamp_s for record in run.track if math.isfinite(record.stamp_s)]
+    if not run.simulated and stamps_s:
+        ahead_s = max(stamps_s) - run.created_utc.timestamp()
+        if min(stamps_s) < FIRST_STAMP_S or ahead_s > MAX_AHEAD_S:
+            first, last = (str(np.datetime64(int(of(stamps_s)), "s"))[:10] for of in (min, max))
+            yield Note(
+                NoteCode.IMPOSSIBLE_DATE,
+                f"The records are dated {first} to {last}, {'in the future' if ahead_s > 0 else 'before 2000'}: "
+                "check the clock of the logger and the order of day and month.",
+            )
 
 
 def _on_calibration(run: MapRun) -> Iterator[Note]:

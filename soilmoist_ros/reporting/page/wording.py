@@ -100,7 +100,9 @@ def _effort_facts(run: MapRun) -> list[Fact]:
     found = [Fact(str(len(samples.xy)), "", "places measured" if len(samples.xy) != 1 else "place measured")]
     if run.track:
         seconds = sum(record.exposure_s for record in run.track)
-        found.append(Fact(duration(seconds), "", f"of counting in {len(run.track)} records"))
+        inside, placed = run.inside
+        where = "all inside the field" if inside == placed else f"{inside} of {placed} inside the field"
+        found.append(Fact(duration(seconds), "", f"of counting in {len(run.track)} records, {where}"))
         value, unit = length(run.travelled_m)
         found.append(Fact(value, unit, "travelled"))
     return found

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.run import Note, NoteCode
 
@@ -30,3 +32,28 @@ def test_few_samples_are_noted_once(make_run, map_of):
     run = make_run(soil_map=map_of(curve=None, n=4), notes=[Note(NoteCode.NOT_MAPPED, "salt is not mapped")])
     assert codes(replace(run, calibration=None)) == [NoteCode.NOT_MAPPED, NoteCode.FEW_SAMPLES]
     assert "With 4 places measured" in str(notes(run)[-1])
+
+
+def test_records_outside_the_field_are_noted_below_one_half(make_run):
+    run = make_run(notes=())
+    inside, placed = run.inside
+    assert inside == placed == len(run.track) - 1, "one record has no place"
+    assert NoteCode.OUTSIDE_FIELD not in codes(run)
+    away = [replace(record, x_m=record.x_m + 1000.0) for record in run.track]
+    half = [*away[: placed // 2], *run.track[placed // 2 :]]
+    assert NoteCode.OUTSIDE_FIELD not in codes(replace(run, track=half))
+    most = replace(run, track=[*away[: placed // 2 + 1], *run.track[placed // 2 + 1 :]])
+    assert NoteCode.OUTSIDE_FIELD in codes(most)
+    (note,) = [note for note in notes(most) if note.code is NoteCode.OUTSIDE_FIELD]
+    assert note.message.startswith(f"Only {most.inside[0]} of {placed} records lie inside the field")
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "said"), [(1.9e9, "in the future"), (3.1e8, "before 2000"), (1.7e9, None), (9.0e11, "in the future")]
+)
+def test_impossible_dates_are_noted(make_run, stamp_s, said):
+    run = make_run(notes=())
+    dated = replace(run, track=[replace(record, stamp_s=stamp_s) for record in run.track])
+    found = [note.message for note in notes(dated) if note.code is NoteCode.IMPOSSIBLE_DATE]
+    assert [said in message for message in found] == ([True] if said else [])
+    assert NoteCode.IMPOSSIBLE_DATE not in codes(replace(dated, simulated=True)), "a simulated clock may start at 0"

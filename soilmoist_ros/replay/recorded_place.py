@@ -1,0 +1,101 @@
+"""Where recorded places lie in the field that is mapped: a recording has the datum of its own field file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.placement import PositionSource, require_near
+from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.reporting.field_survey import FieldSurvey
+from soilmoist_ros.sensing.records import CountRecord
+
+
+@dataclass(frozen=True)
+class RecordedPlaces:
+    """The plane of a recording, and the field to which its places are converted.
+
+    :param recorded: plane of the recorded places
+    :param field: the field that is mapped
+    """
+
+    recorded: LocalFrame
+    field: Field
+
+    def latlon(self, xy_m: ArrayLike) -> NDArray[np.float64]:
+        """Latitude and longitude of recorded places, shape (n, 2) [deg]."""
+        return self.recorded.to_geographic(np.asarray(xy_m, float).reshape(-1, 2))
+
+    def records(self, records: Sequence[CountRecord]) -> list[CountRecord]:
+        """Records with their places in the plane of the field."""
+        if self.recorded == self.field.frame or not records:
+            return list(records)
+        xy = self._to_field([(record.x_m, record.y_m) for record in records])
+        return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
+
+    def visits(self, visits: Sequence[Visit]) -> list[Visit]:
+        """Visits with their places in the plane of the field."""
+        if self.recorded == self.field.frame or not visits:
+            return list(visits)
+        stood = self._to_field([(visit.x_m, visit.y_m) for visit in visits])
+        planned = self._to_field([(visit.stop_x_m, visit.stop_y_m) for visit in visits])
+        return [
+            replace(visit, x_m=x, y_m=y, stop_x_m=stop_x, stop_y_m=stop_y)
+            for visit, (x, y), (stop_x, stop_y) in zip(visits, stood, planned, strict=True)
+        ]
+
+    def _to_field(self, xy_m: ArrayLike) -> list[list[float]]:
+        """Places in the plane of the field [m]; NaN stays NaN."""
+        xy = np.asarray(xy_m, float)
+        known = np.isfinite(xy).all(axis=1)
+        moved = np.full_like(xy, np.nan)
+        moved[known] = self.field.frame.to_local(*self.latlon(xy[known]).T)
+        return [[float(x), float(y)] for x, y in moved]
+
+
+def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
+    """The plane of a recording, by the field file of its driver; that of the field if it is unknown.
+
+    :param configuration: folder with the parameters of the nodes, if any
+    :param field: the field that is mapped
+    """
+    for node in ("sensor_driver", "mapper"):
+        named: Mapping[str, Any] = read_parameters(configuration, node)
+        if named.get("field"):
+            try:
+                return RecordedPlaces(load_field(resource("fields", str(named["field"]))).frame, field)
+            except InputError:
+                continue
+    return RecordedPlaces(field.frame, field)
+
+
+def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path) -> InputError:
+    """Why none of the records is in the map: they lie elsewhere, or have other faults.
+
+    :param survey: field and map of the records
+    :param records: all records, in the plane of the field
+    :param path: the recording
+    """
+    places = [(record.x_m, record.y_m) for record in records if np.isfinite(record.x_m + record.y_m)]
+    field = survey.field
+    if places:
+        try:
+            source = PositionSource("the recording", field_file=dict(survey.files).get("field"))
+            require_near(field, field.frame.to_geographic(places), survey.map.settings.margin_m, source)
+        except InputError as error:
+            return error
+    reasons = [
+        f"{entry.count} {reason.value} (the last: {entry.example})" for reason, entry in survey.map.skipped.items()
+    ]
+    message = f"not one of {len(records)} records is in the field {field.name!r}: {'; '.join(reasons)}"
+    return InputError(message, "check the field file and the GNSS", path)

@@ -1,0 +1,112 @@
+"""Records that do not lie in the field: refused with distance, direction and the likely cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.placement import PositionSource, require_near
+
+RECTANGLE = np.array([[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]])
+RNG = np.random.default_rng(1)
+
+
+def field_at(latitude_deg, longitude_deg):
+    return Field("north", LocalFrame(latitude_deg, longitude_deg), RECTANGLE)
+
+
+def records_in(field, count=50):
+    return field.frame.to_geographic(RNG.uniform((5.0, 5.0), (295.0, 195.0), (count, 2)))
+
+
+KANSAS, ENGLAND = field_at(38.712, -97.431), field_at(53.268, -0.5245)
+
+
+def refusal(field, latlon, source=PositionSource("survey.log")):
+    with pytest.raises(InputError) as caught:
+        require_near(field, latlon, 300.0, source)
+    (mistake,) = caught.value.mistakes
+    return mistake
+
+
+def test_records_inside_and_outside_are_counted():
+    xy = [(10.0, 10.0), (299.0, 199.0), (350.0, 100.0), (np.nan, np.nan)]
+    latlon = KANSAS.frame.to_geographic(xy)
+    placement = require_near(KANSAS, latlon, 0.0, PositionSource())
+    assert (placement.inside, len(placement.latlon), placement.nearest_m) == (2, 3, 0.0)
+
+
+def test_records_of_another_continent_are_refused_with_distance_and_direction():
+    mistake = refusal(ENGLAND, records_in(KANSAS))
+    assert "all 50 records lie 7,08" in mistake.message
+    assert "km north-west (bearing 300 deg) of the field 'north'" in mistake.message
+    assert "survey.log has records at 38.71" in mistake.remedy
+    assert "the field lies at 53.26" in mistake.remedy
+
+
+def test_the_other_side_of_the_earth_is_no_exception():
+    mistake = refusal(KANSAS, records_in(field_at(-38.7, 82.5)))
+    assert "records lie 20,0" in mistake.message
+
+
+@pytest.mark.parametrize(
+    ("wrong", "advice"),
+    [
+        (lambda lat, lon: (lat, -lon), "sign of the longitude"),
+        (lambda lat, lon: (-lat, lon), "sign of the latitude"),
+        (lambda lat, lon: (-lat, -lon), "signs of latitude and longitude"),
+        (lambda lat, lon: (np.trunc(lat) + 0.6 * (lat % 1), np.fix(lon) - 0.6 * (-lon % 1)), "decimal degrees"),
+    ],
+)
+def test_the_mistake_in_the_positions_is_named(wrong, advice):
+    field = field_at(53.768, -1.4245)
+    places = np.column_stack(wrong(*records_in(field).T))
+    assert advice in refusal(field, places).remedy
+
+
+def test_swapped_coordinates_are_named_whatever_their_signs():
+    for latitude, longitude in ((53.268, -0.5245), (-33.5, -70.4), (-33.9, 18.4)):
+        field = field_at(latitude, longitude)
+        places = records_in(field)
+        for sign in (1, -1):
+            assert "swap latitude and longitude" in refusal(field, sign * places[:, ::-1]).remedy
+
+
+@pytest.mark.parametrize(("had", "needed"), [("east", "west"), ("west", "east")])
+def test_the_site_file_is_named_where_it_gives_the_sign(had, needed):
+    places = records_in(KANSAS) * (1, -1)
+    assert f"'longitude: {needed}' in the site file" in refusal(KANSAS, places, PositionSource("a.log", had)).remedy
+
+
+def test_records_next_to_the_field_are_within_reach():
+    beside = KANSAS.frame.to_geographic([(500.0, 100.0)])
+    assert require_near(KANSAS, beside, 300.0, PositionSource()).nearest_m == pytest.approx(200.0)
+    with pytest.raises(InputError, match=r"the only record lies 200 m east \(bearing 90 deg\)"):
+        require_near(KANSAS, beside, 150.0, PositionSource())
+
+
+def test_records_without_a_place_are_not_judged():
+    assert require_near(KANSAS, [], 1.0, PositionSource()) is None
+    assert require_near(KANSAS, [(np.nan, 3.0)], 1.0, PositionSource()) is None
+
+
+@settings(max_examples=30)
+@given(
+    latitude=st.floats(-80, 80), longitude=st.floats(-180, 180), east_m=st.floats(-5e4, 5e4), north_m=st.floats(-5e4, 5e4)
+)  # fmt: skip
+def test_a_record_is_refused_if_and_only_if_it_is_beyond_reach(latitude, longitude, east_m, north_m):
+    field = field_at(latitude, longitude)
+    beyond_m = np.hypot(max(east_m - 300, 0, -east_m), max(north_m - 200, 0, -north_m))
+    if abs(beyond_m - 1000.0) < 1.0:
+        return
+    latlon = field.frame.to_geographic([(east_m, north_m)])
+    if beyond_m > 1000.0:
+        with pytest.raises(InputError, match="the only record lies"):
+            require_near(field, latlon, 1000.0, PositionSource())
+    else:
+        assert require_near(field, latlon, 1000.0, PositionSource()) is not None
