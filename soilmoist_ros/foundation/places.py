@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from soilmoist_ros.foundation.extras import optional_module
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.extras import optional_module
 
 if TYPE_CHECKING:
     from pyproj import Geod
@@ -75,7 +75,11 @@ def town_text(place: LatLon) -> str:
     region = [town.get("state", ""), town["country"]]
     name = f"{town['city']} ({', '.join(dict.fromkeys(filter(None, region)))})"
     distance_m, bearing_deg = distance_and_bearing((town["latitude"], town["longitude"]), place)
-    return f"near {name}" if distance_m < _NEAR_M else f"{distance_text(distance_m)} {direction(bearing_deg)} of {name}"
+    return (
+        f"near {name}"
+        if distance_m < _NEAR_M
+        else f"{distance_text(distance_m)} {direction(bearing_deg)} of {name}"
+    )
 
 
 def place_text(place: LatLon) -> str:

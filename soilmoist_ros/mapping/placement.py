@@ -86,7 +86,9 @@ class Placement:
         index = int(np.argmin(self.distances_m))
         if math.isfinite(self.distances_m[index]):
             return distance_and_bearing(self.field.centre, (self.latlon[index, 0], self.latlon[index, 1]))
-        return min(distance_and_bearing(self.field.centre, (lat, lon)) for lat, lon in np.unique(self.latlon, axis=0))
+        return min(
+            distance_and_bearing(self.field.centre, (lat, lon)) for lat, lon in np.unique(self.latlon, axis=0)
+        )
 
     @property
     def middle(self) -> LatLon:
@@ -170,10 +172,7 @@ def likely_cause(placement: Placement, reach_m: float, source: PositionSource) -
         f"{coordinates_text(*place, digits=4)}{f', {town}' if (town := town_text(place)) else ''}"
         for place in (placement.middle, placement.field.centre)
     )
-    return (
-        f"give the field file of this place: {source.name} has records at {records}, "
-        f"the field lies at {field}"
-    )
+    return f"give the field file of this place: {source.name} has records at {records}, the field lies at {field}"
 
 
 def _advice(code: str, source: PositionSource) -> str:

@@ -35,7 +35,6 @@ from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
-from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 Progress = Callable[[str, float], None]

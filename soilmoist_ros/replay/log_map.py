@@ -127,7 +127,9 @@ def map_logs(
     soil_map = field_map.compute(field_map.state, lambda share: progress(kriging, share), compute)
     if soil_map is None:
         raise InputError("there are too few samples for a map", "survey at two places at least, or use REML")
-    if placement is not None and placement.nearest_m > max(range_m := soil_map.variogram.practical_range_m, radius_m):
+    if placement is not None and placement.nearest_m > max(
+        range_m := soil_map.variogram.practical_range_m, radius_m
+    ):
         message = f"{placement.words}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
         raise InputError(message, "give the field file of the place that was surveyed", settings.field)
     return make_run(

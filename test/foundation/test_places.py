@@ -26,7 +26,9 @@ def test_the_geodesic_agrees_with_the_test_line_of_the_ellipsoid():
     assert bearing_deg == pytest.approx(306 + 52 / 60 + 5.37 / 3600, abs=1e-5)
 
 
-@pytest.mark.parametrize(("bearing_deg", "name"), [(0, "north"), (22, "north"), (23, "north-east"), (350, "north")])
+@pytest.mark.parametrize(
+    ("bearing_deg", "name"), [(0, "north"), (22, "north"), (23, "north-east"), (350, "north")]
+)
 def test_directions(bearing_deg, name):
     assert direction(bearing_deg) == name
 

@@ -80,7 +80,9 @@ def test_swapped_coordinates_are_named_whatever_their_signs():
 @pytest.mark.parametrize(("had", "needed"), [("east", "west"), ("west", "east")])
 def test_the_site_file_is_named_where_it_gives_the_sign(had, needed):
     places = records_in(KANSAS) * (1, -1)
-    assert f"'longitude: {needed}' in the site file" in refusal(KANSAS, places, PositionSource("a.log", had)).remedy
+    assert (
+        f"'longitude: {needed}' in the site file" in refusal(KANSAS, places, PositionSource("a.log", had)).remedy
+    )
 
 
 def test_records_next_to_the_field_are_within_reach():

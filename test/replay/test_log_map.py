@@ -96,7 +96,9 @@ def test_a_field_file_of_the_wrong_hemisphere_is_named(roving_record, tmp_path):
 def test_a_stationary_probe_elsewhere_is_refused(survey, tmp_path):
     """A log without positions: the site file says where the probe stands."""
     site = tmp_path / "site.yaml"
-    site.write_text((survey / "site.yaml").read_text() + "location: {latitude_deg: 53.268, longitude_deg: 0.5245}\n")
+    site.write_text(
+        (survey / "site.yaml").read_text() + "location: {latitude_deg: 53.268, longitude_deg: 0.5245}\n"
+    )
     said = refusal(survey / "survey.log", site=site, field=survey / "field.yaml")
     assert "correct the sign of the longitude, west is negative: in 'location' in the site file" in said
 

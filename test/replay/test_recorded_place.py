@@ -40,7 +40,9 @@ def test_a_field_with_another_datum_is_mapped_where_the_robot_was(tmp_path):
 
 def test_a_field_elsewhere_is_refused(tmp_path):
     path = field_file(tmp_path, LocalFrame(53.268, 0.5245), FIELD.polygon)
-    with pytest.raises(InputError, match=r"all 14 records lie at least 70 km west .* correct the sign of the longitude"):
+    with pytest.raises(
+        InputError, match=r"all 14 records lie at least 70 km west .* correct the sign of the longitude"
+    ):
         replay_bag(GOLDEN, ReplaySettings(field=str(path)))
 
 

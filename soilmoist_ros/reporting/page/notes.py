@@ -27,7 +27,13 @@ _CHECK = "check N0, the bulk density, and whether all tubes were counted"
 
 def notes(run: MapRun) -> list[Note]:
     """The notes of a run and those that follow from its map, in the order of the report."""
-    return [*run.notes, *_on_place_and_date(run), *_on_calibration(run), *_on_moisture(run), *_on_model(run.soil_map)]
+    return [
+        *run.notes,
+        *_on_place_and_date(run),
+        *_on_calibration(run),
+        *_on_moisture(run),
+        *_on_model(run.soil_map),
+    ]
 
 
 def _on_place_and_date(run: MapRun) -> Iterator[Note]:

@@ -49,11 +49,14 @@ def test_records_outside_the_field_are_noted_below_one_half(make_run):
 
 
 @pytest.mark.parametrize(
-    ("stamp_s", "said"), [(1.9e9, "in the future"), (3.1e8, "before 2000"), (1.7e9, None), (9.0e11, "in the future")]
+    ("stamp_s", "said"),
+    [(1.9e9, "in the future"), (3.1e8, "before 2000"), (1.7e9, None), (9.0e11, "in the future")],
 )
 def test_impossible_dates_are_noted(make_run, stamp_s, said):
     run = make_run(notes=())
     dated = replace(run, track=[replace(record, stamp_s=stamp_s) for record in run.track])
     found = [note.message for note in notes(dated) if note.code is NoteCode.IMPOSSIBLE_DATE]
     assert [said in message for message in found] == ([True] if said else [])
-    assert NoteCode.IMPOSSIBLE_DATE not in codes(replace(dated, simulated=True)), "a simulated clock may start at 0"
+    assert NoteCode.IMPOSSIBLE_DATE not in codes(replace(dated, simulated=True)), (
+        "a simulated clock may start at 0"
+    )
