@@ -158,7 +158,7 @@ _CAUSES: tuple[tuple[str, _Move], ...] = (
 
 
 def likely_cause(placement: Placement, reach_m: float, source: PositionSource) -> str:
-    """Advice: the first mistake in the positions without which most records would lie within reach of the field."""
+    """Advice: the first mistake in the positions without which most records would lie near the field."""
     near_m = reach_m + placement.field.extent_m  # a boundary in metres is not mirrored with its datum
     for code, move in _CAUSES:
         latitude, longitude = move(*placement.latlon.T)
@@ -203,6 +203,6 @@ def _advice(code: str, source: PositionSource) -> str:
                 "[longitude, latitude] (swapped, the records lie there)"
             )
     return (
-        f"give decimal degrees: in {source.name} or in {field}, degrees and minutes are written as decimal degrees "
+        f"give decimal degrees: in {source.name} or in {field}, degrees and minutes are written as degrees "
         "(53.16 for 53 deg 16 min is 53.2667)"
     )

@@ -13,6 +13,7 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 
 RECTANGLE = np.array([[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]])
+LOG = PositionSource("survey.log")
 RNG = np.random.default_rng(1)
 
 
@@ -27,7 +28,7 @@ def records_in(field, count=50):
 KANSAS, ENGLAND = field_at(38.712, -97.431), field_at(53.268, -0.5245)
 
 
-def refusal(field, latlon, source=PositionSource("survey.log")):
+def refusal(field, latlon, source=LOG):
     with pytest.raises(InputError) as caught:
         require_near(field, latlon, 300.0, source)
     (mistake,) = caught.value.mistakes
@@ -99,8 +100,11 @@ def test_records_without_a_place_are_not_judged():
 
 @settings(max_examples=30)
 @given(
-    latitude=st.floats(-80, 80), longitude=st.floats(-180, 180), east_m=st.floats(-5e4, 5e4), north_m=st.floats(-5e4, 5e4)
-)  # fmt: skip
+    latitude=st.floats(-80, 80),
+    longitude=st.floats(-180, 180),
+    east_m=st.floats(-5e4, 5e4),
+    north_m=st.floats(-5e4, 5e4),
+)
 def test_a_record_is_refused_if_and_only_if_it_is_beyond_reach(latitude, longitude, east_m, north_m):
     field = field_at(latitude, longitude)
     beyond_m = np.hypot(max(east_m - 300, 0, -east_m), max(north_m - 200, 0, -north_m))
