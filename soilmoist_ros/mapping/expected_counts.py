@@ -1,0 +1,195 @@
+"""Compares counts with what the map expects: one record that does not fit is held back until another confirms it.
+
+A fault of the sensor and a wet hollow can look alike in one record. The next record at the same place decides:
+a hollow is there again, a fault is not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.records import CountRecord
+
+Array = NDArray[np.float64]
+Where = TypeVar("Where")
+
+MAX_PROBABILITY: Final = 1e-5
+"""Probability of a count, or one farther out on its side, below which it is unexpected: both sides together a false
+alarm in six days of records of 10 s."""
+MIN_SAMPLES: Final = 10
+"""Number of samples from which the map is trusted."""
+MAX_VARIANCE_SHARE: Final = 0.5
+"""Kriging variance, as a share of the sill, up to which the map knows a place."""
+NEAR: Final = 16
+"""Number of nearest samples from which the rate is predicted."""
+CLEARLY: Final = 1.5
+"""Difference of the square roots of counts, with a standard deviation of 0.5, by which a record must lie outside all
+near samples before its rate is predicted: it saves the kriging of nearly all good records."""
+SAME_PLACE: Final = 0.5
+"""Correlation of the rates from which two records are at the same place."""
+CONFIRMED: Final = 0.5
+"""Share of the deviation, of the square root of the rate, from which the next record confirms the first."""
+MAX_HELD: Final = 200
+"""Number of records that can be held back; the oldest are no longer waited for."""
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What the map expects at a place.
+
+    :param rate_cps: corrected count rate [counts/s]
+    :param variance: variance of the rate, micro-scale variation included [(counts/s)^2]
+    """
+
+    rate_cps: float
+    variance: float
+
+    def tails(self, raw_counts: int, exposure_s: float) -> tuple[float, float]:
+        """Probabilities of counts that low, and of counts that high.
+
+        The rate is gamma-distributed, so the counts have a negative binomial distribution (Gelman et al. 2013,
+        Bayesian Data Analysis, section 2.6), and the probabilities are exact.
+
+        :param raw_counts: raw counts n
+        :param exposure_s: effective exposure [s]
+        :returns: P(N <= n) and P(N >= n)
+        """
+        from scipy.special import betainc, gammainc, gammaincc
+
+        expected = self.rate_cps * exposure_s
+        if self.variance * exposure_s < 1e-9 * self.rate_cps:  # Poisson
+            high = float(gammainc(raw_counts, expected)) if raw_counts else 1.0
+            return float(gammaincc(raw_counts + 1, expected)), high
+        shape = self.rate_cps**2 / self.variance
+        share = shape / (shape + expected)
+        high = float(betainc(raw_counts, shape, 1 - share)) if raw_counts else 1.0
+        return float(betainc(shape, raw_counts + 1, share)), high
+
+    def deviation(self, record: CountRecord) -> float:
+        """Square root of a record's rate minus that of the expectation [sqrt(counts/s)]."""
+        return math.sqrt(record.corrected_rate) - math.sqrt(self.rate_cps)
+
+    def is_far(self, record: CountRecord) -> bool:
+        """Whether a record's counts are hardly possible."""
+        return min(self.tails(record.raw_counts, record.effective_exposure_s)) < MAX_PROBABILITY
+
+    def text(self, record: CountRecord) -> str:
+        """What was counted and what was expected."""
+        exposure_s = record.effective_exposure_s
+        expected = self.rate_cps * exposure_s
+        sd = math.sqrt(expected + self.variance * exposure_s**2)
+        return f"{record.raw_counts} counts where the map expects {expected:.0f} ± {sd:.0f}"
+
+
+def stands_out(record: CountRecord, samples: Samples) -> bool:
+    """Whether a record's counts are clearly outside the rates of the samples around it; quick."""
+    near = nearest(samples, record.x_m, record.y_m)
+    rates = samples.counts[near] / samples.exposure_s[near]
+    low, high = (math.sqrt(rate * record.effective_exposure_s) for rate in (rates.min(), rates.max()))
+    counted = math.sqrt(record.raw_counts)
+    return counted < low - CLEARLY or counted > high + CLEARLY
+
+
+def expectation(samples: Samples, variogram: Variogram, x_m: float, y_m: float) -> Expectation | None:
+    """What the samples around a place let expect there; ``None`` if they do not say enough.
+
+    :param samples: samples of the map
+    :param variogram: variogram of the map
+    """
+    near = nearest(samples, x_m, y_m)
+    kriging = PoissonKriging(variogram).fit(
+        samples.xy[near], samples.counts[near], samples.exposure_s[near], samples.spread[near]
+    )
+    rate, variance = kriging.predict([(x_m, y_m)])
+    known = rate[0] > 0 and variance[0] <= MAX_VARIANCE_SHARE * variogram.sill
+    return Expectation(float(rate[0]), float(variance[0])) if known else None
+
+
+def nearest(samples: Samples, x_m: float, y_m: float) -> NDArray[np.intp]:
+    """Indices of the nearest samples, in their order."""
+    if len(samples) <= NEAR:
+        return np.arange(len(samples))
+    distance = (samples.xy[:, 0] - x_m) ** 2 + (samples.xy[:, 1] - y_m) ** 2
+    return np.sort(np.argpartition(distance, NEAR)[:NEAR])
+
+
+@dataclass(frozen=True)
+class Held(Generic[Where]):
+    """A record that is held back.
+
+    :param record: the record
+    :param deviation: as :meth:`Expectation.deviation`
+    :param where: what the map needs to use the record later
+    """
+
+    record: CountRecord
+    deviation: float
+    where: Where
+
+
+@dataclass(frozen=True)
+class Verdict(Generic[Where]):
+    """What becomes of a record, and of those held back before.
+
+    :param unexpected: what is wrong with the record, empty if it can be used
+    :param confirmed: earlier records that this one confirms: they can be used
+    """
+
+    unexpected: str = ""
+    confirmed: tuple[Held[Where], ...] = ()
+
+
+class ExpectedCounts(Generic[Where]):
+    """Judges records one by one. The verdicts depend on nothing but the records.
+
+    :param radius_m: records closer together than this are at the same place [m]
+    """
+
+    def __init__(self, radius_m: float) -> None:
+        self._radius_m = radius_m
+        self._held: list[Held[Where]] = []
+
+    def judge(
+        self, record: CountRecord, where: Where, samples: Samples, fit: Callable[[], Variogram | None]
+    ) -> Verdict[Where]:
+        """Judge a record before it becomes part of the map.
+
+        :param record: a good record with a place
+        :param where: kept with the record if it is held back
+        :param samples: samples of the map without the record
+        :param fit: makes the variogram of the map; called only if the record is out of the ordinary
+        """
+        if len(samples) < MIN_SAMPLES or not (self._held or stands_out(record, samples)):
+            return Verdict()
+        variogram = fit()
+        if variogram is None:
+            return Verdict()
+        waiting = [held for held in self._held if self._same_place(held.record, record, variogram)]
+        if not (waiting or stands_out(record, samples)):
+            return Verdict()
+        expected = expectation(samples, variogram, record.x_m, record.y_m)
+        if expected is None:
+            return Verdict()
+        deviation = expected.deviation(record)
+        confirmed = tuple(held for held in waiting if deviation / held.deviation > CONFIRMED)
+        self._held = [held for held in self._held if held not in waiting]
+        if confirmed or not expected.is_far(record):
+            return Verdict(confirmed=confirmed)
+        self._held = [*self._held, Held(record, deviation, where)][-MAX_HELD:]
+        return Verdict(expected.text(record))
+
+    def _same_place(self, one: CountRecord, other: CountRecord, variogram: Variogram) -> bool:
+        offset = np.array([one.x_m - other.x_m, one.y_m - other.y_m])
+        if math.hypot(*offset) <= self._radius_m:
+            return True
+        square = float((variogram.scaled(offset) ** 2).sum())
+        return float(variogram.correlation_of_square(square)) >= SAME_PLACE

@@ -1,0 +1,97 @@
+"""Counts that the map does not expect: exact probabilities, faults held back, real patterns released."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import integrate, stats
+
+from soilmoist_ros.mapping.expected_counts import MIN_SAMPLES, Expectation, ExpectedCounts, expectation
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.records import CountRecord
+
+VARIOGRAM = Variogram("matern32", nugget=0.01, range_m=20.0, sill=0.3)
+
+
+def record(counts, x_m=25.0, y_m=25.0, stamp_s=1e9):
+    return CountRecord(stamp_s, x_m, y_m, 0.0, counts, 10.0, 10.0)
+
+
+def samples(number=36, rate_cps=8.0, exposure_s=60.0):
+    x, y = np.meshgrid(np.arange(0.0, 60.0, 10.0), np.arange(0.0, 60.0, 10.0))
+    xy = np.column_stack([x.ravel(), y.ravel()])[:number]
+    counts = np.random.default_rng(3).poisson(rate_cps * exposure_s, number).astype(float)
+    return Samples(xy, counts, np.full(number, exposure_s), np.zeros((number, 3)))
+
+
+def judge(records, of=None):
+    """Whether each record is unexpected, and the records that are released, in order."""
+    checks, of, released = ExpectedCounts(3.0), of or samples(), []
+    unexpected = []
+    for one in records:
+        verdict = checks.judge(one, one, of, lambda: VARIOGRAM)
+        unexpected.append(bool(verdict.unexpected))
+        released += [held.where for held in verdict.confirmed]
+    return unexpected, released
+
+
+@pytest.mark.parametrize(("counts", "variance"), [(0, 0.5), (13, 0.2), (80, 0.5), (160, 0.0), (40, 0.0)])
+def test_tails_are_those_of_poisson_counts_at_a_gamma_rate(counts, variance):
+    low, high = Expectation(8.0, variance).tails(counts, 10.0)
+    if variance:
+        rate = stats.gamma(8.0**2 / variance, scale=variance / 8.0)
+        ends = rate.ppf([1e-15, 1 - 1e-15])
+        wanted = [
+            integrate.quad(lambda r: tail(counts, r * 10.0) * rate.pdf(r), *ends, epsabs=0, epsrel=1e-9, limit=200)[0]
+            for tail in (stats.poisson.cdf, lambda k, m: stats.poisson.sf(k - 1, m))
+        ]
+    else:
+        wanted = [stats.poisson.cdf(counts, 80.0), stats.poisson.sf(counts - 1, 80.0)]
+    assert [low, high] == pytest.approx(wanted, rel=1e-6)
+
+
+@given(st.integers(0, 500), st.floats(0.1, 50.0), st.floats(0.0, 20.0), st.floats(1.0, 600.0))
+def test_both_tails_share_exactly_the_count_itself(counts, rate_cps, variance, exposure_s):
+    expected = Expectation(rate_cps, variance)
+    low, high = expected.tails(counts, exposure_s)
+    assert 0 <= low <= 1 + 1e-12
+    assert 0 <= high <= 1 + 1e-12
+    assert low + high >= 1 - 1e-9
+    if counts:
+        assert high == pytest.approx(1 - expected.tails(counts - 1, exposure_s)[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("counts", [20, 200])
+def test_one_record_that_does_not_fit_is_held_back_and_the_next_is_used(counts):
+    assert judge([record(82), record(counts), record(78), record(85)]) == ([False, True, False, False], [])
+
+
+@pytest.mark.parametrize("counts", [25, 160])
+def test_a_hollow_that_the_next_record_confirms_is_used(counts):
+    held = record(counts)
+    assert judge([held, record(counts + 6, x_m=31.0)]) == ([True, False], [held])
+
+
+def test_a_second_fault_on_the_other_side_confirms_nothing():
+    assert judge([record(200), record(20)]) == ([True, True], [])
+
+
+def test_a_record_elsewhere_neither_confirms_nor_ends_the_wait():
+    held = record(200)
+    verdicts, released = judge([held, record(80, 55.0, 55.0), record(198)])
+    assert (verdicts, released) == ([True, False, False], [held])
+
+
+def test_counts_at_an_unknown_place_or_of_a_young_map_are_not_judged():
+    assert judge([record(300)], samples(MIN_SAMPLES - 1)) == ([False], [])
+    assert judge([record(300, 500.0, 500.0)]) == ([False], [])
+    assert expectation(samples(), VARIOGRAM, 500.0, 500.0) is None
+
+
+def test_the_message_says_what_was_counted_and_expected():
+    expected = Expectation(8.0, 0.25)
+    assert expected.text(record(200)) == "200 counts where the map expects 80 ± 10"
+    assert expected.deviation(record(90)) == pytest.approx(math.sqrt(9) - math.sqrt(8))
