@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Generic, TypeVar
 
 import numpy as np
@@ -17,25 +17,27 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
 Where = TypeVar("Where")
 
+UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value
+"""Why such a record is quarantined."""
+
 MAX_PROBABILITY: Final = 1e-5
-"""Probability of a count, or one farther out on its side, below which it is unexpected: both sides together a false
-alarm in six days of records of 10 s."""
+"""Probability of a count, or of one farther out on its side, below which it is unexpected. Both sides together make
+a false alarm in six days of records of 10 s."""
 MIN_SAMPLES: Final = 10
 """Number of samples from which the map is trusted."""
-MAX_VARIANCE_SHARE: Final = 0.5
-"""Kriging variance, as a share of the sill, up to which the map knows a place."""
 NEAR: Final = 16
 """Number of nearest samples from which the rate is predicted."""
 CLEARLY: Final = 1.5
-"""Difference of the square roots of counts, with a standard deviation of 0.5, by which a record must lie outside all
-near samples before its rate is predicted: it saves the kriging of nearly all good records."""
+"""Difference of the square roots of counts (standard deviation 0.5) by which a record must lie outside all near
+samples before its rate is predicted: it saves the kriging of nearly all good records."""
 SAME_PLACE: Final = 0.5
-"""Correlation of the rates from which two records are at the same place."""
+"""Correlation of the rates from which two records are at the same place, and from which a sample knows a place."""
 CONFIRMED: Final = 0.5
 """Share of the deviation, of the square root of the rate, from which the next record confirms the first."""
 MAX_HELD: Final = 200
@@ -90,6 +92,11 @@ class Expectation:
         return f"{record.raw_counts} counts where the map expects {expected:.0f} ± {sd:.0f}"
 
 
+def without_verdict(record: CountRecord) -> CountRecord:
+    """The record without the verdict of an earlier map: the records before and after it decide anew."""
+    return replace(record, quarantine="") if record.quarantine == UNEXPECTED else record
+
+
 def stands_out(record: CountRecord, samples: Samples) -> bool:
     """Whether a record's counts are clearly outside the rates of the samples around it; quick."""
     near = nearest(samples, record.x_m, record.y_m)
@@ -100,7 +107,7 @@ def stands_out(record: CountRecord, samples: Samples) -> bool:
 
 
 def expectation(samples: Samples, variogram: Variogram, x_m: float, y_m: float) -> Expectation | None:
-    """What the samples around a place let expect there; ``None`` if they do not say enough.
+    """What the samples around a place let expect there; ``None`` if they expect nothing.
 
     :param samples: samples of the map
     :param variogram: variogram of the map
@@ -110,8 +117,7 @@ def expectation(samples: Samples, variogram: Variogram, x_m: float, y_m: float) 
         samples.xy[near], samples.counts[near], samples.exposure_s[near], samples.spread[near]
     )
     rate, variance = kriging.predict([(x_m, y_m)])
-    known = rate[0] > 0 and variance[0] <= MAX_VARIANCE_SHARE * variogram.sill
-    return Expectation(float(rate[0]), float(variance[0])) if known else None
+    return Expectation(float(rate[0]), float(variance[0])) if rate[0] > 0 else None
 
 
 def nearest(samples: Samples, x_m: float, y_m: float) -> NDArray[np.intp]:
@@ -134,6 +140,11 @@ class Held(Generic[Where]):
     record: CountRecord
     deviation: float
     where: Where
+
+    @property
+    def xy(self) -> Array:
+        """Place of the record, shape (2,) [m]."""
+        return np.array([self.record.x_m, self.record.y_m])
 
 
 @dataclass(frozen=True)
@@ -173,8 +184,11 @@ class ExpectedCounts(Generic[Where]):
         variogram = fit()
         if variogram is None:
             return Verdict()
-        waiting = [held for held in self._held if self._same_place(held.record, record, variogram)]
-        if not (waiting or stands_out(record, samples)):
+        place = np.array([record.x_m, record.y_m])
+        here = [bool(self._same_place(held.xy - place, variogram)) for held in self._held]
+        waiting = [held for held, is_here in zip(self._held, here, strict=True) if is_here]
+        known = self._same_place(samples.xy - place, variogram).any()
+        if not known or not (waiting or stands_out(record, samples)):
             return Verdict()
         expected = expectation(samples, variogram, record.x_m, record.y_m)
         if expected is None:
@@ -187,9 +201,7 @@ class ExpectedCounts(Generic[Where]):
         self._held = [*self._held, Held(record, deviation, where)][-MAX_HELD:]
         return Verdict(expected.text(record))
 
-    def _same_place(self, one: CountRecord, other: CountRecord, variogram: Variogram) -> bool:
-        offset = np.array([one.x_m - other.x_m, one.y_m - other.y_m])
-        if math.hypot(*offset) <= self._radius_m:
-            return True
-        square = float((variogram.scaled(offset) ** 2).sum())
-        return float(variogram.correlation_of_square(square)) >= SAME_PLACE
+    def _same_place(self, offset_m: Array, variogram: Variogram) -> NDArray[np.bool_]:
+        """Whether places with these offsets from each other, shape (..., 2) [m], are the same."""
+        alike = variogram.correlation_of_square((variogram.scaled(offset_m) ** 2).sum(axis=-1)) >= SAME_PLACE
+        return np.asarray(alike | (np.hypot(offset_m[..., 0], offset_m[..., 1]) <= self._radius_m))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
@@ -26,6 +27,7 @@ from soilmoist_ros.mapping.samples.spread import footprint_spread
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, VariogramFit, estimate_variogram
+from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from shapely.geometry import MultiPolygon, Polygon
 
 Array = NDArray[np.float64]
+_Where = tuple[int, Array]
+"""Index of a record in the track, and spread of its counts."""
 
 REFIT_GROWTH = 0.02
 """The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
@@ -173,6 +177,7 @@ class FieldMap:
         """Forget all records, samples and the last map."""
         self._merger = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m)
         self._paths = DrivenPaths()
+        self._expected: ExpectedCounts[_Where] = ExpectedCounts(self.merge_radius_m)
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
         self.soil_map: SoilMap | None = None
@@ -183,23 +188,50 @@ class FieldMap:
     def add(self, record: CountRecord) -> Skip | None:
         """Add a record, merged into the sample around it.
 
+        A record whose counts the map does not expect is quarantined until another one confirms it.
+
         :returns: why it is left out, ``None`` if it is in the map
         """
+        record = without_verdict(record)
         reason, why = check_record(record, self._area)
         if reason is not None:
             self.skip(reason, f"record at {record.stamp_s:.1f} s: {why}")
             if reason in (Skip.NO_POSITION, Skip.QUARANTINED):
                 self.track.append(record)
             return reason
+        spread = self._paths.spread(record)
+        verdict = self._expected.judge(record, (len(self.track), spread), self.state.samples, self._variogram)
+        for held in verdict.confirmed:
+            self._release(held)
+        if verdict.unexpected:
+            self.skip(Skip.QUARANTINED, f"record at {record.stamp_s:.1f} s: {verdict.unexpected}")
+            self.track.append(replace(record, quarantine=UNEXPECTED))
+            return Skip.QUARANTINED
         self._recent.append(None)
         self.track.append(record)
-        spread = self._paths.spread(record)
+        self._merge(record, spread)
+        return None
+
+    def _merge(self, record: CountRecord, spread: Array) -> None:
         self._merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread)
         samples, fitted = self._merger.samples, self.state.fit_samples
         self.state = MapState(
             self.state.records + 1, record.stamp_s, samples, samples if _has_grown(fitted, samples) else fitted
         )
-        return None
+
+    def _release(self, held: Held[_Where]) -> None:
+        """Use a record that was quarantined until another one confirmed it."""
+        index, spread = held.where
+        self.track[index] = held.record
+        known = self.skipped.pop(Skip.QUARANTINED)
+        if known.count > 1:
+            self.skipped[Skip.QUARANTINED] = replace(known, count=known.count - 1)
+        self._merge(held.record, spread)
+
+    def _variogram(self) -> Variogram | None:
+        """The variogram of the records so far; it does not depend on which maps were computed."""
+        fit = self.fit(self.state)
+        return None if fit is None else fit.variogram
 
     def add_sample(self, xy: tuple[float, float], raw_counts: float, effective_exposure_s: float) -> None:
         """Add a sample that is complete: it is not merged, and the variogram of the next map is fitted anew.
@@ -216,10 +248,13 @@ class FieldMap:
 
         The samples do not depend on the order in which a place was visited, unlike those of :meth:`add`.
 
-        :param records: all with a place and an exposure > 0, in order of time; quarantined ones are left out
+        :param records: all with a place and an exposure > 0, in order of time; quarantined ones are left out, and
+            so are those that :meth:`add` would quarantine
         """
-        self.track = list(records)
-        records = [record for record in records if not record.quarantine]
+        records = list(map(without_verdict, records))
+        unexpected = self._unexpected(records)
+        self.track = [unexpected.get(index, record) for index, record in enumerate(records)]
+        records = [record for record in self.track if not record.quarantine]
         paths = DrivenPaths()
         spread = np.array([paths.spread(record) for record in records]).reshape(-1, 3)
         columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
@@ -227,6 +262,21 @@ class FieldMap:
         samples = merge_records(table[:, :2], table[:, 2], table[:, 3], self.merge_radius_m, spread)
         samples = replace(samples, spread=samples.spread + footprint_spread(self.settings.footprint_radius_m))
         self.state = MapState(len(records), records[-1].stamp_s if records else 0.0, samples, samples)
+
+    def _unexpected(self, records: Sequence[CountRecord]) -> dict[int, CountRecord]:
+        """Records that :meth:`add` quarantines, by their index; they are counted as skipped."""
+        # Larger samples are as good for this test, and quick for any number of records.
+        radius_m = max(self.merge_radius_m, default_merge_radius_m(self.grid, self.settings.margin_m))
+        grown = FieldMap(self.grid, replace(self.settings, merge_radius_m=radius_m))
+        place = {}
+        for index, record in enumerate(records):
+            if not record.quarantine:
+                place[len(grown.track)] = index
+                grown.add(record)
+        found = {place[at]: record for at, record in enumerate(grown.track) if record.quarantine == UNEXPECTED}
+        if found:
+            self.skipped[Skip.QUARANTINED] = grown.skipped[Skip.QUARANTINED]
+        return found
 
     def set_samples(self, samples: Samples, fit: VariogramFit | None = None) -> None:
         """Replace all samples by some that were merged elsewhere.

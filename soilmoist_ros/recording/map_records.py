@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from operator import attrgetter
 from typing import Final
 
+from soilmoist_ros.mapping.expected_counts import without_verdict
 from soilmoist_ros.mapping.field_map import FieldMap, SkippedRecords
 from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.sensing.records import CountRecord
@@ -106,7 +107,8 @@ class MapRecords:
 
 
 def _key(record: CountRecord) -> bytes:
-    """All values of a record; NaN has many forms, of which one is used."""
+    """All values of a record but the verdict of a map; NaN has many forms, of which one is used."""
+    record = without_verdict(record)
     numbers = _KEY.pack(*(math.nan if value != value else value for value in _VALUES(record)))
     return numbers + record.quarantine.encode() if record.quarantine else numbers
 

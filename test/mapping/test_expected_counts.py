@@ -1,6 +1,8 @@
 """Counts that the map does not expect: exact probabilities, faults held back, real patterns released."""
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,11 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from soilmoist_ros.mapping.expected_counts import MIN_SAMPLES, Expectation, ExpectedCounts, expectation
+from soilmoist_ros.mapping.expected_counts import MIN_SAMPLES, Expectation, ExpectedCounts
+from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.records import CountRecord
 
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 30), (0, 30)], 5.0)
 VARIOGRAM = Variogram("matern32", nugget=0.01, range_m=20.0, sill=0.3)
 
 
@@ -38,16 +44,18 @@ def judge(records, of=None):
     return unexpected, released
 
 
+def _mean(tail, rate, ends):
+    return integrate.quad(lambda r: tail(10.0 * r) * rate.pdf(r), *ends, epsabs=0, epsrel=1e-9, limit=200)[0]
+
+
 @pytest.mark.parametrize(("counts", "variance"), [(0, 0.5), (13, 0.2), (80, 0.5), (160, 0.0), (40, 0.0)])
 def test_tails_are_those_of_poisson_counts_at_a_gamma_rate(counts, variance):
     low, high = Expectation(8.0, variance).tails(counts, 10.0)
     if variance:
         rate = stats.gamma(8.0**2 / variance, scale=variance / 8.0)
         ends = rate.ppf([1e-15, 1 - 1e-15])
-        wanted = [
-            integrate.quad(lambda r: tail(counts, r * 10.0) * rate.pdf(r), *ends, epsabs=0, epsrel=1e-9, limit=200)[0]
-            for tail in (stats.poisson.cdf, lambda k, m: stats.poisson.sf(k - 1, m))
-        ]
+        tails = (stats.poisson.cdf, lambda n, mean: stats.poisson.sf(n - 1, mean))
+        wanted = [_mean(partial(tail, counts), rate, ends) for tail in tails]
     else:
         wanted = [stats.poisson.cdf(counts, 80.0), stats.poisson.sf(counts - 1, 80.0)]
     assert [low, high] == pytest.approx(wanted, rel=1e-6)
@@ -88,10 +96,70 @@ def test_a_record_elsewhere_neither_confirms_nor_ends_the_wait():
 def test_counts_at_an_unknown_place_or_of_a_young_map_are_not_judged():
     assert judge([record(300)], samples(MIN_SAMPLES - 1)) == ([False], [])
     assert judge([record(300, 500.0, 500.0)]) == ([False], [])
-    assert expectation(samples(), VARIOGRAM, 500.0, 500.0) is None
 
 
 def test_the_message_says_what_was_counted_and_expected():
     expected = Expectation(8.0, 0.25)
     assert expected.text(record(200)) == "200 counts where the map expects 80 ± 10"
     assert expected.deviation(record(90)) == pytest.approx(math.sqrt(9) - math.sqrt(8))
+
+
+# Counts that the map does not expect ----------------------------------------------------------------------------
+
+
+def survey_of(rate_cps=lambda x_m, y_m: 8.0, seed=2):
+    """Records of two lines of stops, 5 m apart, three records at each."""
+    rng = np.random.default_rng(seed)
+    places = [(2.5 + 5.0 * column, 5.0 + 10.0 * row) for row in range(2) for column in range(10) for _ in range(3)]
+    return [
+        record(int(rng.poisson(10 * rate_cps(*place))), *place, 1e9 + 10 * number)
+        for number, place in enumerate(places)
+    ]
+
+
+def grown(records, computing=False):
+    field_map = FieldMap(GRID)
+    for record in records:
+        field_map.add(record)
+        if computing and field_map.state.records % 10 == 0:
+            field_map.update()
+    return field_map
+
+
+def test_a_record_that_the_map_does_not_expect_is_quarantined_and_the_map_is_that_of_the_others():
+    good = survey_of()
+    bad = replace(good[40], raw_counts=400)
+    found = grown([*good[:40], bad, *good[41:]])
+    assert found.skipped[Skip.QUARANTINED].count == 1
+    assert "400 counts where the map expects 7" in found.skipped[Skip.QUARANTINED].example
+    assert found.track[40] == replace(bad, quarantine="unexpected_count")
+    without = grown([*good[:40], *good[41:]])
+    assert np.array_equal(found.state.samples.counts, without.state.samples.counts)
+    assert found.state.records == len(good) - 1
+    # A table of the track, or a map of the whole survey, has the same verdict.
+    again = grown(found.track)
+    assert again.track == found.track
+    whole = FieldMap(GRID)
+    whole.set_records([*good[:40], bad, *good[41:]])
+    assert whole.track == found.track
+    assert whole.state.samples.counts.sum() == found.state.samples.counts.sum()
+
+
+def test_a_hollow_is_used_from_its_second_record_on_and_nothing_is_lost():
+    records = survey_of(lambda x_m, y_m: 2.5 if x_m == 22.5 and y_m == 15.0 else 8.0)
+    found = grown(records)
+    assert Skip.QUARANTINED not in found.skipped
+    assert found.track == records
+    assert found.state.samples.counts.sum() == sum(record.raw_counts for record in records)
+    hollow = next(one for one in records if (one.x_m, one.y_m) == (22.5, 15.0))
+    first = grown(records[: records.index(hollow) + 1])
+    assert first.track[-1].quarantine == "unexpected_count"
+
+
+def test_verdicts_do_not_depend_on_the_maps_that_were_computed():
+    records = survey_of(seed=4)
+    records[50] = replace(records[50], raw_counts=2)
+    quiet, busy = grown(records), grown(records, computing=True)
+    assert quiet.track == busy.track
+    assert quiet.track[50].quarantine
+    assert np.array_equal(quiet.update().rate, busy.update().rate, equal_nan=True)
