@@ -27,7 +27,7 @@ UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value
 """Why such a record is quarantined."""
 
 MAX_PROBABILITY: Final = 1e-5
-"""Probability of a count, or of one farther out on its side, below which it is unexpected. Both sides together make
+"""Probability of a count, or of one farther out on its side, below which it is unexpected. Both sides together are
 a false alarm in six days of records of 10 s."""
 MIN_SAMPLES: Final = 10
 """Number of samples from which the map is trusted."""
@@ -100,10 +100,12 @@ def without_verdict(record: CountRecord) -> CountRecord:
 def stands_out(record: CountRecord, samples: Samples) -> bool:
     """Whether a record's counts are clearly outside the rates of the samples around it; quick."""
     near = nearest(samples, record.x_m, record.y_m)
-    rates = samples.counts[near] / samples.exposure_s[near]
-    low, high = (math.sqrt(rate * record.effective_exposure_s) for rate in (rates.min(), rates.max()))
+    exposure_s = samples.exposure_s[near]
+    roots = np.sqrt(samples.counts[near] / exposure_s)
+    noise = 0.5 / np.sqrt(exposure_s)  # the extremes of noisy rates are too far out
+    low, high = np.array([(roots + noise).min(), (roots - noise).max()]) * math.sqrt(record.effective_exposure_s)
     counted = math.sqrt(record.raw_counts)
-    return counted < low - CLEARLY or counted > high + CLEARLY
+    return bool(counted < low - CLEARLY or counted > high + CLEARLY)
 
 
 def expectation(samples: Samples, variogram: Variogram, x_m: float, y_m: float) -> Expectation | None:

@@ -204,9 +204,9 @@ class FieldMap:
         for held in verdict.confirmed:
             self._release(held)
         if verdict.unexpected:
-            self.skip(Skip.QUARANTINED, f"record at {record.stamp_s:.1f} s: {verdict.unexpected}")
+            self.skip(Skip.UNEXPECTED, f"record at {record.stamp_s:.1f} s: {verdict.unexpected}")
             self.track.append(replace(record, quarantine=UNEXPECTED))
-            return Skip.QUARANTINED
+            return Skip.UNEXPECTED
         self._recent.append(None)
         self.track.append(record)
         self._merge(record, spread)
@@ -223,9 +223,9 @@ class FieldMap:
         """Use a record that was quarantined until another one confirmed it."""
         index, spread = held.where
         self.track[index] = held.record
-        known = self.skipped.pop(Skip.QUARANTINED)
+        known = self.skipped.pop(Skip.UNEXPECTED)
         if known.count > 1:
-            self.skipped[Skip.QUARANTINED] = replace(known, count=known.count - 1)
+            self.skipped[Skip.UNEXPECTED] = replace(known, count=known.count - 1)
         self._merge(held.record, spread)
 
     def _variogram(self) -> Variogram | None:
@@ -275,7 +275,7 @@ class FieldMap:
                 grown.add(record)
         found = {place[at]: record for at, record in enumerate(grown.track) if record.quarantine == UNEXPECTED}
         if found:
-            self.skipped[Skip.QUARANTINED] = grown.skipped[Skip.QUARANTINED]
+            self.skipped[Skip.UNEXPECTED] = grown.skipped[Skip.UNEXPECTED]
         return found
 
     def set_samples(self, samples: Samples, fit: VariogramFit | None = None) -> None:

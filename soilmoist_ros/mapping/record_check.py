@@ -31,6 +31,7 @@ class Skip(enum.Enum):
     UNREADABLE = "unreadable message"
     OTHER_FRAME = "other frame"
     QUARANTINED = "quarantined"
+    UNEXPECTED = "unexpected count"
 
     @property
     def remedy(self) -> str:
@@ -43,6 +44,7 @@ class Skip(enum.Enum):
             Skip.UNREADABLE: "check what publishes the counts, and its version",
             Skip.OTHER_FRAME: "give driver, mapper and planner one frame, and one field file",
             Skip.QUARANTINED: "read the reason in the table of records, and check the sensor",
+            Skip.UNEXPECTED: "measure there again: a second record that agrees brings the first into the map",
         }[self]
 
 

@@ -21,7 +21,7 @@ from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
-from soilmoist_ros.reporting.map_run import input_file, make_run
+from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
@@ -134,7 +134,7 @@ def map_logs(
         raise InputError(message, "give the field file of the place that was surveyed", settings.field)
     return make_run(
         soil_map,
-        sorted([*survey.records, *survey.quarantined], key=attrgetter("stamp_s")),
+        sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")),
         site,
         survey.frame,
         field_name=field.name if field else "surroundings of the track",
@@ -151,7 +151,7 @@ def map_logs(
         title=settings.title,
         inputs=_inputs(logs, settings),
         logger_format=logs[0].format_title,
-        losses=loss_rows([*survey.problems, *track_problems]),
+        losses=[*loss_rows([*survey.problems, *track_problems]), *loss_rows_of(field_map.snapshot())],
         simulated=any(log.simulated for log in logs),
     )
 

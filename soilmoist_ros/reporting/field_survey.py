@@ -10,7 +10,6 @@ from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
-from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod
 from soilmoist_ros.sensing.moisture.site import Site, load_site
@@ -42,8 +41,7 @@ class FieldSurvey:
         :raises InputError: if there are too few samples for a map
         :raises IllConditionedError: as :meth:`FieldMap.compute`
         """
-        from soilmoist_ros.reporting.map_run import input_file, make_run
-        from soilmoist_ros.reporting.run import LossRow
+        from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 
         soil_map = self.map.compute(snapshot.state)
         if soil_map is None:
@@ -64,16 +62,7 @@ class FieldSurvey:
                 "deconvolved_footprint_m": settings.footprint_radius_m,
             },
             inputs=[input_file(path, role) for role, path in self.files],
-            losses=[
-                LossRow(
-                    reason.value,
-                    entry.count,
-                    entry.example,
-                    "quarantined" if reason is Skip.QUARANTINED else "lost",
-                    reason.remedy,
-                )
-                for reason, entry in snapshot.skipped.items()
-            ],
+            losses=loss_rows_of(snapshot),
             simulated=self.simulated,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,6 +13,9 @@ import numpy as np
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping import SoilMap
+from soilmoist_ros.mapping.expected_counts import UNEXPECTED
+from soilmoist_ros.mapping.field_map import Snapshot
+from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.reporting.run import (
     CalibrationInfo,
     CorrectionRow,
@@ -23,6 +27,7 @@ from soilmoist_ros.reporting.run import (
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import IntensityCorrection
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.problems import reason_text
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -169,3 +174,26 @@ def _calibration(site: Site) -> CalibrationInfo | None:
         source=source,
         illustrative=site.calibration.illustrative,
     )
+
+
+def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:
+    """What a map has left out: a row for each reason, lost records first, then those that others quarantined."""
+    last = {record.quarantine: record for record in snapshot.track if record.quarantine not in ("", UNEXPECTED)}
+    counts = Counter(record.quarantine for record in snapshot.track)
+    return [
+        *(
+            LossRow(
+                reason.value,
+                entry.count,
+                entry.example,
+                "quarantined" if reason is Skip.UNEXPECTED else "lost",
+                reason.remedy,
+            )
+            for reason, entry in snapshot.skipped.items()
+            if reason is not Skip.QUARANTINED
+        ),
+        *(
+            LossRow(reason_text(reason), counts[reason], str(record), "quarantined", Skip.QUARANTINED.remedy)
+            for reason, record in last.items()
+        ),
+    ]

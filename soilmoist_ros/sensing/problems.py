@@ -110,3 +110,12 @@ class Problem:
 
     def __str__(self) -> str:
         return str(self.mistake)
+
+
+def reason_text(code: str) -> str:
+    """Text of a reason code, such as that of a quarantined record; the code itself if it is unknown.
+
+    >>> reason_text("noisy_tube")
+    'tube counts too much'
+    """
+    return next((kind.text for kind in Kind if kind == code), code)

@@ -130,8 +130,8 @@ def test_a_record_that_the_map_does_not_expect_is_quarantined_and_the_map_is_tha
     good = survey_of()
     bad = replace(good[40], raw_counts=400)
     found = grown([*good[:40], bad, *good[41:]])
-    assert found.skipped[Skip.QUARANTINED].count == 1
-    assert "400 counts where the map expects 7" in found.skipped[Skip.QUARANTINED].example
+    assert found.skipped[Skip.UNEXPECTED].count == 1
+    assert "400 counts where the map expects 7" in found.skipped[Skip.UNEXPECTED].example
     assert found.track[40] == replace(bad, quarantine="unexpected_count")
     without = grown([*good[:40], *good[41:]])
     assert np.array_equal(found.state.samples.counts, without.state.samples.counts)
@@ -148,7 +148,7 @@ def test_a_record_that_the_map_does_not_expect_is_quarantined_and_the_map_is_tha
 def test_a_hollow_is_used_from_its_second_record_on_and_nothing_is_lost():
     records = survey_of(lambda x_m, y_m: 2.5 if x_m == 22.5 and y_m == 15.0 else 8.0)
     found = grown(records)
-    assert Skip.QUARANTINED not in found.skipped
+    assert Skip.UNEXPECTED not in found.skipped
     assert found.track == records
     assert found.state.samples.counts.sum() == sum(record.raw_counts for record in records)
     hollow = next(one for one in records if (one.x_m, one.y_m) == (22.5, 15.0))
