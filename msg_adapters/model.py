@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
@@ -80,7 +81,15 @@ def _plain(model: Model) -> dict[str, Any]:
         "anisotropy": fit.variogram.anisotropy,
         "angle_deg": fit.variogram.angle_deg,
         "cell_m": model.cell_m,
+        "local_rate": None if fit.local_rate is None else _plain_rate(fit.local_rate),
     }
+
+
+def _plain_rate(rate: LocalRate) -> dict[str, Any]:
+    """A local rate without its variogram, which is that of the fit."""
+    x, y = rate.pools_xy.T
+    columns = {"x": x.tolist(), "y": y.tolist(), "coefficients": rate.coefficients.tolist()}
+    return {"mean": rate.mean, "least": rate.least, **columns}
 
 
 def _model(content: Mapping[str, Any]) -> Model:
@@ -112,9 +121,25 @@ def _model(content: Mapping[str, Any]) -> Model:
         _three(content["prior_share"]),
         bool(content["converged"]),
         str(content["message"]),
-        **{name: _array(content[name]) for name in _ARRAYS},
+        _array(content["lag_m"]),
+        _array(content["gamma"]),
+        _array(content["weight"]),
+        _array(content["edges_m"]),
+        _local_rate(variogram, content.get("local_rate")),
     )
     return Model(fit, stamp_s, cell_m)
+
+
+def _local_rate(variogram: Variogram, content: Mapping[str, Any] | None) -> LocalRate | None:
+    """The rate in the noise of the samples; models of earlier versions have the mean rate only."""
+    if content is None:
+        return None
+    x, y, coefficients = (_array(content[name]) for name in ("x", "y", "coefficients"))
+    mean, least = float(content["mean"]), float(content["least"])
+    whole = len(x) == len(y) == len(coefficients) and np.isfinite([*x, *y, *coefficients, mean, least]).all()
+    if not (whole and least > 0):
+        raise ValueError("local_rate must have finite pools of equal numbers, and a lower limit > 0")
+    return LocalRate(variogram, mean, least, np.column_stack([x, y]), coefficients)
 
 
 def _number(value: float) -> float | None:

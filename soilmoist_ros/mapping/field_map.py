@@ -26,7 +26,7 @@ from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_sample
 from soilmoist_ros.mapping.samples.spread import footprint_spread
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod, VariogramFit, estimate_variogram
+from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel, VariogramFit, estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
@@ -63,6 +63,7 @@ class FieldMapSettings:
     :param max_exact_samples: number of samples beyond which a map is made by :class:`TiledKriging`
     :param for_planning: make every map from an exact kriging of all samples, which planning needs too; otherwise
         keep what the next map can reuse
+    :param noise: rate in the Poisson noise of each sample: ``local`` to its place, or ``mean``, as published
     """
 
     model: ModelName = "matern32"
@@ -74,6 +75,7 @@ class FieldMapSettings:
     footprint_radius_m: float = 0.0
     max_exact_samples: int = MAX_EXACT_SAMPLES
     for_planning: bool = False
+    noise: NoiseModel = "local"
 
 
 _DEFAULTS = FieldMapSettings()
@@ -393,6 +395,7 @@ class FieldMap:
             self.settings.fit,
             extent_m=self.grid.extent_m,
             spread=samples.spread,
+            local_noise=self.settings.noise == "local",
         )
         self._last_fit = samples, fit
         return fit

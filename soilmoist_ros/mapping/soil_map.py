@@ -19,6 +19,7 @@ from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, Tiled
 from soilmoist_ros.mapping.moisture_bands import UNITS, Bands, make_bands
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.soil_limits import SoilLimits, soil_limits
@@ -43,7 +44,7 @@ class SoilMap:
     :param samples: the samples behind the map, as given
     :param variogram: the variogram used
     :param fit: how it was fitted; ``None`` if it was given
-    :param mean_rate: mean rate m* in the noise of the samples [counts/s]
+    :param mean_rate: mean rate m* of the samples [counts/s]; their noise has it unless the fit has a local rate
     :param curve: calibration, ``None`` if the map is of the rate only
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
     :param made_by: the fitted kriging that made the map; ``None`` if
@@ -123,8 +124,17 @@ class SoilMap:
         if self.made_by is not None:
             return self.made_by
         samples = self.samples
-        kriging = PoissonKriging(self.variogram, self.keep_nugget, self.mean_rate)
+        kriging = PoissonKriging(self.variogram, self.keep_nugget, self._noise_rate)
         return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
+
+    @property
+    def noise_variance(self) -> Array:
+        """Poisson variance of the rate of each sample, shape (n,) [(counts/s)^2]."""
+        return noise_rates(self._noise_rate, self.samples.xy) / self.samples.exposure_s
+
+    @property
+    def _noise_rate(self) -> float | LocalRate:
+        return (self.fit.local_rate if self.fit is not None else None) or self.mean_rate
 
     @property
     def unknown_rate_sd(self) -> float:
@@ -181,7 +191,7 @@ def make_soil_map(
 ) -> SoilMap:
     """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
 
-    With a fit, the mean rate m* in the noise is the fit's: the noise of a sample changes only at the next fit.
+    With a fit, the rate in the noise is the fit's, mean or local: noise changes only at the next fit.
 
     :param samples: at least one
     :param grid: the field
@@ -197,12 +207,12 @@ def make_soil_map(
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
-    known_rate = (fit.mean_rate or None) if fit is not None else None
+    known_rate = None if fit is None else fit.noise_rate
     kriging: PoissonKriging | TiledKriging | None = None
     rasters = None
     if raster is not None and 0 < len(samples) <= max_exact_samples:
-        mean_rate = known_rate or noise_rate(samples)
-        rasters = raster.update(samples, model, mean_rate)
+        mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
+        rasters = raster.update(samples, model, known_rate or mean_rate)
     if rasters is not None:
         rate, variance = rasters
         clipped = clip_negative(variance, model.sill)
@@ -213,7 +223,7 @@ def make_soil_map(
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
-        clipped, mean_rate = kriging.clipped_variances, kriging.noise_mean_rate
+        clipped, mean_rate = kriging.clipped_variances, (fit.mean_rate if fit else 0.0) or kriging.noise_mean_rate
     return SoilMap(
         grid,
         rate,

@@ -68,6 +68,20 @@ def test_a_fit_comes_back_exactly(fit, stamp_s):
     assert_equal(found.fit, fit)
 
 
+def test_a_local_rate_comes_back_exactly():
+    rng = np.random.default_rng(1)
+    xy = rng.uniform(0, 50, (9, 2))
+    fit = estimate_variogram(xy, rng.poisson(400, 9), np.full(9, 100.0), local_noise=True)
+    content = model_to_message(Model(fit, 0.0))
+    found = model_from_message(content).fit
+    np.testing.assert_array_equal(found.local_rate(xy), fit.local_rate(xy), strict=True)
+    old = {name: value for name, value in json.loads(content.data).items() if name != "local_rate"}
+    assert model_from_message(String(data=json.dumps(old))).fit.local_rate is None
+    broken = {**old, "local_rate": {"mean": 4.0, "least": 0.4, "x": [1.0], "y": [], "coefficients": [0.1]}}
+    with pytest.raises(ValueError, match="local_rate must have finite pools"):
+        model_from_message(String(data=json.dumps(broken)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["reml", "soft_l1"])
 def test_a_real_fit_has_the_promised_keys_and_is_strict_json(method):

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
+from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
@@ -254,11 +254,3 @@ class SamplePoints:
                         out[rows, some] = correlation
                     else:
                         out[which[rows], some] += correlation
-
-
-def scaled(variogram: Variogram, x: Array, y: Array) -> tuple[Array, Array]:
-    """As :meth:`Variogram.scaled`, but no product of matrices: bits do not depend on the number of places."""
-    if variogram.anisotropy == 1:
-        return x / variogram.range_m, y / variogram.range_m
-    (xx, xy), (_, yy) = isotropic_plane(variogram.anisotropy, variogram.angle_deg) / variogram.range_m
-    return xx * x + xy * y, xy * x + yy * y

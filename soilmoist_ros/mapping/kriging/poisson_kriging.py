@@ -31,6 +31,7 @@ from soilmoist_ros.mapping.samples.samples import (
     merge_exactly,
     noise_rate,
 )
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.support import Supports
 
@@ -54,7 +55,8 @@ class PoissonKriging:
     :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, also the
         covariance with a sample at the target), or only its smooth part (sill - nugget in both cases)
     :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], by default sum of counts / sum of
-        exposures. The mean of the *map* is always estimated
+        exposures; or a :class:`LocalRate` for noise variances with the rate at the place of each sample. The mean
+        of the *map* is always estimated
     :raises ValueError: if ``mean_rate`` is not positive and finite
 
     Attributes
@@ -64,7 +66,8 @@ class PoissonKriging:
     jitter : float
         what was added to the diagonal of the matrix to make it positive definite [(counts/s)^2]
     noise_mean_rate : float
-        the m* in use [counts/s]; :meth:`add` keeps it until the data's has drifted by 1 %
+        the m* in use [counts/s]; :meth:`add` keeps it until the data's has drifted by 1 %. With a local rate, that
+        of the data at the last :meth:`fit`
 
     >>> kriging = PoissonKriging(Variogram("matern32", nugget=0.0, range_m=15.0, sill=0.5))
     >>> kriging.fit([(0, 0), (20, 0)], counts=[300, 500], exposure_s=[100.0, 100.0])
@@ -74,8 +77,10 @@ class PoissonKriging:
     (array([3.46, 4.  ]), array([0.11, 0.85]))
     """
 
-    def __init__(self, variogram: Variogram, keep_nugget: bool = True, mean_rate: float | None = None) -> None:
-        if mean_rate is not None and not (np.isfinite(mean_rate) and mean_rate > 0):
+    def __init__(
+        self, variogram: Variogram, keep_nugget: bool = True, mean_rate: float | LocalRate | None = None
+    ) -> None:
+        if isinstance(mean_rate, (int, float)) and not (np.isfinite(mean_rate) and mean_rate > 0):
             raise ValueError(f"mean_rate must be positive and finite, got {mean_rate}")
         self.variogram = variogram
         self.keep_nugget = keep_nugget
@@ -147,7 +152,8 @@ class PoissonKriging:
         known = len(self._places)
         self._take(self._records.joined(new))
         drift = abs(self._wanted_mean_rate() / self.noise_mean_rate - 1)
-        if drift > MEAN_RATE_DRIFT or not self._refactor(int(self._record_place[-len(new) :].min()), known):
+        has_drifted = drift > MEAN_RATE_DRIFT and not isinstance(self.mean_rate, LocalRate)
+        if has_drifted or not self._refactor(int(self._record_place[-len(new) :].min()), known):
             self._rebuild()
         return self
 
@@ -250,12 +256,18 @@ class PoissonKriging:
         self._places, self._record_place = merge_exactly(records)
 
     def _wanted_mean_rate(self) -> float:
-        return noise_rate(self._places) if self.mean_rate is None else self.mean_rate
+        known = self.mean_rate
+        return noise_rate(self._places) if known is None or isinstance(known, LocalRate) else known
+
+    def _noise(self, places: Samples) -> Array:
+        """Poisson variance of the rate of each place [(counts/s)^2]."""
+        rate = self.mean_rate if isinstance(self.mean_rate, LocalRate) else self.noise_mean_rate
+        return noise_rates(rate, places.xy) / places.exposure_s
 
     def _rebuild(self) -> None:
         """Factor the whole matrix, with as little jitter as makes it positive definite."""
         self.noise_mean_rate = self._wanted_mean_rate()
-        scale = self.variogram.sill + float(np.mean(self.noise_mean_rate / self._places.exposure_s))
+        scale = self.variogram.sill + float(np.mean(self._noise(self._places)))
         for relative in JITTER:
             self.jitter = relative * scale
             if self._refactor(0, 0):
@@ -281,7 +293,7 @@ class PoissonKriging:
         later = Supports(places.xy[first:], places.spread[first:])
         rows = later.average(lambda xy: self._targets(xy).correlation(slice(0, len(xy))).T).T
         rows *= self.variogram.structured_sill
-        noise = self.variogram.nugget + self.jitter + self.noise_mean_rate / places.exposure_s[first:]
+        noise = self.variogram.nugget + self.jitter + self._noise(places)[first:]
         rows[np.arange(n - first), np.arange(first, n)] += noise
         factor = np.zeros((n, n), order="F")
         factor[:known, :known] = self._system.factor[:known, :known]

@@ -15,6 +15,7 @@ from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress
 from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances, bands, tile_shape
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ class RasterKriging:
         self._rows: dict[tuple[int, int], KrigingRows] = {}  # of Chebyshev points, by their numbers along y and x
         self._rows_of: Variogram | None = None
 
-    def update(self, samples: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+    def update(self, samples: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         """Rate and kriging variance from stored rows of the matrix (:mod:`rows`).
 
         Fast if most samples are as in the last update. The result depends only on the samples and the variogram,
@@ -64,15 +65,15 @@ class RasterKriging:
 
         :param samples: at least one
         :param variogram: variogram of the latent rate
-        :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], > 0
+        :param rate: rate in the noise variances rate/t [counts/s]: the mean rate m*, or that at each place
         :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN in
             unwanted cells; ``None``, independent of earlier updates, if the limits of memory are exceeded or the
             matrix is nearly singular
         """
         places = samples if _are_distinct(samples.xy) else merge_exactly(samples)[0]
-        found = self._interpolated_rows(places, variogram, mean_rate)
+        found = self._interpolated_rows(places, variogram, rate)
         if found is None:
-            found = self._rows_of_cells(places, variogram, mean_rate)
+            found = self._rows_of_cells(places, variogram, rate)
         if found is not None:
             found[1] += target_variance(variogram, self.keep_nugget)
         return found
@@ -146,7 +147,7 @@ class RasterKriging:
 
         return self._interpolated(variogram, places, evaluate, at_places)
 
-    def _interpolated_rows(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+    def _interpolated_rows(self, places: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         if variogram != self._rows_of:
             self._rows, self._rows_of = {}, variogram
         rows: KrigingRows
@@ -157,7 +158,7 @@ class RasterKriging:
             if shape not in self._rows:
                 self._rows[shape] = KrigingRows(_of_nodes(variogram, nodes))
             rows = self._rows[shape]
-            surfaces = rows.update(places, variogram, mean_rate)
+            surfaces = rows.update(places, variogram, rate)
             return None if surfaces is None else surfaces.reshape(2, *shape)
 
         def at_places(number: NDArray[np.intp], _: Array) -> Array:
@@ -193,7 +194,7 @@ class RasterKriging:
                 progress(done / cells)
         return rasters
 
-    def _rows_of_cells(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+    def _rows_of_cells(self, places: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         x_m, y_m, mask = self._inside
         shape = tile_shape(variogram, x_m, y_m, mask)
         if self._cells is None or shape != self._tile_shape:
@@ -207,7 +208,7 @@ class RasterKriging:
                 covariances = TileCovariances(x_m, y_m, mask, self.keep_nugget, shape)
                 self._position = covariances.position
             self._cells, self._tile_shape = KrigingRows(covariances), shape
-        surfaces = self._cells.update(places, variogram, mean_rate)
+        surfaces = self._cells.update(places, variogram, rate)
         return None if surfaces is None else self._whole(surfaces.take(self._position, axis=1))
 
     # -- cells and rasters -----------------------------------------------------------------------------

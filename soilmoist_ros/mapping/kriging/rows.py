@@ -20,9 +20,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.kriging.covariances import Covariances, SamplePoints, add_rows, scaled
+from soilmoist_ros.mapping.kriging.covariances import Covariances, SamplePoints, add_rows
 from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
@@ -65,18 +66,18 @@ class KrigingRows:
         # Sums over rows, how many of these are in blocks, and how many they are
         self._sums = (np.empty((3, covariances.size)), 0, -1), (np.empty((3, covariances.size)), 0, -1)
 
-    def update(self, places: Samples, variogram: Variogram, mean_rate: float) -> Array | None:
+    def update(self, places: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         """Krige the targets.
 
         :param places: samples at distinct places, n >= 1
         :param variogram: variogram of the latent rate
-        :param mean_rate: mean rate m* in the noise variances m*/t [counts/s]
+        :param rate: rate in the noise variances rate/t [counts/s]: the mean rate m*, or that at each place
         :returns: rate [counts/s], and the change of a target's variance by samples and unknown mean (mostly < 0)
             [(counts/s)^2], shape (2, size), new memory; ``None`` if the limits of memory are exceeded or the
             matrix is nearly singular (:data:`MIN_PIVOT`)
         """
         n = len(places)
-        noise = variogram.nugget + mean_rate / places.exposure_s
+        noise = variogram.nugget + noise_rates(rate, places.xy) / places.exposure_s
         samples = np.column_stack([places.xy, places.spread, noise, places.rate_cps])
         if variogram != self._variogram:
             self._variogram = variogram

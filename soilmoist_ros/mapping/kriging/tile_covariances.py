@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.kriging.chebyshev import interpolation
-from soilmoist_ros.mapping.kriging.covariances import Needles, Rows, SamplePoints, add_rows, scaled
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.kriging.covariances import Needles, Rows, SamplePoints, add_rows
+from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -26,6 +26,7 @@ from soilmoist_ros.mapping.kriging.sample_tree import Neighbourhood, SampleTree
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.targets import Points, coincident
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import spatial_blocks
 from soilmoist_ros.mapping.variogram.support import Supports
@@ -94,7 +95,7 @@ class _Model:
 
     variogram: Variogram
     keep_nugget: bool
-    noise_mean_rate: float
+    noise_rate: float | LocalRate
     tree: SampleTree
     nearest: int
     mean: float = 0.0
@@ -161,7 +162,8 @@ class _Model:
 
         covariance = Supports(xy, spread).average(correlation)
         covariance *= self.variogram.structured_sill
-        diagonal = covariance.diagonal() + self.variogram.nugget + self.noise_mean_rate / exposure_s
+        diagonal = covariance.diagonal() + self.variogram.nugget
+        diagonal += noise_rates(self.noise_rate, xy) / exposure_s
         for relative in JITTER:
             covariance[np.diag_indices(len(xy))] = diagonal + relative * diagonal.mean()
             factor, info = dpotrf(covariance, lower=1, clean=1)
@@ -197,7 +199,7 @@ class TiledKriging:
     :param keep_nugget: as :class:`PoissonKriging`
     :param nearest: number of nearest samples of a tile that are not merged; chosen by :meth:`fit` if ``None``
     :param compute: computes the tiles; by default in this process, one after the other
-    :param mean_rate: mean rate m* in the noise variances [counts/s], > 0; by default that of the samples
+    :param mean_rate: as :class:`PoissonKriging`
     :raises ValueError: if ``nearest`` is not positive
 
     Attributes
@@ -207,7 +209,7 @@ class TiledKriging:
     clipped_variances : int
         number of negative variances of the last prediction that were set to 0
     noise_mean_rate : float
-        mean rate m* in the noise variances m*/t [counts/s]
+        as in :class:`PoissonKriging`
     """
 
     def __init__(
@@ -216,7 +218,7 @@ class TiledKriging:
         keep_nugget: bool = True,
         nearest: int | None = None,
         compute: Compute = map,
-        mean_rate: float | None = None,
+        mean_rate: float | LocalRate | None = None,
     ) -> None:
         if nearest is not None and nearest < 1:
             raise ValueError(f"nearest must be at least 1, got {nearest}")
@@ -252,9 +254,11 @@ class TiledKriging:
         if not len(records):
             raise ValueError("kriging needs at least one sample; wait for the first record")
         places, _ = merge_exactly(records)
-        self.noise_mean_rate = noise_rate(places) if self._mean_rate is None else self._mean_rate
+        known = self._mean_rate
+        self.noise_mean_rate = noise_rate(places) if known is None or isinstance(known, LocalRate) else known
+        rate = known if isinstance(known, LocalRate) else self.noise_mean_rate
         nearest = self._nearest or NEAREST[0]
-        model = _Model(self.variogram, self.keep_nugget, self.noise_mean_rate, SampleTree(places), nearest)
+        model = _Model(self.variogram, self.keep_nugget, rate, SampleTree(places), nearest)
         model = self._with_mean(model, places)
         self._model, self.accuracy = model, None
         if self._nearest is None:

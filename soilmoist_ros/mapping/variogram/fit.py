@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import maximise_reml
 from soilmoist_ros.mapping.variogram.semivariogram import default_edges, semivariogram_of
@@ -17,6 +18,7 @@ from soilmoist_ros.mapping.variogram.soft_l1 import fit_soft_l1
 
 Array = NDArray[np.float64]
 FitMethod = Literal["reml", "soft_l1"]
+NoiseModel = Literal["local", "mean"]
 
 MAX_PAIRED_PLACES = 5000
 """Maximum number of places in the empirical semivariogram; of more places, every k-th is used."""
@@ -43,6 +45,7 @@ class VariogramFit:
     :param gamma: empirical semivariance [(counts/s)^2], NaN for an empty class
     :param weight: weight of each class [s]
     :param edges_m: edges of the classes, one more than classes [m]; empty with fewer than two places
+    :param local_rate: rate in the Poisson noise of each sample of a map; ``None`` for the mean rate
     """
 
     variogram: Variogram
@@ -58,6 +61,12 @@ class VariogramFit:
     gamma: Array
     weight: Array
     edges_m: Array
+    local_rate: LocalRate | None = None
+
+    @property
+    def noise_rate(self) -> float | LocalRate | None:
+        """Rate in the Poisson noise of samples; ``None`` if nothing was counted, for that of the samples."""
+        return self.local_rate or self.mean_rate or None
 
     @property
     def prior_mattered(self) -> bool:
@@ -107,6 +116,7 @@ def estimate_variogram(
     edges: ArrayLike | None = None,
     spread: ArrayLike | None = None,
     anisotropy: bool = True,
+    local_noise: bool = False,
 ) -> VariogramFit:
     """Fit a variogram of the latent rate to counts.
 
@@ -134,6 +144,7 @@ def estimate_variogram(
             semivariogram
         and soft_l1 ignore the spread
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
+    :param local_noise: whether the Poisson noise in a map has the rate at each place, instead of the mean
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
     correlation_model(model)
@@ -146,12 +157,21 @@ def estimate_variogram(
         raise ValueError(f"extent_m must be positive and finite, got {extent_m}")
     bins = _Bins.of(places, edges)
     if method == "soft_l1":
-        return _fit_soft_l1(places, model, bins)
+        fit = _fit_soft_l1(places, model, bins)
+    else:
+        fit = _fit_reml(places, model, bins, extent_m, anisotropy)
+    return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
+
+
+def _fit_reml(
+    places: Samples, model: ModelName, bins: _Bins, extent_m: float | None, anisotropy: bool
+) -> VariogramFit:
+    """Restricted maximum likelihood."""
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
     estimate = maximise_reml(places, model, extent, anisotropy)
     return VariogramFit(
         estimate.variogram,
-        method,
+        "reml",
         places.mean_rate_cps,
         len(places),
         estimate.log_likelihood,

@@ -132,6 +132,14 @@ class Variogram:
         return self.correlation_model.correlation(np.atleast_1d(np.asarray(q, float))).reshape(np.shape(q))
 
 
+def scaled(variogram: Variogram, x: Array, y: Array) -> tuple[Array, Array]:
+    """As :meth:`Variogram.scaled`, but no product of matrices: bits do not depend on the number of places."""
+    if variogram.anisotropy == 1:
+        return x / variogram.range_m, y / variogram.range_m
+    (xx, xy), (_, yy) = isotropic_plane(variogram.anisotropy, variogram.angle_deg) / variogram.range_m
+    return xx * x + xy * y, xy * x + yy * y
+
+
 def isotropic_plane(anisotropy: float, angle_deg: float) -> Array:
     """Matrix M, shape (2, 2), such that the range of places ``xy @ M`` is the geometric mean in all directions.
 

@@ -117,7 +117,7 @@ class LeaveOneOut:
 class _Kriging:
     """The factored Poisson kriging system of a map's samples, in units of the total sill.
 
-    The covariance is ``sill - semivariance`` plus the counting noise ``mean_rate / exposure``.
+    The covariance is ``sill - semivariance`` plus the counting noise.
     """
 
     def __init__(self, soil_map: SoilMap) -> None:
@@ -125,7 +125,7 @@ class _Kriging:
 
         self.soil_map = soil_map
         self.xy = np.asarray(soil_map.samples.xy, float)
-        noise = soil_map.mean_rate / np.asarray(soil_map.samples.exposure_s, float)
+        noise = soil_map.noise_variance
         self._spread = soil_map.samples.spread
         system = self._between_samples() + np.diag(noise)
         self.factor = cho_factor(system, lower=True)

@@ -57,7 +57,12 @@ class Channel:
         # The truth is the rate at a point; REML separates it from the rate over the footprint.
         radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
         choices = FieldMapSettings(
-            settings.model, settings.fit, curve=curve, footprint_radius_m=radius_m, for_planning=True
+            settings.model,
+            settings.fit,
+            curve=curve,
+            footprint_radius_m=radius_m,
+            for_planning=True,
+            noise=settings.noise,
         )
         self.field_map = FieldMap(grid, choices)
         self.truth = field.rate_at(grid.cells)

@@ -20,16 +20,30 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.dwell import DwellRule
     from soilmoist_ros.exploration.strategies.strategy import Strategy
     from soilmoist_ros.mapping.variogram.correlation import ModelName
-    from soilmoist_ros.mapping.variogram.fit import FitMethod
+    from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Preset = Literal["recommended", "paper", "authors"]
 
 _RECOMMENDED = MappingProxyType(
-    {"strategy": "gcb", "dwell": "optimal", "model": "matern32", "fit": "reml", "map_from": "records"}
+    {
+        "strategy": "gcb",
+        "dwell": "optimal",
+        "model": "matern32",
+        "fit": "reml",
+        "noise": "local",
+        "map_from": "records",
+    }
 )
 _PUBLISHED = MappingProxyType(
-    {"strategy": "greedy", "dwell": "ami:0.03", "model": "gaussian", "fit": "soft_l1", "map_from": "stops"}
+    {
+        "strategy": "greedy",
+        "dwell": "ami:0.03",
+        "model": "gaussian",
+        "fit": "soft_l1",
+        "noise": "mean",
+        "map_from": "stops",
+    }
 )
 PRESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {"recommended": _RECOMMENDED, "paper": _PUBLISHED, "authors": _PUBLISHED}
@@ -266,6 +280,10 @@ class MissionSettings:
     fit: FitMethod = _setting(
         None, "Variogram fit: restricted maximum likelihood, or the published robust least squares.", str,
         choices=("reml", "soft_l1"),
+    )  # fmt: skip
+    noise: NoiseModel = _setting(
+        None, "Rate in the Poisson noise of a sample: local to its place, or the mean rate as published.", str,
+        choices=("local", "mean"),
     )  # fmt: skip
     preset: Preset = _setting(
         "recommended", "Settings where none are given: the recommended ones, those of the paper, or those of the "
