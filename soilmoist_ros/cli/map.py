@@ -40,6 +40,11 @@ if TYPE_CHECKING:
     "--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: reml or soft_l1, by --preset."
 )
 @click.option(
+    "--noise",
+    type=click.Choice(["local", "mean"]),
+    help="Rate in the Poisson noise of a sample: local to its place or the mean rate. Default: by --preset.",
+)
+@click.option(
     "--nugget",
     type=click.Choice(["keep", "filter"]),
     default="keep",
@@ -68,6 +73,7 @@ def command(
     preset: str,
     model: str | None,
     fit: str | None,
+    noise: str | None,
     nugget: str,
     workers: int | None,
     scheduler: str | None,
@@ -93,6 +99,7 @@ def command(
         model=model or PRESETS[preset]["model"],
         crs=crs,
         fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
+        noise="mean" if (noise or PRESETS[preset]["noise"]) == "mean" else "local",
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:

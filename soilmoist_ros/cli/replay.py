@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     "or one of a plug-in. Default: as in the run.",
 )
 @click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: as in the run.")
+@click.option(
+    "--noise", type=click.Choice(["local", "mean"]), help="Rate in the Poisson noise. Default: as in the run."
+)
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
               help="keep: map the rate with its micro-scale variation; filter: its smooth part only.")  # fmt: skip
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
-from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
@@ -40,7 +40,7 @@ from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 Progress = Callable[[str, float], None]
 Source = Literal["counts", "raw"]
 
-_OPTIONS = ("cell_m", "model", "fit", "keep_nugget", "merge_radius_m")
+_OPTIONS = ("cell_m", "model", "fit", "noise", "keep_nugget", "merge_radius_m")
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,7 @@ class ReplaySettings:
     truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
     model: str | None = None
     fit: str | None = None
+    noise: str | None = None
     keep_nugget: bool | None = None
     merge_radius_m: float | None = None
     cell_m: float | None = None
@@ -193,8 +194,14 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) 
     if not field_file:
         raise InputError("does not say which field it is of", "give the field file with --field", bag)
     options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
+    if had:
+        options.setdefault("noise", "mean")  # mappers of earlier versions had no choice
     options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
-    for name, known in (("model", VARIOGRAM_MODELS.names()), ("fit", get_args(FitMethod))):
+    for name, known in (
+        ("model", VARIOGRAM_MODELS.names()),
+        ("fit", get_args(FitMethod)),
+        ("noise", get_args(NoiseModel)),
+    ):
         if options.get(name, known[0]) not in known:
             raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
     try:

@@ -20,7 +20,7 @@ from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
@@ -49,6 +49,7 @@ class MapSettings:
     :param nmea: GNSS logs, for loggers without positions
     :param model: variogram model
     :param fit: ``reml`` or ``soft_l1``
+    :param noise: as :class:`FieldMapSettings`
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
     :param cell_m: cell size of the map [m]
     :param merge_radius_m: records closer together than this become one sample [m]
@@ -63,6 +64,7 @@ class MapSettings:
     nmea: tuple[Path, ...] = ()
     model: ModelName = "matern32"
     fit: FitMethod = "reml"
+    noise: NoiseModel = "local"
     keep_nugget: bool = True
     cell_m: float | None = None
     merge_radius_m: float | None = None
@@ -119,6 +121,7 @@ def map_logs(
             curve=site.curve,
             footprint_radius_m=site.support_radius_m,
             max_exact_samples=settings.max_exact_samples,
+            noise=settings.noise,
         ),
     )
     field_map.set_records(survey.records)
@@ -141,6 +144,7 @@ def map_logs(
         settings={
             "variogram_model": settings.model,
             "variogram_fit": settings.fit,
+            "poisson_noise": settings.noise,
             "nugget": "kept" if settings.keep_nugget else "filtered",
             "merge_radius_m": radius_m,
             "cell_m": field_map.grid.cell_m,

@@ -170,6 +170,7 @@ def _settings(
         preset=had.get("preset", usual.preset),
         model=mapper.get("model", "matern32"),
         fit=mapper.get("fit", "reml"),
+        noise=mapper.get("noise", "mean"),
         travel="free" if had.get("graph") == "free" else "graph",
         properties=tuple(PropertySettings(one.name, one.weight) for one in others),
     )

@@ -11,7 +11,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
 from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod
+from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ class FieldSurvey:
             settings={
                 "variogram_model": settings.model,
                 "variogram_fit": settings.fit,
+                "poisson_noise": settings.noise,
                 "nugget": "kept" if settings.keep_nugget else "filtered",
                 "merge_radius_m": self.map.merge_radius_m,
                 "cell_m": self.map.grid.cell_m,
@@ -86,6 +87,7 @@ def open_survey(
     cell_m: float = 0.0,
     model: ModelName = "matern32",
     fit: FitMethod = "reml",
+    noise: NoiseModel = "local",
     keep_nugget: bool = True,
     merge_radius_m: float = 0.0,
     simulated: bool = False,
@@ -120,5 +122,6 @@ def open_survey(
         the_site.footprint_radius_m,
         the_site.curve,
         the_site.support_radius_m,
+        noise=noise,
     )
     return FieldSurvey(the_field, the_site, FieldMap(grid, settings), tuple(files), simulated)

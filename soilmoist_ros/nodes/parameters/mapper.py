@@ -21,6 +21,7 @@ PARAMETERS: Final = (
     ),
     of_setting("model", description="variogram model"),
     of_setting("fit"),
+    of_setting("noise"),
     Parameter(
         name="keep_nugget",
         default=True,

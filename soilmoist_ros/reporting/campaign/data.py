@@ -22,6 +22,7 @@ NAMES = {
     "hours": "{} h",
     "model": "{} variogram",
     "fit": "fit {}",
+    "noise": "{} noise",
     "preset": "constants: {}",
     "map_from": "map from {}",
     "travel": "travel {}",
