@@ -102,7 +102,9 @@ def test_the_map_is_that_of_the_samples_at_once():
     for x_m, y_m in places.tolist():
         the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(30 + x_m / 4))))
     samples = the_map.state.samples
-    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m)
+    fit = estimate_variogram(
+        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, local_noise=True
+    )
     expected = make_soil_map(samples, GRID, fit, CURVE)
     found = the_map.compute(the_map.state)
     np.testing.assert_array_equal(samples.xy, places)
@@ -280,7 +282,12 @@ def test_the_map_takes_the_extents_into_account():
     state = the_map.state
     samples = state.samples
     fit = estimate_variogram(
-        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, spread=samples.spread
+        samples.xy,
+        samples.counts,
+        samples.exposure_s,
+        extent_m=GRID.extent_m,
+        spread=samples.spread,
+        local_noise=True,
     )
     found = the_map.compute(state)
     assert found.variogram == the_map.fit(state).variogram
@@ -356,7 +363,12 @@ def test_a_whole_survey_is_mapped_as_by_kriging_to_the_last_digits():
     samples = merge_records(GRID.cells[::3], [one.raw_counts for one in many], [9.0] * len(many), 6.0, spread)
     samples = dataclasses.replace(samples, spread=samples.spread + footprint_spread(4.0))
     fit = estimate_variogram(
-        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, spread=samples.spread
+        samples.xy,
+        samples.counts,
+        samples.exposure_s,
+        extent_m=GRID.extent_m,
+        spread=samples.spread,
+        local_noise=True,
     )
     assert (field_map.state.records, field_map.state.stamp_s) == (len(many), many[-1].stamp_s)
     for band, expected in zip(found.bands, make_soil_map(samples, GRID, fit, CURVE).bands, strict=True):

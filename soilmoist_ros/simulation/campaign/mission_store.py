@@ -164,7 +164,7 @@ def unpack(content: bytes) -> StoredMission:
 
 def _settings(values: dict[str, Any]) -> MissionSettings:
     properties = tuple(PropertySettings(**one) for one in values["properties"])
-    return MissionSettings(**{**values, "properties": properties})
+    return MissionSettings(**{"noise": "mean", **values, "properties": properties})  # earlier files have no noise
 
 
 _STATE = ("time_s", "distance_m", "samples", "counting_s")
