@@ -36,12 +36,12 @@ TOLERANCE = 1.2
 """Factor by which the odds of a tube may change without a fault: temperature, age, small differences in energy."""
 FACTORS = (0.0, 0.5, 2.0)
 """Shares of a bad tube that the cumulative sums look for, as multiples of its good share."""
-MIN_LEARNED_COUNTS = 50.0
+MIN_LEARNED_COUNTS = 300.0
 """Counts behind a share from which half and twice the share can be told from an unknown share."""
 RECOVERY = math.log(1000.0)
 """Logarithm of the likelihood ratio from which a masked tube counts again."""
 MAX_CHANGE = math.log(3.0)
-"""Highest change of the rate that soil moisture and height can cause between neighbouring records, as a logarithm."""
+"""Highest change of the rate between neighbouring records, as a logarithm."""
 LAST_RATES = 31
 """Number of last good records whose median rate decides which of two tubes is bad."""
 LAST_COUNTED = 300
@@ -182,9 +182,7 @@ class TubeChecks:
             for span in self.spans
         ]
 
-    def _consistent(
-        self, counts: Array, live_s: Array, use: Mask, level: float
-    ) -> tuple[Mask, dict[int, Kind]]:
+    def _consistent(self, counts: Array, live_s: Array, use: Mask, level: float) -> tuple[Mask, dict[int, Kind]]:
         """The tubes that agree, and the others with the reason.
 
         :param level: probability of a false alarm
@@ -202,13 +200,16 @@ class TubeChecks:
         rate_cps = counts[good].sum() / weights[good].sum()
         return good, {int(tube): _kind(counts[tube], rate_cps * weights[tube]) for tube in tubes if not good[tube]}
 
-    def _agreeing(self, counts: Array, weights: Array, tubes: NDArray[np.intp], anchor: int, level: float) -> list[int]:
+    def _agreeing(
+        self, counts: Array, weights: Array, tubes: NDArray[np.intp], anchor: int, level: float
+    ) -> list[int]:
         """Tubes that agree with the anchor and, together, with each other."""
         group = [
             int(tube)
             for tube in tubes
             if tube == anchor
-            or _smallest(self._p_values(counts, weights, np.array([anchor, tube]), level / len(tubes))) > level / len(tubes)
+            or _smallest(self._p_values(counts, weights, np.array([anchor, tube]), level / len(tubes)))
+            > level / len(tubes)
         ]
         while len(group) > 2:
             p_values = self._p_values(counts, weights, np.array(group), level)
@@ -242,7 +243,9 @@ class TubeChecks:
         below = np.where(number < total, betainc(rest, number + 1, 1 / (1 + low)), 1.0)
         return np.asarray(np.minimum(2 * np.minimum(above, below) + 2 * unsure, 1.0))
 
-    def _follow(self, stamp_s: float, counts: Array, live_s: Array, use: Mask, good: Mask, period_s: float) -> Mask:
+    def _follow(
+        self, stamp_s: float, counts: Array, live_s: Array, use: Mask, good: Mask, period_s: float
+    ) -> Mask:
         """Continue the cumulative sums; mask tubes that have left their share, and unmask those that are back.
 
         :returns: the tubes that are still good
@@ -256,8 +259,8 @@ class TubeChecks:
         charts.begin_s[charts.sums <= 0] = stamp_s
         charts.sums = np.maximum(charts.sums + np.where(good, ratios, 0.0), 0.0)
         for tube in [tube for tube in self._masked if use[tube]]:
-            least = -float(ratios[:, tube].max())  # the bad share that explains the counts best
-            charts.recovery[tube] = min(max(charts.recovery[tube] + least, 0.0), 2 * RECOVERY)
+            against = FACTORS.index(2.0 if self._masked[tube] is Kind.NOISY_TUBE else 0.5)
+            charts.recovery[tube] = max(charts.recovery[tube] - ratios[against, tube], 0.0)
             if charts.recovery[tube] > RECOVERY:
                 self._close(tube, self._masked.pop(tube), stamp_s)
                 charts.clear()
@@ -320,7 +323,7 @@ class _Run:
     step: int = 0
 
     def add(self, value: float, stamp_s: float) -> None:
-        """Continue with the next count; ``surprise`` is minus the logarithm of a bound of the run's probability."""
+        """Continue with the next count; ``surprise`` is minus the logarithm of the run's highest probability."""
         if value == self.value:
             likeliest = value * math.log(value) - value - float(gammaln(value + 1)) if value > 0 else 0.0
             self.surprise += max(-likeliest - math.log(max(self.step, 1)), 0.0)

@@ -1,4 +1,4 @@
-"""Impossible weather: values that the air cannot have at the altitude of the site."""
+"""Weather that the air cannot have, pressures that jump, and a pressure sensor that never changes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import math
 from dataclasses import replace
 
 from soilmoist_ros.sensing.checks.finding import Finding
+from soilmoist_ros.sensing.corrections.atmosphere import SEA_LEVEL_HPA as STANDARD_HPA
+from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -20,15 +22,23 @@ TEMPERATURES_DEGC = (-70.0, 60.0)
 """Lowest and highest temperatures of the air near inhabited ground, and some margin [degC]."""
 HUMIDITIES = (0.0, 1.05)
 """Range of relative humidities; sensors read up to 5 % too high in fog [-]."""
+
+JUMP_HPA = 15.0
+"""Change of pressure at once that no front or thunderstorm causes [hPa]."""
+WEATHER_HPA_PER_S = 10.0 / 3600
+"""Highest change of pressure by weather over longer times [hPa/s]."""
+CLIMB_HPA_PER_S = 0.4
+"""Highest change of pressure of a vehicle on a road: 28 m/s on a slope of 12 % [hPa/s]."""
+JUMPS_TO_BELIEVE = 5
+"""Number of successive jumps from which the new pressure counts as true."""
+FROZEN_HOURS_PER_HPA = 30.0
+"""Hours for which a pressure stays the same by chance, for each hPa of the sensor's resolution."""
+FROZEN_S = (3600.0, 43200.0)
+"""Shortest and longest time from which a pressure can count as frozen [s]."""
+FROZEN_KELVIN = 3.0
+"""Change of temperature while the pressure stays the same [K]."""
+FROZEN_RECORDS = 10
 _REMEDY = "check the sensor; without a value the nearest records give it"
-
-
-def standard_pressure_hpa(altitude_m: float) -> float:
-    """Pressure of the standard atmosphere [hPa] (ICAO 1993, Doc 7488, troposphere).
-
-    :param altitude_m: altitude above mean sea level [m], below 11 km
-    """
-    return float(1013.25 * (1 - 2.25577e-5 * altitude_m) ** 5.25588)
 
 
 def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
@@ -40,37 +50,106 @@ def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
     if math.isfinite(altitude_m):
         low_m, high_m = altitude_m - ALTITUDE_TOLERANCE_M, altitude_m + ALTITUDE_TOLERANCE_M
     low, high = SEA_LEVEL_HPA
-    return low / 1013.25 * standard_pressure_hpa(high_m), high / 1013.25 * standard_pressure_hpa(low_m)
+    lowest, highest = (standard_pressure_hpa(45.0, min(max(each, -500.0), 9000.0)) for each in (high_m, low_m))
+    return low / STANDARD_HPA * lowest, high / STANDARD_HPA * highest
 
 
-def check_weather(record: LoggerRecord, altitude_m: float = NAN) -> tuple[LoggerRecord, list[Finding]]:
-    """The record without impossible values, which become NaN, and a finding for each of them.
+class WeatherChecks:
+    """Checks the weather of one probe, record by record.
 
-    :param altitude_m: altitude of the site if the record has none [m], NaN if unknown
+    :param altitude_m: altitude of a probe that does not move [m], NaN if it moves or the altitude is unknown
     """
-    own_m = record.position.altitude_m if record.position is not None else NAN
-    limits = {
-        "pressure_hpa": (pressure_limits_hpa(own_m if math.isfinite(own_m) else altitude_m), "hPa", 1.0),
-        "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0),
-        "relative_humidity": (HUMIDITIES, "%", 100.0),
-    }
-    findings: list[Finding] = []
-    impossible: set[str] = set()
-    for name, ((low, high), unit, scale) in limits.items():
-        value = getattr(record, name)
-        if math.isnan(value) or low <= value <= high:
-            continue
-        what = name.rsplit("_", 1)[0] if unit != "%" else "relative humidity"
-        span = f"{low * scale:.0f}..{high * scale:.0f} {unit}"
-        message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
-        findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _REMEDY))
-        impossible.add(name)
-    if not impossible:
-        return record, []
-    kept = {name: NAN if name in impossible else float(getattr(record, name)) for name in limits}
-    return replace(
-        record,
-        pressure_hpa=kept["pressure_hpa"],
-        temperature_degc=kept["temperature_degc"],
-        relative_humidity=kept["relative_humidity"],
-    ), findings
+
+    def __init__(self, altitude_m: float = NAN) -> None:
+        self._altitude_m = altitude_m
+        self._last: tuple[float, float] | None = None  # time and pressure
+        self._jumps = 0
+        self._frozen = _FrozenPressure()
+
+    def check(self, record: LoggerRecord) -> tuple[LoggerRecord, list[Finding]]:
+        """The record without impossible values, which become NaN, and its faults."""
+        own_m = record.position.altitude_m if record.position is not None else NAN
+        limits = {
+            "pressure_hpa": (pressure_limits_hpa(own_m if math.isfinite(own_m) else self._altitude_m), "hPa", 1.0),
+            "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0),
+            "relative_humidity": (HUMIDITIES, "%", 100.0),
+        }
+        kept: dict[str, float] = {}
+        findings: list[Finding] = []
+        for name, ((low, high), unit, scale) in limits.items():
+            value = float(getattr(record, name))
+            kept[name] = value
+            if not (math.isnan(value) or low <= value <= high):
+                what = name.rsplit("_", 1)[0] if unit != "%" else "relative humidity"
+                span = f"{low * scale:.0f}..{high * scale:.0f} {unit}"
+                message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
+                findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _REMEDY))
+                kept[name] = NAN
+        jump_hpa = self._jump_hpa(record.stamp_s, kept["pressure_hpa"])
+        if jump_hpa:
+            message = f"the pressure {kept['pressure_hpa']:.1f} hPa is a jump of {jump_hpa:+.1f} hPa"
+            findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _REMEDY))
+            kept["pressure_hpa"] = NAN
+        if any(math.isnan(value) and not math.isnan(getattr(record, name)) for name, value in kept.items()):
+            record = replace(
+                record,
+                pressure_hpa=kept["pressure_hpa"],
+                temperature_degc=kept["temperature_degc"],
+                relative_humidity=kept["relative_humidity"],
+            )
+        hours = self._frozen.add(record)
+        if hours:
+            message = (
+                f"the pressure has been {record.pressure_hpa:g} hPa for {hours:.1f} h while temperatures changed"
+            )
+            remedy = "check the barometer; a constant pressure biases the counts by 0.8 % for each hPa"
+            findings.append(Finding(Kind.FROZEN_PRESSURE, message, remedy))
+        return record, findings
+
+    def _jump_hpa(self, stamp_s: float, pressure_hpa: float) -> float:
+        """Change since the last believed pressure if it is impossible, else 0 [hPa]."""
+        if math.isnan(pressure_hpa):
+            return 0.0
+        if self._last is not None:
+            since_s, change_hpa = abs(stamp_s - self._last[0]), pressure_hpa - self._last[1]
+            fastest = WEATHER_HPA_PER_S if math.isfinite(self._altitude_m) else CLIMB_HPA_PER_S
+            if abs(change_hpa) > JUMP_HPA + fastest * since_s and self._jumps < JUMPS_TO_BELIEVE:
+                self._jumps += 1
+                return change_hpa
+        self._last, self._jumps = (stamp_s, pressure_hpa), 0
+        return 0.0
+
+
+class _FrozenPressure:
+    """How long the pressure has had one value while the temperature changed."""
+
+    def __init__(self) -> None:
+        self._value, self._begin_s, self._records = NAN, NAN, 0
+        self._coldest, self._warmest = math.inf, -math.inf
+        self._step_hpa = math.inf
+
+    def add(self, record: LoggerRecord) -> float:
+        """Continue with a record; returns the hours for which the pressure has been frozen, 0 if it is not."""
+        value, temperature = record.pressure_hpa, record.temperature_degc
+        if math.isnan(value):
+            return 0.0
+        if value != self._value:
+            if not math.isnan(self._value):
+                self._step_hpa = min(self._step_hpa, abs(value - self._value))
+            self._value, self._begin_s, self._records = value, record.stamp_s, 0
+            self._coldest, self._warmest = math.inf, -math.inf
+        self._records += 1
+        if not math.isnan(temperature):
+            self._coldest, self._warmest = min(self._coldest, temperature), max(self._warmest, temperature)
+        # Without a change so far, the digits show the resolution.
+        step_hpa = self._step_hpa if math.isfinite(self._step_hpa) else 10.0 ** -_digits(value)
+        least_s = min(max(FROZEN_HOURS_PER_HPA * 3600 * step_hpa, FROZEN_S[0]), FROZEN_S[1])
+        spent_s = record.stamp_s - self._begin_s
+        changed = self._warmest - self._coldest >= FROZEN_KELVIN
+        frozen = spent_s >= least_s and changed and self._records >= FROZEN_RECORDS
+        return spent_s / 3600 if frozen else 0.0
+
+
+def _digits(value: float) -> int:
+    """Number of decimals of a value, at most 2."""
+    return next((digits for digits in (0, 1) if abs(value - round(value, digits)) < 1e-9), 2)

@@ -95,6 +95,8 @@ def process_logs(
     for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
         survey.take_record(entry.record, clock_ahead_s=clock_ahead_s, path=entry.log.path)
         found += survey.take_ready()
+    whole = survey.checks.totals.findings
+    problems += [Problem(finding.kind, Mistake(finding.message, finding.remedy)) for finding in whole]
     records = tuple(record for record in found if not record.quarantine)
     quarantined = tuple(record for record in found if record.quarantine)
     if not records or survey.frame is None or survey.tube_share is None:
@@ -109,10 +111,12 @@ def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], li
     """
     records = [entry.record for entry in _in_order_of_time(logs)]
     survey = _survey_of(records, site, None, None, [])
+    good = [checked.record for record in records if not (checked := survey.checks.check(record)).quarantine]
     try:
-        corrected = [survey.correct(record) for record in records]
+        corrected = [survey.correct(record) for record in good]
     except UnusableRecordError as loss:
         raise InputError(loss.message, loss.remedy, logs[0].path) from None
+    corrected = [record for record in corrected if not survey.checks.totals.check(record)]
     return [record.raw_counts for record in corrected], [record.effective_exposure_s for record in corrected]
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.checks import RecordChecks
+from soilmoist_ros.sensing.checks.finding import Finding
 from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
@@ -36,6 +38,8 @@ MAX_FIXES = 20_000
 MAX_WEATHER_VALUES = 1000
 MAX_EDGE_TOLERANCE_S = 5.0
 """Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
+MAX_TYPICAL = 500
+"""Maximum number of records for the typical rate of a log."""
 LINE_DELAY_S = 0.25
 """Maximum delay of the receiver's lines after their record [s]."""
 
@@ -44,6 +48,7 @@ LINE_DELAY_S = 0.25
 class _Waiting:
     """A corrected record that waits for its position.
 
+    :param recorded: the same with the counts of bad tubes
     :param raw: the uncorrected record
     :param interval_s: duration of the counting interval [s]
     :param clock_ahead_s: logger's clock minus GNSS time [s]
@@ -52,6 +57,7 @@ class _Waiting:
     """
 
     record: CountRecord
+    recorded: CountRecord
     raw: LoggerRecord
     interval_s: float
     clock_ahead_s: float
@@ -107,19 +113,24 @@ class Survey:
         self._keep_unplaced, self._on_problem = keep_unplaced, on_problem
         self._intensity = intensity_source(site.corrections)
         self._running_shares = RunningShares()
+        self._shares: NDArray[np.float64] | None = None
         self._grows = ahead is None
         self._track = Track(max_positions=MAX_FIXES) if track is None else track
         self._own = Track(max_positions=MAX_FIXES if self._grows else None)
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
-        for record in ahead or ():
-            self._learn(record)
+        altitude_m = site.location.altitude_m if site.location else None
+        n0_cps = site.calibration.n0_cps if site.calibration else NAN
+        self.checks = RecordChecks(NAN if altitude_m is None else altitude_m, n0_cps)
+        """Tests of the counts and the weather."""
+        learned = self.checks.learn(ahead or ())
+        for checked in learned:
+            self._learn(checked.record)
         self.tube_share = _site_shares(site, len(ahead[0].tube_counts) if ahead else tubes)
         """Share of each tube, shape (tubes,); ``None`` while it is estimated from the records so far."""
         if self.tube_share is None and ahead:
-            self.tube_share = tube_shares(ahead)
-        altitude_m = site.location.altitude_m if site.location else None
-        self.checks = RecordChecks(NAN if altitude_m is None else altitude_m)
-        """Tests of the counts, the weather and the places."""
+            good = [checked.record for checked in learned if not checked.quarantine]
+            self.tube_share = tube_shares(good or ahead)
+        self.checks.totals.typical_cps = self._typical_cps([checked.record for checked in learned])
         self._last: LoggerRecord | None = None
         self._waiting: deque[_Waiting] = deque()
 
@@ -150,21 +161,22 @@ class Survey:
         :param unused_tubes: indices of the tubes that the format leaves out
         :param path: file of the record, for messages
         """
-        checked = self.checks.check(record, unused_tubes)
+        original, checked = record, self.checks.check(record, unused_tubes)
         record = checked.record
         if self._grows:
             self._learn(record)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
-        for finding in checked.findings:
-            mistake = Mistake(finding.message, finding.remedy, path, record.line)
-            self._on_problem(Problem(finding.kind, mistake, quarantined=finding.bad))
+        self._list(checked.findings, record, path)
         try:
             corrected = replace(self.correct(record, unused_tubes), quarantine=checked.quarantine)
         except UnusableRecordError as error:
             self._report(error, record, path, lost=True)
-        else:
-            self._waiting.append(_Waiting(corrected, record, interval_s, clock_ahead_s, now_s, path))
+            return
+        recorded = corrected
+        if record.tube_counts != original.tube_counts and self._shares is not None:
+            recorded = self._correct(replace(record, tube_counts=original.tube_counts), self._shares)
+        self._waiting.append(_Waiting(corrected, recorded, record, interval_s, clock_ahead_s, now_s, path))
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
@@ -196,8 +208,21 @@ class Survey:
 
         :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
         """
-        shares = self._running_shares.update(record, unused_tubes) if self.tube_share is None else self.tube_share
+        self._shares = self.tube_share
+        if self._shares is None:
+            self._shares = self._running_shares.update(record, unused_tubes)
+        return self._correct(record, self._shares)
+
+    def _correct(self, record: LoggerRecord, shares: NDArray[np.float64]) -> CountRecord:
         return correct_record(record, self._weather.at(record), self._site, self._intensity, shares)
+
+    def _typical_cps(self, records: Sequence[LoggerRecord]) -> float:
+        """Median rate of records that are known in advance [counts/s], NaN without any."""
+        rates = []
+        for record in records[:: max(len(records) // MAX_TYPICAL, 1)]:
+            with suppress(UnusableRecordError):
+                rates.append(self.correct(record).corrected_rate)
+        return float(np.median(rates)) if rates else NAN
 
     def position(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
         """Position at the middle of a record's counting interval, ``None`` if unknown.
@@ -242,10 +267,16 @@ class Survey:
     def _placed(self, waiting: _Waiting) -> CountRecord | None:
         try:
             position = self.position(waiting.raw, waiting.interval_s, waiting.clock_ahead_s)
-            return place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
+            record = place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
         except UnusableRecordError as error:
             self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
-            return waiting.record if self._keep_unplaced else None
+            if not self._keep_unplaced:
+                return None
+            record = waiting.record
+        recorded = replace(waiting.recorded, x_m=record.x_m, y_m=record.y_m)
+        found = self.checks.totals.check(record, recorded)
+        self._list(found, waiting.raw, waiting.path)
+        return replace(record, quarantine=found[0].kind.value) if found else record
 
     def _to_sensor(self, waiting: _Waiting) -> tuple[float, float]:
         """East and north from the antenna to the sensor [m]; 0 if the heading is unknown, with a note."""
@@ -259,6 +290,11 @@ class Survey:
             message, line = "the heading of the robot is unknown", waiting.raw.line
             self._on_problem(Problem(Kind.NO_HEADING, Mistake(message, "drive some metres", waiting.path, line)))
         return offset_m or (0.0, 0.0)
+
+    def _list(self, findings: Iterable[Finding], record: LoggerRecord, path: Path | None) -> None:
+        for finding in findings:
+            mistake = Mistake(finding.message, finding.remedy, path, record.line)
+            self._on_problem(Problem(finding.kind, mistake, quarantined=finding.bad))
 
     def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
         self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))

@@ -104,7 +104,7 @@ def test_a_log_without_any_position_says_so(tmp_path):
 
 
 def test_records_without_a_position_are_lost_and_counted(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0 * k) for k in range(1, 40)])
+    log = write_log(tmp_path / "a.log", [record(10.0 * k, 5.0 + k % 2) for k in range(1, 40)])
     survey = process_logs([log], NO_CORRECTIONS, track=track((0, 50.0), (100, 50.001)))
     lost = [problem for problem in survey.problems if problem.lost]
     assert len(survey.records) + len(lost) == 39

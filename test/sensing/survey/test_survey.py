@@ -25,7 +25,7 @@ UNCORRECTED = Site(corrections={"pressure": None, "humidity": None})
 def record(elapsed_s: float, **values) -> LoggerRecord:
     weather = {"pressure_hpa": 1000.0, "temperature_degc": 20.0, "relative_humidity": 0.5}
     number = round(elapsed_s / 10)
-    values = {"tube_counts": (5.0,) * 12, "record_number": number, **weather, **values}
+    values = {"tube_counts": (5.0 + number % 2,) * 12, "record_number": number, **weather, **values}
     return LoggerRecord(T0 + elapsed_s, tube_live_s=(10.0,) * 12, line=number, **values)
 
 
