@@ -20,15 +20,13 @@ def command(logger: tuple[str, ...], site: tuple[str, ...], field: tuple[str, ..
     """Check configuration files and report every mistake in them."""
     from soilmoist_ros.foundation.configuration import read_yaml, resource
     from soilmoist_ros.mapping.field import load_field
-    from soilmoist_ros.sensing.corrections.neutron_monitor import read_neutron_monitor
     from soilmoist_ros.sensing.formats.logger_format import load_logger_format
     from soilmoist_ros.sensing.moisture.site import load_site
+    from soilmoist_ros.sensing.survey.correction import intensity_source
     from soilmoist_ros.simulation.fields.truth_file import load_surrogate
 
     def check_site(name: str) -> None:
-        intensity = load_site(name).corrections.intensity
-        if intensity is not None and intensity.file is not None:
-            read_neutron_monitor(intensity.file)
+        intensity_source(load_site(name).corrections)
 
     def check_field(path: Path) -> None:
         load_field(path)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping import SoilMap
@@ -25,10 +26,12 @@ from soilmoist_ros.reporting.run import (
     MapRun,
 )
 from soilmoist_ros.sensing.corrections.factors import Corrections
-from soilmoist_ros.sensing.corrections.settings import IntensityCorrection
+from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
+from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, IntensityCorrection
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import reason_text
 from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.survey.correction import intensity_source
 
 
 def make_run(
@@ -110,7 +113,7 @@ def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[Correct
             "C0 / C" if used.intensity_scale == 1 else "1 / (1 + k (C / C0 - 1))",
             "f_intensity",
             _intensity_parameters(intensity, used) if intensity else None,
-            _intensity_source(intensity) if intensity else "",
+            _intensity_source(settings, records) if intensity else "",
         ),
     ]
     return [
@@ -141,10 +144,21 @@ def _intensity_parameters(intensity: IntensityCorrection, used: Corrections) -> 
     return {"C0": intensity.reference, **scaled}
 
 
-def _intensity_source(intensity: IntensityCorrection) -> str:
+def _intensity_source(settings: CorrectionSettings, records: Sequence[CountRecord]) -> str:
+    intensity = settings.intensity
+    assert intensity is not None
     monitor = f" of {intensity.monitor.name}" if intensity.monitor else ""
     scaling = "" if intensity.scaling == "none" else f", scaled as in {intensity.scaling}"
-    return f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
+    text = f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
+    try:
+        series = intensity_source(settings)
+    except InputError:  # the file of a recorded run may be elsewhere
+        return text
+    if not isinstance(series, NeutronMonitor):
+        return text
+    gap_s = series.longest_gap_s(records[0].stamp_s, records[-1].stamp_s)
+    filled = "held" if intensity.gaps == "hold" else "interpolated"
+    return f"{text}; gaps up to {gap_s / 3600:.1f} h {filled}" if gap_s > 0 else text
 
 
 def _humidity_parameters(site: Site) -> dict[str, float | str] | None:

@@ -1,80 +1,197 @@
-"""Incoming cosmic-ray intensity from the CSV file of a neutron monitor."""
+"""Incoming cosmic-ray intensity from a file of neutron monitors, such as an export of the database NMDB."""
 
 from __future__ import annotations
 
+import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.suggestions import did_you_mean
 
-_MAX_GAP_S = 6 * 3600.0
+Gaps = Literal["interpolate", "hold"]
+
+MAX_GAP_S = 6 * 3600.0
+_TAG = re.compile(r"<[^<>]{1,40}>")
+_KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
+_DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
+_SECONDS = {"min": 60.0, "hour": 3600.0, "day": 86_400.0}
+_MISSING = ("", "null", "nan", "na", "-")
+_DATA_TYPES = re.compile(r"(?:R|1H)?(?:CORR?|UNCORR?|PRESS)(?:_\w+)?|\w*mbar", re.IGNORECASE)
+_NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
+_EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
 
 
 @dataclass(frozen=True)
 class NeutronMonitor:
     """A time series of incoming intensity.
 
-    :param stamp_s: times [s since 1970-01-01 UTC], shape (n,), ascending
+    :param stamp_s: middle of each interval [s since 1970-01-01 UTC], shape (n,), ascending
     :param rate: neutron-monitor rate, any unit, shape (n,), > 0
+    :param interval_s: duration of an interval [s], 0 if the rates are momentary
+    :param gaps: interpolate between the neighbours of a gap, or hold the last rate
+    :param max_gap_s: maximum time between neighbours, or for which a rate is held [s]
     """
 
     stamp_s: NDArray[np.float64]
     rate: NDArray[np.float64]
+    interval_s: float = 0.0
+    gaps: Gaps = "interpolate"
+    max_gap_s: float = MAX_GAP_S
 
     def at(self, stamp_s: float) -> float | None:
-        """Rate at a time, linear between neighbours; ``None`` outside the series or in a gap over 6 h."""
+        """Rate at a time; ``None`` outside the series or in a gap that is too long."""
         after = int(np.searchsorted(self.stamp_s, stamp_s))
-        if after < len(self.stamp_s) and self.stamp_s[after] == stamp_s:
+        early_s = self.interval_s / 2 if after == 0 else 0.0
+        if after < len(self.stamp_s) and self.stamp_s[after] - stamp_s <= early_s:
             return float(self.rate[after])
-        if after == 0 or after == len(self.stamp_s):
+        if after == 0:
             return None
-        if self.stamp_s[after] - self.stamp_s[after - 1] > _MAX_GAP_S:
+        since_s = stamp_s - float(self.stamp_s[after - 1])
+        if self.gaps == "hold" or after == len(self.stamp_s):
+            limit_s = self.max_gap_s if self.gaps == "hold" else 0.0
+            return float(self.rate[after - 1]) if since_s <= max(limit_s, self.interval_s / 2) else None
+        if self.stamp_s[after] - self.stamp_s[after - 1] > max(self.max_gap_s, self.interval_s):
             return None
         return float(np.interp(stamp_s, self.stamp_s, self.rate))
 
+    def longest_gap_s(self, start_s: float, end_s: float) -> float:
+        """Longest time without a rate between two times, the ends of the series included [s]."""
+        inside = self.stamp_s[(self.stamp_s > start_s) & (self.stamp_s < end_s)]
+        edges = [start_s, *inside.tolist(), end_s]
+        before, after = self.stamp_s[self.stamp_s <= start_s], self.stamp_s[self.stamp_s >= end_s]
+        edges[0], edges[-1] = (before[-1] if len(before) else start_s), (after[0] if len(after) else end_s)
+        return float(np.diff(edges).max()) - self.interval_s if len(self.stamp_s) else end_s - start_s
 
-def read_neutron_monitor(path: Path) -> NeutronMonitor:
-    """Read a CSV of time (ISO 8601, UTC) and rate, as exported by the neutron monitor database NMDB.
 
-    The separator is ``;`` or ``,``. Lines starting with ``#`` and lines without a time are headers. Rows with an
-    empty or null rate are skipped.
+@dataclass
+class _Export:
+    """What the lines of a file say.
 
-    :raises InputError: if the file cannot be read, or no row has a time and a positive rate
+    :param values: values by their key in the head
+    :param columns: names of the columns, empty if the file does not give them
+    :param rates: rate by time, for each station
+    :param faults: bad rates of each station
+    :param of_database: whether the file has the head of an export, so that its columns are stations
+    """
+
+    values: dict[str, str] = field(default_factory=dict)
+    columns: list[str] = field(default_factory=list)
+    rates: dict[str, dict[float, float]] = field(default_factory=dict)
+    faults: dict[str, list[Mistake]] = field(default_factory=dict)
+    of_database: bool = False
+
+    @property
+    def interval_s(self) -> float:
+        """Duration of an interval by the head of an export [s], 0 without one."""
+        for key in ("AVERAGING", "ORIGINAL RES"):
+            if match := _DURATION.search(self.values.get(key, "")):
+                return int(match[1]) * _SECONDS[match[2]]
+        return 0.0
+
+    def station(self, column: int) -> str:
+        """Name of a column: from the line of names, else from the head, else its number."""
+        stations = re.split(r"[\s,;]+", self.values.get("STATION") or self.values.get("STATIONS") or "")
+        for names in (self.columns, [name for name in stations if name]):
+            if column < len(names):
+                return names[column]
+        return f"column {column + 1}"
+
+
+def read_neutron_monitor(
+    path: Path, station: str = "", gaps: Gaps = "interpolate", max_gap_s: float = MAX_GAP_S
+) -> NeutronMonitor:
+    """Read an ASCII export of the neutron monitor database NMDB (www.nmdb.eu/nest), or rows of time and rate.
+
+    The separator is ``;`` or ``,``, times are ISO 8601 (UTC). Rows with an empty or null rate are skipped. The
+    times of an export are the beginnings of intervals, whose duration is in its head.
+
+    :param station: code of the station, for a file of several; the only one if empty
+    :param gaps: interpolate between the neighbours of a gap, or hold the last rate
+    :param max_gap_s: maximum duration of a gap that is filled [s]
+    :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
     """
     try:
         text = path.read_bytes().decode("utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", "check 'file' under 'intensity'", path) from None
-    rows: dict[float, float] = {}
-    faults: list[Mistake] = []
+    export = _read_lines(text, path)
+    if _NOT_CORRECTED.search(export.values.get("DATA TYPE", "")):
+        remedy = "export the rates 'corrected for pressure and efficiency' instead"
+        raise InputError(f"has the data type {export.values['DATA TYPE']}", remedy, path)
+    name = _chosen(export, station, path)
+    rates = export.rates[name]
+    if export.faults.get(name):
+        raise InputError(export.faults[name])
+    stamps = np.array(sorted(rates))
+    middle_s = export.interval_s / 2
+    series = np.array([rates[stamp] for stamp in stamps])
+    return NeutronMonitor(stamps + middle_s, series, export.interval_s, gaps, max_gap_s)
+
+
+def _read_lines(text: str, path: Path) -> _Export:
+    if "no data available" in text.lower():
+        raise InputError("says that there are no data", "export another time or station from nmdb.eu", path)
+    export = _Export()
     for number, line in enumerate(text.splitlines(), start=1):
-        cells = [cell.strip() for cell in re.split(r"[;,]", line)]
-        stamp_s = _stamp(cells[0]) if len(cells) >= 2 else None
-        if stamp_s is None or cells[1].lower() in ("", "null", "nan"):
+        line = _TAG.sub("", line).strip()
+        if match := _KEY_AND_VALUE.fullmatch(line):
+            export.values[match[1].strip()] = match[2]
+            export.of_database |= match[1].startswith("STATION")
+        cells = [cell.strip() for cell in re.split(r"[;,]", line.lstrip("# "))]
+        stamp_s = None if line.startswith("#") or len(cells) < 2 else _stamp(cells[0])
+        if stamp_s is not None:
+            _take_row(export, stamp_s, cells[1:], path, number)
+        elif cells[0].startswith("start_date_time"):
+            names = re.split(r"[\s;,]+", line.lstrip("# "))[1:]
+            # A line such as "start_date_time RCORR_E" names what was measured, not where.
+            export.of_database = True
+            export.columns = [] if all(_DATA_TYPES.fullmatch(name) for name in names) else names
+        elif len(cells) >= 2 and _stamp(cells[0]) is None and not export.rates and not line.startswith("#"):
+            export.columns = [cell for cell in cells[1:] if not _DATA_TYPES.fullmatch(cell)]
+    return export
+
+
+def _take_row(export: _Export, stamp_s: float, cells: list[str], path: Path, number: int) -> None:
+    for column, cell in enumerate(cells):
+        rates = export.rates.setdefault(export.station(column), {})
+        if cell.lower() in _MISSING:
             continue
         try:
-            rate = float(cells[1])
+            rate = float(cell)
         except ValueError:
-            rate = float("nan")
-        if not (np.isfinite(rate) and rate > 0):
-            faults.append(Mistake(f"rate {cells[1]!r} is not a positive number", "correct the row", path, number))
+            rate = math.nan
+        if not (math.isfinite(rate) and rate > 0):
+            remedy = "correct the row, or export counts per second, not relative units"
+            mistake = Mistake(f"rate {cell!r} is not a positive number", remedy, path, number)
+            export.faults.setdefault(export.station(column), []).append(mistake)
             continue
-        rows[stamp_s] = rate
-    if faults:
-        raise InputError(faults)
-    if not rows:
-        raise InputError(
-            "has no row of time and rate",
-            "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu",
-            path,
-        )
-    stamps = np.array(sorted(rows))
-    return NeutronMonitor(stamps, np.array([rows[stamp] for stamp in stamps]))
+        rates[stamp_s] = rate
+
+
+def _chosen(export: _Export, station: str, path: Path) -> str:
+    """Name of the chosen station, with one rate or fault at least."""
+    known = [name for name in export.rates if export.rates[name] or export.faults.get(name)]
+    if not known:
+        raise InputError("has no row of time and rate", _EXPECTED, path)
+    same = [name for name in known if name.upper() == station.upper()]
+    if same or (not station and not export.of_database):
+        return same[0] if same else known[0]
+    if len(known) > 1:
+        what = f"has no station {station}" if station else "has several stations"
+        remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), known)}"
+        raise InputError(f"{what}: it has {', '.join(known)}", remedy, path)
+    named = export.values.get("STATION", "")
+    if station and named and named.upper() != station.upper():
+        remedy = "correct 'monitor' under 'intensity', or export the file of that station"
+        raise InputError(f"is of the station {named}, not of {station}", remedy, path)
+    return known[0]
 
 
 def _stamp(text: str) -> float | None:

@@ -36,11 +36,11 @@ def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | N
 
     :raises InputError: if the neutron-monitor file is invalid
     """
-    if settings.intensity is None:
-        return None
-    if settings.intensity.file is not None:
-        return read_neutron_monitor(settings.intensity.file)
-    return settings.intensity.constant
+    intensity = settings.intensity
+    if intensity is None or intensity.file is None:
+        return None if intensity is None else intensity.constant
+    station = intensity.monitor.name if intensity.monitor else ""
+    return read_neutron_monitor(intensity.file, station, intensity.gaps, intensity.max_gap_hours * 3600)
 
 
 def correction_factors(
