@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -11,7 +13,11 @@ from soilmoist_ros.cli.console import FILE, report_errors
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
-    from soilmoist_ros.sensing.moisture.site import Site
+    from soilmoist_ros.sensing.moisture.core_mean import CoreMean, Surroundings, Weighting
+    from soilmoist_ros.sensing.moisture.site import Site, Soil
+    from soilmoist_ros.sensing.survey.logs import CalibrationCounts
+
+TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"])
 
 
 @click.command("calibrate")
@@ -26,6 +32,21 @@ if TYPE_CHECKING:
     type=click.FloatRange(min=0, min_open=True),
     help="Effective exposure of --counts: live time divided by the product of the correction factors [s].",
 )
+@click.option("--from", "start", type=TIME, help="Use records of the log from this time on (UTC).")
+@click.option("--to", "end", type=TIME, help="Use records of the log up to this time (UTC).")
+@click.option(
+    "--curve",
+    type=click.Choice(["desilets", "universal"]),
+    help="Curve from the rate to the moisture. Default: that of the site file.",
+)
+@click.option(
+    "--weights",
+    "weighting",
+    type=click.Choice(["revised", "conventional", "equal"]),
+    default="revised",
+    show_default=True,
+    help="How distance and depth of the cores weigh.",
+)
 @click.option("--date", help="Date of the calibration; written to the site file.")
 @click.option("--dry-run", is_flag=True, help="Print the result; do not write the site file.")
 @report_errors
@@ -36,35 +57,51 @@ def command(
     logger: str | None,
     counts: int | None,
     exposure_s: float | None,
+    start: datetime | None,
+    end: datetime | None,
+    curve: Literal["desilets", "universal"] | None,
+    weighting: Weighting,
     date: str | None,
     dry_run: bool,
 ) -> None:
     """Find N0 from soil CORES (a CSV file) and the counts at the calibration.
 
     CORES has one row per core. Its first line names the columns: vwc [m3/m3], or gravimetric_water [g/g] and
-    bulk_density_gcm3 [g/cm3]; weight is optional.
+    bulk_density_gcm3 [g/cm3]. Optional are distance_m from the probe, depth_cm (or top_cm and bottom_cm), profile
+    (cores of one place) and weight.
     """
-    from soilmoist_ros.sensing.moisture.calibration import estimate_n0, read_soil_cores, write_calibration
-    from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site
+    from soilmoist_ros.sensing.moisture.calibration import estimate_n0, write_calibration
+    from soilmoist_ros.sensing.moisture.core_mean import mean_of_cores
+    from soilmoist_ros.sensing.moisture.cores import read_soil_cores
+    from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site, moisture_curve
 
     known = load_site(site)
     sampled = read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None)
     soil = known.soil
     if soil is None:
-        if sampled.bulk_density_gcm3 is None:
+        density = mean_of_cores(sampled, "equal").bulk_density_gcm3
+        if density is None:
             remedy = "add 'soil: {bulk_density_gcm3: ...}' to the file, or a column bulk_density_gcm3 to the cores"
             raise InputError("has no soil properties", remedy, site)
-        soil = Soil(bulk_density_gcm3=round(sampled.bulk_density_gcm3, 4))
-    rate, rate_sd = _calibration_rate(known, logs, logger, counts, exposure_s)
+        soil = Soil(bulk_density_gcm3=round(density, 4))
+    unit = (known.calibration or Calibration(n0_cps=1.0)).model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None})
+    unit = unit.model_copy(update={"curve": curve or unit.curve})
+    known = known.model_copy(update={"soil": soil, "calibration": unit})
+    counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
+    around = _surroundings(known, soil, counted)
+    mean = mean_of_cores(sampled, weighting, around)
+    rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
     try:
-        estimate = estimate_n0(rate, rate_sd, sampled.vwc, sampled.vwc_sd, soil)
+        unit_curve = moisture_curve(unit, soil, known.reference_humidity_gm3)
+        estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:
         raise InputError(
             f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
         ) from None
-    click.echo(f"cores      {sampled.count}, mean VWC {sampled.vwc:.4f} m3/m3 +- {sampled.vwc_sd:.4f}")
-    click.echo(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected")
-    click.echo(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s")
+    click.echo(f"cores      {_about(mean, weighting)}")
+    click.echo(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3")
+    click.echo(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
+    click.echo(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
     click.echo(
         f"of which   {estimate.from_counting_cps:.4f} from counting, {estimate.from_cores_cps:.4f} from cores"
     )
@@ -73,24 +110,63 @@ def command(
         return
     result = Calibration(
         n0_cps=round(estimate.n0_cps, 5),
+        curve=unit.curve,
+        parameter_set=unit.parameter_set,
         n0_sd_cps=round(estimate.n0_sd_cps, 5),
         date=date,
-        note=f"{sampled.count} soil cores, mean VWC {sampled.vwc:.3f} m3/m3",
+        note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {weighting} weights",
     )
-    write_calibration(site, result, soil if known.soil is None else None)
+    write_calibration(site, result, soil if load_site(site).soil is None else None)
     click.echo(f"wrote {site}")
 
 
-def _calibration_rate(
-    site: Site, logs: tuple[Path, ...], logger: str | None, counts: int | None, exposure_s: float | None
-) -> tuple[float, float]:
+def _about(mean: CoreMean, weighting: Weighting) -> str:
+    depth = "" if math.isnan(mean.depth_cm) else f", seen to {mean.depth_cm:.0f} cm"
+    return (
+        f"{mean.count} in {mean.profiles} profiles, mean VWC {mean.vwc:.4f} m3/m3 +- {mean.vwc_sd:.4f}, "
+        f"{weighting} weights{depth}"
+    )
+
+
+def _of_records(counted: CalibrationCounts) -> str:
+    if not counted.records:
+        return ""
+    left_out = f", {counted.left_out} left out" if counted.left_out else ""
+    return f", {counted.records} records{left_out}"
+
+
+def _surroundings(site: Site, soil: Soil, counted: CalibrationCounts) -> Surroundings:
+    """Conditions of the weights; what was not measured has the reference value of its correction."""
+    from soilmoist_ros.sensing.moisture.core_mean import Surroundings
+
+    reference_hpa = site.corrections_parameters.reference_pressure_hpa
+    return Surroundings(
+        site.reference_humidity_gm3 if math.isnan(counted.humidity_gm3) else counted.humidity_gm3,
+        reference_hpa if math.isnan(counted.pressure_hpa) else counted.pressure_hpa,
+        site.vegetation_height_m,
+        soil.lattice_water + soil.organic_water,
+        site.footprint_radius_m,
+    )
+
+
+def _counted(
+    site: Site,
+    logs: tuple[Path, ...],
+    logger: str | None,
+    counts: int | None,
+    exposure_s: float | None,
+    window: tuple[datetime | None, datetime | None],
+) -> CalibrationCounts:
     from soilmoist_ros.replay.log_map import read_logs
-    from soilmoist_ros.sensing.moisture.calibration import pooled_rate
-    from soilmoist_ros.sensing.survey.logs import corrected_counts
+    from soilmoist_ros.sensing.survey.logs import CalibrationCounts, calibration_counts
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")
+    start_s, end_s = (None if time is None else time.replace(tzinfo=UTC).timestamp() for time in window)
     if counts is not None and exposure_s is not None:
-        return pooled_rate([counts], [exposure_s])
-    raw_counts, effective_s = corrected_counts(read_logs(logs, logger, site), site)
-    return pooled_rate(raw_counts, effective_s)
+        if window != (None, None):
+            raise click.UsageError("--from and --to select records of a log; they require --log")
+        return CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan)
+    first_s = -math.inf if start_s is None else start_s
+    last_s = math.inf if end_s is None else end_s
+    return calibration_counts(read_logs(logs, logger, site), site, first_s, last_s)

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import COMMANDS, main
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
+from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
 OUTPUTS = ["map.tif", "records.csv", "report.html", "samples.geojson", "summary.json"]
@@ -180,6 +181,24 @@ def test_calibration_is_written_into_the_site_file(survey, tmp_path):
     assert "# ours" in site.read_text()
     assert "n0_cps" in site.read_text()
     assert run("check", "--site", site).exit_code == 0
+
+
+def test_calibration_with_weights_and_the_universal_curve_in_a_window_of_time(survey, tmp_path):
+    cores, site = tmp_path / "cores.csv", tmp_path / "site.yaml"
+    cores.write_text("profile,distance_m,top_cm,bottom_cm,vwc\na,2,0,10,0.20\na,2,10,30,0.10\nb,8,0,10,0.18\n")
+    site.write_text("soil: {bulk_density_gcm3: 1.4}\n")
+    common = ["calibrate", cores, "--site", site, "--log", survey / "survey.log"]
+    result = run(*common, "--from", "1999-01-01", "--to", "1999-01-02")
+    assert result.exit_code == 2
+    assert "has no record between these times -> the log lasts from 20" in result.output
+    result = run(*common, "--from", "1999-01-01", "--curve", "universal")
+    assert result.exit_code == 0, result.output
+    assert "3 in 2 profiles" in result.output
+    assert "revised weights, seen to" in result.output
+    assert load_site(site).calibration.curve == "universal"
+    assert load_site(site).curve.parameters["curve"] == "universal"
+    result = run("calibrate", cores, "--site", site, "--counts", 9, "--exposure", 9, "--from", "1999-01-01")
+    assert "require --log" in result.output
 
 
 def test_calibration_by_counts_takes_both_numbers_or_none(tmp_path):

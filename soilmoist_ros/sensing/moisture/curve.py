@@ -208,22 +208,3 @@ class CalibrationCurve:
         excess -= A1
         excess[~(excess > 0)] = np.nan
         return excess
-
-
-def n0_from_calibration(
-    rate_cps: float,
-    vwc: float,
-    bulk_density_gcm3: float,
-    lattice_water: float = 0.0,
-    organic_water: float = 0.0,
-) -> float:
-    """N0 [counts/s] of a calibration at known soil moisture, in closed form.
-
-    :param rate_cps: corrected rate during the calibration [counts/s], > 0
-    :param vwc: soil moisture of the cores [m^3/m^3]
-    :raises ValueError: if the rate or the bulk density is not positive, or the moisture is out of range
-    """
-    if not (np.isfinite(rate_cps) and rate_cps > 0):
-        raise ValueError(f"the calibration rate must be positive and finite, got {rate_cps}")
-    unit = CalibrationCurve(1.0, bulk_density_gcm3, lattice_water, organic_water)
-    return float(rate_cps / unit.rate_cps(vwc))

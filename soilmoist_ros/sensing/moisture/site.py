@@ -97,6 +97,8 @@ class Site(Section):
     """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield."""
     deconvolve_footprint: bool = False
     """Whether the map shows the rate at each place, or its mean over the footprint around the place."""
+    vegetation_height_m: NotNegative = 0.0
+    """Height of the vegetation during the calibration [m]; it shortens the footprint."""
     corrections: CorrectionSettings = CorrectionSettings()
     """Correction of the counts."""
     tube_shares: list[NotNegative] | None = None
@@ -138,11 +140,12 @@ class Site(Section):
     def _humidity_response(self) -> Callable[[float], float]:
         calibration = self.calibration or Calibration(n0_cps=1.0)
         soil = self.soil or Soil(bulk_density_gcm3=SIMULATED_DENSITY_GCM3)
-        curve = _universal_curve(calibration, soil, self._reference_humidity_gm3)
+        curve = _universal_curve(calibration, soil, self.reference_humidity_gm3)
         return partial(curve.humidity_response, self.corrections.typical_vwc)
 
     @property
-    def _reference_humidity_gm3(self) -> float:
+    def reference_humidity_gm3(self) -> float:
+        """Absolute humidity to which counts are corrected [g/m^3]."""
         return (self.corrections.humidity or HumidityCorrection()).reference_gm3
 
     @property
@@ -155,7 +158,7 @@ class Site(Section):
         """Calibration curve, ``None`` until the site has both soil properties and N0."""
         if self.soil is None or self.calibration is None:
             return None
-        return moisture_curve(self.calibration, self.soil, self._reference_humidity_gm3)
+        return moisture_curve(self.calibration, self.soil, self.reference_humidity_gm3)
 
 
 def moisture_curve(calibration: Calibration, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:

@@ -6,19 +6,21 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.sensing.survey.correction import UnusableRecordError, counting_interval_s
+from soilmoist_ros.sensing.survey.correction import counting_interval_s
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
@@ -104,20 +106,81 @@ def process_logs(
     return SurveyRecords(records, survey.frame, tuple(problems), survey.tube_share, quarantined)
 
 
-def corrected_counts(logs: Sequence[LogFile], site: Site) -> tuple[list[int], list[float]]:
-    """Raw counts and effective exposures [s] of all records for a calibration, with or without a position.
+@dataclass(frozen=True)
+class CalibrationCounts:
+    """What a probe counted during a calibration.
 
-    :raises InputError: if the logs are of different probes, or a record cannot be corrected
+    :param raw_counts: raw counts of the good records
+    :param effective_exposure_s: effective exposure of the good records [s]
+    :param records: number of good records
+    :param left_out: number of records that were quarantined or cannot be corrected
+    :param pressure_hpa: mean air pressure [hPa], NaN if unknown
+    :param humidity_gm3: mean absolute humidity [g/m^3], NaN if unknown
     """
-    records = [entry.record for entry in _in_order_of_time(logs)]
-    survey = _survey_of(records, site, None, None, [])
-    good = [checked.record for record in records if not (checked := survey.checks.check(record)).quarantine]
-    try:
-        corrected = [survey.correct(record) for record in good]
-    except UnusableRecordError as loss:
-        raise InputError(loss.message, loss.remedy, logs[0].path) from None
-    corrected = [record for record in corrected if not survey.checks.totals.check(record)]
-    return [record.raw_counts for record in corrected], [record.effective_exposure_s for record in corrected]
+
+    raw_counts: int
+    effective_exposure_s: float
+    records: int
+    left_out: int
+    pressure_hpa: float
+    humidity_gm3: float
+
+    @property
+    def rate_cps(self) -> float:
+        """Corrected rate [counts/s]."""
+        return self.raw_counts / self.effective_exposure_s
+
+    @property
+    def rate_sd_cps(self) -> float:
+        """Standard deviation of the rate [counts/s]."""
+        return math.sqrt(self.raw_counts) / self.effective_exposure_s
+
+
+def calibration_counts(
+    logs: Sequence[LogFile], site: Site, start_s: float = -math.inf, end_s: float = math.inf
+) -> CalibrationCounts:
+    """Counts and weather of the good records for a calibration, with or without a position.
+
+    :param start_s: time after which records count [s since 1970-01-01 UTC]
+    :param end_s: time up to which records count
+    :raises InputError: if the logs are of different probes, or no good record lies between the times
+    """
+    everything = [entry.record for entry in _in_order_of_time(logs)]
+    raw = [record for record in everything if start_s < record.stamp_s <= end_s]
+    if not raw:
+        first, last = (_utc(everything[index].stamp_s) for index in (0, -1))
+        raise InputError(
+            "has no record between these times", f"the log lasts from {first} to {last}", logs[0].path
+        )
+    problems: list[Problem] = []
+    survey = _survey_of(everything, site, None, None, problems, keep_unplaced=True)
+    for record in everything:
+        survey.take_record(record)
+    found = [record for record in survey.take_ready() if start_s < record.stamp_s <= end_s]
+    good = [record for record in found if not record.quarantine]
+    if not any(record.raw_counts for record in good):
+        reasons = [problem for problem in problems if problem.kind is not Kind.NO_POSITION]
+        if not reasons:
+            raise InputError("has no counts between these times", "check the detector", logs[0].path)
+        first_kind = Counter(problem.kind for problem in reasons).most_common(1)[0][0]
+        raise InputError([next(problem.mistake for problem in reasons if problem.kind is first_kind)])
+    air = [record for record in raw if math.isfinite(record.temperature_degc + record.relative_humidity)]
+    return CalibrationCounts(
+        sum(record.raw_counts for record in good),
+        math.fsum(record.effective_exposure_s for record in good),
+        len(good),
+        len(raw) - len(good),
+        _mean([record.pressure_hpa for record in raw if math.isfinite(record.pressure_hpa)]),
+        _mean([absolute_humidity_gm3(record.temperature_degc, record.relative_humidity) for record in air]),
+    )
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values) if values else math.nan
+
+
+def _utc(stamp_s: float) -> str:
+    return datetime.fromtimestamp(stamp_s, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
 def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:
@@ -159,12 +222,15 @@ def _survey_of(
     track: Track | None,
     problems: list[Problem],
     arms: LeverArms = NO_ARMS,
+    keep_unplaced: bool = False,
 ) -> Survey:
     """A survey with all records known in advance."""
     if len({len(record.tube_counts) for record in records}) > 1:
         raise InputError("the logs have different numbers of tubes", "map the logs of each probe separately")
     try:
-        return Survey(site, frame, records, track, arms=arms, keep_unplaced=False, on_problem=problems.append)
+        return Survey(
+            site, frame, records, track, arms=arms, keep_unplaced=keep_unplaced, on_problem=problems.append
+        )
     except ValueError as error:
         raise InputError(f"the logs cannot be used: {error}", "check the detector") from None
 

@@ -7,7 +7,7 @@ from crnpy import crnpy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, n0_from_calibration
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 CURVE = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4, lattice_water=0.03, organic_water=0.01)
 
@@ -21,12 +21,6 @@ def test_vwc_agrees_with_an_independent_implementation():
 @given(st.floats(0.0, 0.9))
 def test_vwc_and_rate_are_inverse(vwc):
     assert CURVE.vwc(CURVE.rate_cps(vwc)) == pytest.approx(vwc, abs=1e-9)
-
-
-@given(st.floats(0.01, 0.7), st.floats(0.8, 1.9), st.floats(0, 0.1), st.floats(0, 0.1), st.floats(0.5, 500))
-def test_calibration_closes(vwc, density, lattice, organic, rate):
-    n0 = n0_from_calibration(rate, vwc, density, lattice, organic)
-    assert CalibrationCurve(n0, density, lattice, organic).vwc(rate) == pytest.approx(vwc, abs=1e-9)
 
 
 def test_slope_is_the_derivative():
@@ -80,8 +74,6 @@ def test_values_that_cannot_be_are_refused():
         CalibrationCurve(math.nan, 1.4)
     with pytest.raises(ValueError, match="lattice_water must be zero or positive"):
         CalibrationCurve(6.0, 1.4, lattice_water=-0.1)
-    with pytest.raises(ValueError, match="the calibration rate must be positive"):
-        n0_from_calibration(0.0, 0.2, 1.4)
     with pytest.raises(ValueError, match="below what the calibration curve can express"):
         CURVE.rate_cps(-0.5)
     with pytest.raises(ValueError, match="order must be 1 or 3"):

@@ -14,7 +14,7 @@ from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
-from soilmoist_ros.sensing.survey.logs import corrected_counts, process_logs
+from soilmoist_ros.sensing.survey.logs import calibration_counts, process_logs
 
 NAN = math.nan
 T0 = datetime(2024, 5, 1, tzinfo=UTC).timestamp()
@@ -180,5 +180,14 @@ def test_intensity_comes_from_a_neutron_monitor_file(tmp_path):
 
 def test_counts_for_a_calibration_need_no_position(tmp_path):
     log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
-    counts, exposure = corrected_counts([log], NO_CORRECTIONS)
-    assert (counts, exposure) == ([60, 60], [10.0, 10.0])
+    counted = calibration_counts([log], NO_CORRECTIONS)
+    assert (counted.raw_counts, counted.effective_exposure_s, counted.records) == (120, 20.0, 2)
+    assert (counted.rate_cps, counted.rate_sd_cps) == (6.0, pytest.approx(math.sqrt(120) / 20))
+
+
+def test_only_records_between_two_times_count_for_a_calibration(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0 * n) for n in range(1, 11)])
+    start_s = log.records[0].stamp_s
+    assert calibration_counts([log], NO_CORRECTIONS, start_s, start_s + 30.0).records == 3
+    with pytest.raises(InputError, match="no record between these times"):
+        calibration_counts([log], NO_CORRECTIONS, start_s + 1e6)

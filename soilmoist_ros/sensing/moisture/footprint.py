@@ -1,0 +1,173 @@
+"""Where the counts come from: weights of distance and depth, radius and depth of 86 % of the counts.
+
+Köhli et al. (2015), Water Resources Research 51:5772-5790. Parameters, rescaling and depth: Schrön et al. (2017),
+Hydrology and Earth System Sciences 21:5009-5030, appendix A. The weights are sums of exponentials of the distance,
+so all integrals here are closed.
+
+A shielded probe sees less: the shield takes neutrons that come from far away. Its weight is the weight of a bare
+probe times ``exp(-r / l)``, and ``l`` is so that 86 % of the counts come from within the radius of the site file.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+Term = tuple[float, float]
+"""Amplitude and decay [1/m] of an exponential of the distance."""
+SHARE = 0.86
+"""Share of the counts from within the footprint radius, ``1 - exp(-2)`` rounded, as in the publications."""
+_STANDARD_HPA = 1013.25
+_NEAR_M, _FAR_M = 1.0, 50.0
+_SCREEN = 3.7
+"""Decay of the dip below the probe, within 1 m [1/m]."""
+
+
+def pressure_scale(pressure_hpa: float) -> float:
+    """Factor of distances, F_p [-]: neutrons fly farther in thin air (Schrön et al. 2017, appendix A)."""
+    return 0.4922 / (0.86 - math.exp(-pressure_hpa / _STANDARD_HPA))
+
+
+def vegetation_scale(height_m: float, water: float) -> float:
+    """Factor of distances, F_veg [-]: plants shorten the way of neutrons (Schrön et al. 2017, appendix A).
+
+    :param height_m: height of the vegetation [m]
+    :param water: all water of the soil [m^3/m^3]
+    """
+    return 1 - 0.17 * (1 - math.exp(-0.41 * height_m)) * (1 + math.exp(-9.25 * water))
+
+
+def near_terms(water: float, humidity_gm3: float) -> tuple[Term, Term]:
+    """Terms of the weight up to 50 m (Schrön et al. 2017, table A1: A0 to A3)."""
+    x, y = humidity_gm3, water
+    a0 = 8735 * (1 + 0.00978 * x) * math.exp(-22.689 * y) + 11720 * (1 + 0.003632 * x) - 9306 * y
+    decay = -0.027925 + 6.851e-5 * x
+    a1 = (decay * math.exp(-6.6577 * y / (1 + 12.2755 * y)) + 0.028544) * (1 + 0.002455 * x)
+    a2 = 247970 * (1 + 0.00191 * x) * math.exp(-23.289 * y) + 374655 - 258552 * y
+    a3 = 0.054818 * math.exp(-21.032 * y) + 0.6373 - 0.0791 * y + 5.425e-4 * x
+    return (a0, a1), (a2, a3)
+
+
+def far_terms(water: float, humidity_gm3: float) -> tuple[Term, Term]:
+    """Terms of the weight from 50 m on (Schrön et al. 2017, table A1: B0 to B3)."""
+    x, y = humidity_gm3, water
+    b0 = (39006 - 15002337 / (2009.24 * y + x - 0.13)) * (0.01181 - y) * math.exp(-3.146 * y)
+    b0 += 3727 - 16.7417 * x * y
+    b1 = 6.031e-5 * (x + 98.5) + 0.0013826 * y
+    b2 = 11747 * (1 - 0.00475 * x) * math.exp(-55.033 * y * (1 - 0.00604 * x)) + 4521 - 3347.4 * y
+    decay = -0.01543 + 8.81e-5 * x
+    b3 = decay * math.exp(-13.29 * y / (1 + 0.0405 * x + 26.74 * y)) + 0.01807
+    return (b0, b1), (b2 * (2 + 0.01998 * x), b3 * (2 + 0.0011 * x))
+
+
+def penetration_depth_cm(near: ArrayLike, bulk_density_gcm3: float, water: float) -> Array:
+    """Depth D86 above which 86 % of the counts come from [cm] (Schrön et al. 2017, appendix A).
+
+    :param near: ``exp(-r*/100 m)`` of the rescaled distance r*, or its mean over the footprint
+    :param bulk_density_gcm3: dry bulk density [g/cm^3]
+    :param water: all water of the soil [m^3/m^3], >= 0
+    """
+    reach = 0.14249 * (0.96655 + np.asarray(near, float)) * (20 + water) / (0.0429 + water)
+    return np.asarray((8.321 + reach) / bulk_density_gcm3)
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Sensitivity of a probe to the soil around it.
+
+    The fits hold for 0.02 to 0.50 m^3/m^3 and 0.1 to 50 g/m^3; values beyond are set to the nearest limit.
+
+    :param water: all water of the soil: soil moisture, and lattice and organic water as volume [m^3/m^3]
+    :param humidity_gm3: absolute humidity of the air [g/m^3]
+    :param pressure_hpa: air pressure [hPa]
+    :param vegetation_m: height of the vegetation [m]
+    :param shield_radius_m: radius that a shield leaves [m]; no effect if the radius is smaller without shield
+    """
+
+    water: float
+    humidity_gm3: float = 5.0
+    pressure_hpa: float = _STANDARD_HPA
+    vegetation_m: float = 0.0
+    shield_radius_m: float = math.inf
+
+    def weight(self, distance_m: ArrayLike) -> Array:
+        """Weight of a ring around the probe, any unit: count per metre of its radius.
+
+        :param distance_m: distance from the probe [m], >= 0
+        """
+        scaled = np.asarray(distance_m, float) / self._scale
+        near, far = (
+            sum(amplitude * np.exp(-decay * scaled) for amplitude, decay in terms) for terms in self._terms
+        )
+        near = near * np.where(scaled <= _NEAR_M, -np.expm1(-_SCREEN * scaled), 1.0)
+        return np.asarray(np.where(scaled < _FAR_M, near, far) * np.exp(-self._taper * scaled))
+
+    @property
+    def radius_m(self) -> float:
+        """Radius R86 from within which 86 % of the counts come [m]."""
+        return min(self._radius(0.0), self.shield_radius_m)
+
+    def depth_cm(self, bulk_density_gcm3: float) -> float:
+        """Depth D86 above which 86 % of the counts come from, mean over the footprint [cm].
+
+        :param bulk_density_gcm3: dry bulk density [g/cm^3]
+        """
+        near = self._share(math.inf, self._taper + 0.01) / self._share(math.inf, self._taper)
+        return float(penetration_depth_cm(near, bulk_density_gcm3, self._water))
+
+    def depth_at_cm(self, distance_m: ArrayLike, bulk_density_gcm3: float) -> Array:
+        """Depth D86 at a distance [cm].
+
+        :param distance_m: distance from the probe [m]
+        :param bulk_density_gcm3: dry bulk density [g/cm^3]
+        """
+        near = np.exp(-np.asarray(distance_m, float) / self._scale / 100)
+        return penetration_depth_cm(near, bulk_density_gcm3, self._water)
+
+    @property
+    def _water(self) -> float:
+        return min(max(self.water, 0.02), 0.50)
+
+    @property
+    def _scale(self) -> float:
+        return pressure_scale(self.pressure_hpa) * vegetation_scale(self.vegetation_m, self._water)
+
+    @cached_property
+    def _terms(self) -> tuple[tuple[Term, Term], tuple[Term, Term]]:
+        humidity = min(max(self.humidity_gm3, 0.1), 50.0)
+        return near_terms(self._water, humidity), far_terms(self._water, humidity)
+
+    @cached_property
+    def _taper(self) -> float:
+        """Decay that the shield adds, per rescaled distance [1/m]."""
+        if self._radius(0.0) <= self.shield_radius_m:
+            return 0.0
+        return float(brentq(lambda decay: self._radius(decay) - self.shield_radius_m, 0.0, 1e4, rtol=1e-10))
+
+    def _radius(self, taper: float) -> float:
+        goal = SHARE * self._share(math.inf, taper)
+        return float(brentq(lambda r: self._share(r, taper) - goal, 0.0, 1e4, xtol=1e-9)) * self._scale
+
+    def _share(self, scaled_m: float, taper: float) -> float:
+        """Counts from within a rescaled distance, any unit."""
+        near, far = self._terms
+        below = _integral(near, 0.0, min(scaled_m, _NEAR_M), taper)
+        below -= _integral(near, 0.0, min(scaled_m, _NEAR_M), taper + _SCREEN)
+        middle = _integral(near, _NEAR_M, min(scaled_m, _FAR_M), taper)
+        return below + middle + _integral(far, _FAR_M, scaled_m, taper)
+
+
+def _integral(terms: tuple[Term, Term], start_m: float, end_m: float, taper: float) -> float:
+    """Integral of the terms times ``exp(-taper r)``; 0 if the end is before the start."""
+    if end_m <= start_m:
+        return 0.0
+    return sum(
+        amplitude / (decay + taper) * (math.exp(-(decay + taper) * start_m) - math.exp(-(decay + taper) * end_m))
+        for amplitude, decay in terms
+    )

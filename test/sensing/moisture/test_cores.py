@@ -1,0 +1,114 @@
+import math
+
+import numpy as np
+import pytest
+from crnpy import crnpy
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.moisture.core_mean import Surroundings, franz_depth_cm, mean_of_cores
+from soilmoist_ros.sensing.moisture.cores import SoilCore, read_soil_cores
+
+
+@pytest.fixture
+def read(tmp_path):
+    def of(text, density=None):
+        path = tmp_path / "cores.csv"
+        path.write_text(text)
+        return read_soil_cores(path, density)
+
+    return of
+
+
+def test_mean_and_standard_error_of_cores(read):
+    cores = mean_of_cores(read("# taken 2024-05-02\nid,vwc,bulk_density_gcm3\na,0.20,1.3\nb,0.24,1.5\nc,0.22,\n"))
+    assert cores.vwc == pytest.approx(0.22)
+    assert cores.vwc_sd == pytest.approx(np.std([0.20, 0.24, 0.22], ddof=1) / math.sqrt(3))
+    assert cores.bulk_density_gcm3 == pytest.approx(1.4)
+    assert (cores.count, cores.profiles) == (3, 3)
+    assert math.isnan(cores.depth_cm)
+
+
+def test_gravimetric_cores_take_a_density_from_the_core_or_the_site(read):
+    text = "gravimetric_water;weight\n0.10;1\n0.20;3\n"
+    assert mean_of_cores(read(text, 1.5)).vwc == pytest.approx(0.175 * 1.5)
+    with pytest.raises(InputError, match="gravimetric water needs a bulk density"):
+        read(text)
+
+
+def test_every_bad_cell_is_named(read):
+    with pytest.raises(InputError) as caught:
+        read("vwc,weight\n20,1\nabc,1\n0.2,-1\n,1\n0.2,1\n")
+    assert [(mistake.line, mistake.column) for mistake in caught.value.mistakes] == [
+        (2, "vwc"),
+        (3, "vwc"),
+        (4, "weight"),
+        (5, "vwc"),
+    ]
+    with pytest.raises(InputError, match="has no column 'vwc' or 'gravimetric_water', only: depth"):
+        read("depth\n3\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("vwc,distance_m\n0.2,5\n0.2,\n", "only 1 of 2 cores have a distance"),
+        ("vwc,depth_cm\n0.2,5\n0.2,\n", "only 1 of 2 cores have a depth"),
+        ("vwc,profile,distance_m\n0.2,a,5\n0.2,a,50\n", "profile a have different distances"),
+        ("vwc,top_cm\n0.2,5\n", "needs one depth"),
+        ("vwc,top_cm,bottom_cm\n0.2,5,5\n", "not below the top"),
+        ("vwc,depth_cm,top_cm,bottom_cm\n0.2,2.5,,\n0.2,,0,5\n", "some cores have a thickness"),
+        ("vwc,distance_m\n0.2,900\n", "outside 0 to 600"),
+    ],
+)
+def test_cores_that_cannot_be_weighed_are_refused(read, text, message):
+    with pytest.raises(InputError, match=message):
+        read(text)
+
+
+def test_the_revised_mean_agrees_with_an_independent_implementation():
+    rng = np.random.default_rng(3)
+    distances_m, depths_cm = np.array([1.0, 8.0, 40.0, 90.0, 250.0]), np.array([2.5, 7.5, 15.0, 25.0])
+    profile, depth = (grid.ravel() for grid in np.meshgrid(np.arange(5), depths_cm, indexing="ij"))
+    vwc = rng.uniform(0.08, 0.35, len(depth))
+    cores = [
+        SoilCore(value, 1.4, 1.0, str(name), distances_m[name], at, at)
+        for value, name, at in zip(vwc, profile, depth, strict=True)
+    ]
+    around = Surroundings(humidity_gm3=7.0, pressure_hpa=960.0, vegetation_m=0.5)
+    theirs, _ = crnpy.nrad_weight(
+        7.0, vwc, distances_m[profile], depth, profile, rhob=1.4, p=960.0, Hveg=0.5, tol=1e-11
+    )
+    assert mean_of_cores(cores, "revised", around).vwc == pytest.approx(theirs, abs=1e-8)
+
+
+def test_conventional_weights_are_those_of_the_formulas():
+    cores = [SoilCore(0.3, 1.4, 1.0, "a", 10.0, 5.0, 5.0), SoilCore(0.1, 1.4, 1.0, "a", 10.0, 15.0, 15.0)]
+    cores += [SoilCore(0.2, 1.4, 1.0, "b", 137.0, 5.0, 5.0)]
+    mean = mean_of_cores(cores, "conventional", Surroundings(bound_water=0.02))
+    depth_cm = franz_depth_cm(mean.vwc + 0.028)
+    upper, lower = max(1 - 5 / depth_cm, 0), max(1 - 15 / depth_cm, 0)
+    first = (0.3 * upper + 0.1 * lower) / (upper + lower)
+    assert mean.vwc == pytest.approx((first + 0.2 / math.e) / (1 + 1 / math.e), abs=1e-6)
+    assert mean.depth_cm == pytest.approx(depth_cm, rel=1e-6)
+
+
+def test_a_thick_core_weighs_as_its_slices_and_the_thickness_does_not_change_its_place():
+    slices = [
+        SoilCore(0.30 if at < 10 else 0.10, 1.4, 1.0, "a", 3.0, at - 0.05, at + 0.05)
+        for at in np.arange(0.05, 30, 0.1)
+    ]
+    layers = [SoilCore(0.30, 1.4, 1.0, "a", 3.0, 0.0, 10.0), SoilCore(0.10, 1.4, 1.0, "a", 3.0, 10.0, 30.0)]
+    assert mean_of_cores(layers).vwc == pytest.approx(mean_of_cores(slices).vwc, abs=1e-6)
+
+
+def test_a_shielded_probe_sees_the_near_cores():
+    cores = [SoilCore(0.30, 1.4, distance_m=5.0), SoilCore(0.10, 1.4, distance_m=60.0)]
+    bare = mean_of_cores(cores, "revised", Surroundings()).vwc
+    shielded = mean_of_cores(cores, "revised", Surroundings(footprint_radius_m=10.0)).vwc
+    assert 0.295 < shielded < 0.30
+    assert shielded > bare + 0.01
+
+
+def test_all_weights_zero_is_an_error():
+    with pytest.raises(ValueError, match="zero"):
+        mean_of_cores([SoilCore(0.2, weight=0.0)])
