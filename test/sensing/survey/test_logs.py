@@ -186,7 +186,7 @@ def test_counts_for_a_calibration_need_no_position(tmp_path):
 
 
 def test_only_records_between_two_times_count_for_a_calibration(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0 * n) for n in range(1, 11)])
+    log = write_log(tmp_path / "a.log", [record(10.0 * n, 4.0 + n % 3) for n in range(1, 11)])
     start_s = log.records[0].stamp_s
     assert calibration_counts([log], NO_CORRECTIONS, start_s, start_s + 30.0).records == 3
     with pytest.raises(InputError, match="no record between these times"):
