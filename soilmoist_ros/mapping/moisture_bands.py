@@ -68,7 +68,8 @@ def make_bands(rate: Array, variance: Array, curve: MoistureCurve | None) -> Ban
     # fmin: the expansion has no value below the pole, where nothing is known but the limits.
     half = (limits.saturation - limits.dryness) / 2
     vwc_sd = np.where(np.isnan(rate), np.nan, np.fmin(curve.vwc_and_sd(rate, rate_sd)[1], half))
-    away = QUANTILE_SD * np.hypot(rate_sd, common_rate_sd(curve, rate))
+    common = common_rate_sd(curve, rate)
+    away = QUANTILE_SD * (rate_sd if common is None else np.hypot(rate_sd, common))
     return Bands(
         rate, rate_sd, vwc, vwc_sd, possible_moisture(curve, rate + away), possible_moisture(curve, rate - away)
     )
@@ -84,11 +85,11 @@ def possible_moisture(curve: MoistureCurve, rate_cps: ArrayLike) -> Array:
     """
     rate = np.asarray(rate_cps, float)
     limits = soil_limits(curve.bulk_density_gcm3)
-    vwc = np.clip(curve.vwc(rate), limits.dryness, limits.saturation)
-    return np.where(np.isnan(vwc) & ~np.isnan(rate), limits.saturation, vwc)
+    vwc = np.fmin(curve.vwc(rate), limits.saturation)  # fmin takes the limit where the curve has no value
+    return np.where(np.isnan(rate), np.nan, np.maximum(vwc, limits.dryness))
 
 
-def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | float:
+def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | None:
     """Standard deviation of the rate that has the effect of an uncertain calibration [counts/s].
 
     The errors of N0 and bulk density shift all places together. A curve depends on the rate in units of N0, so the
@@ -96,11 +97,11 @@ def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | float:
     taken as independent of that of N0.
 
     :param rate: rates, any shape [counts/s]
-    :returns: same shape; 0 for a calibration whose standard deviations are unknown
+    :returns: same shape; ``None`` for a calibration whose standard deviations are unknown
     """
     n0 = curve.n0_sd_cps / curve.n0_cps
     density = curve.bulk_density_sd_gcm3 / curve.bulk_density_gcm3
     if density == 0:
-        return rate * n0 if n0 > 0 else 0.0
+        return rate * n0 if n0 > 0 else None
     of_density = possible_moisture(curve, rate) / np.where(curve.valid(rate), curve.slope(rate), -np.inf)
     return np.hypot(rate * n0, of_density * density)

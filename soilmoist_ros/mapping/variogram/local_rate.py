@@ -46,20 +46,16 @@ class LocalRate:
         """The estimate from samples at distinct places, at least one."""
         from scipy.linalg import cho_factor, cho_solve
 
-        blocks = spatial_blocks(places.xy, 0, max(1, 2 * len(places) // MAX_POOLS))
-        exposure_s, counts = np.array(
-            [(places.exposure_s[block].sum(), places.counts[block].sum()) for block in blocks]
-        ).T
-        pools_xy = np.array([np.average(places.xy[b], 0, places.exposure_s[b]) for b in blocks])
+        pools, members = _pools(places)
         mean_rate = noise_rate(places)
-        covariance = variogram.structured_sill * _correlation(variogram, pools_xy, pools_xy)
-        noise = variogram.nugget / np.array([len(block) for block in blocks]) + mean_rate / exposure_s
-        covariance[np.diag_indices(len(blocks))] += noise + _JITTER * variogram.sill
+        covariance = variogram.structured_sill * _correlation(variogram, pools.xy, pools.xy)
+        noise = variogram.nugget / members + mean_rate / pools.exposure_s
+        covariance[np.diag_indices(len(pools))] += noise + _JITTER * variogram.sill
         factor = cho_factor(covariance, lower=True)
-        ones, rate = cho_solve(factor, np.column_stack([np.ones(len(blocks)), counts / exposure_s])).T
+        ones, rate = cho_solve(factor, np.column_stack([np.ones(len(pools)), pools.rate_cps])).T
         mean = float(rate.sum() / ones.sum())
         coefficients = variogram.structured_sill * (rate - mean * ones)
-        return cls(variogram, mean, MIN_SHARE * mean_rate, pools_xy, coefficients)
+        return cls(variogram, mean, MIN_SHARE * mean_rate, pools.xy, coefficients)
 
     def __call__(self, xy: Array) -> Array:
         """Rates at places of shape (n, 2) [m], shape (n,) [counts/s].
@@ -71,6 +67,21 @@ class LocalRate:
         terms *= self.coefficients
         rate: Array = np.maximum(self.mean + terms.sum(axis=1), self.least)
         return rate
+
+
+def _pools(places: Samples) -> tuple[Samples, Array]:
+    """Places joined with their neighbours, and the number of places in each pool."""
+    if len(places) <= MAX_POOLS:
+        return places, np.ones(len(places))
+    pool = np.empty(len(places), int)
+    for number, block in enumerate(spatial_blocks(places.xy, 0, 2 * len(places) // MAX_POOLS)):
+        pool[block] = number
+    counts, exposure_s, east, north = (
+        np.bincount(pool, values).astype(float)
+        for values in (places.counts, places.exposure_s, *(places.xy.T * places.exposure_s))
+    )
+    xy = np.column_stack([east, north]) / exposure_s[:, None]
+    return Samples(xy, counts, exposure_s), np.bincount(pool).astype(float)
 
 
 def noise_rates(rate: float | LocalRate, xy: Array) -> float | Array:
