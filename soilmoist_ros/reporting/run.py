@@ -139,6 +139,7 @@ class NoteCode(StrEnum):
     TILE_ERROR = "tile_error"
     ABOVE_PORE_VOLUME = "above_pore_volume"
     NEGATIVE_MOISTURE = "negative_moisture"
+    BEYOND_LIMITS = "beyond_limits"
     FEW_SAMPLES = "few_samples"
     PRIOR_MATTERED = "prior_mattered"
     NOT_CONVERGED = "not_converged"

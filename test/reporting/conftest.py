@@ -15,7 +15,7 @@ from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFil
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
-CURVE = CalibrationCurve(7.0, 1.4, lattice_water=0.02)
+CURVE = CalibrationCurve(7.0, 1.4, lattice_water=0.02, n0_sd_cps=0.1)
 OUTLINE = [(-20.0, -15.0), (20.0, -15.0), (20.0, 10.0), (5.0, 15.0), (-20.0, 15.0)]
 HOLE = [(-4.0, -4.0), (4.0, -4.0), (4.0, 3.0), (-4.0, 3.0)]
 

@@ -19,8 +19,10 @@ from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
     TruthScore,
     band_statistics,
+    beyond_limits_share,
     calibration_sd,
     leave_one_out,
+    mean_moisture,
     mean_sd,
     truth_score,
     uncertain_share,
@@ -140,12 +142,32 @@ def _map(run: MapRun) -> dict[str, Any]:
         "vwc_sd": asdict(band_statistics(soil_map.vwc_sd)),
         "mean_rate_sd_cps": mean_sd(soil_map, moisture=False),
         "mean_vwc_sd": mean_sd(soil_map, moisture=True),
-        "calibration_vwc_sd": calibration_sd(soil_map, run.calibration.n0_sd_cps if run.calibration else None),
+        "calibration_vwc_sd": calibration_sd(soil_map),
+        **_moisture(soil_map),
         "undefined_vwc_share": undefined_share(soil_map),
         "uncertain_share": uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share),
         "uncertain_above": {"vwc_sd": run.uncertain_vwc_sd}
         if run.calibrated
         else {"rate_sd_per_rate": run.uncertain_rate_share},
+    }
+
+
+def _moisture(soil_map: SoilMap) -> dict[str, Any]:
+    """What the moisture of the map is, and how far its intervals reach."""
+    mean, limits = mean_moisture(soil_map), soil_map.limits
+    return {
+        "vwc_p05": asdict(band_statistics(soil_map.vwc_p05)),
+        "vwc_p95": asdict(band_statistics(soil_map.vwc_p95)),
+        "mean_vwc": mean and {"value": mean.value, "p05": mean.p05, "p95": mean.p95},
+        "uncertainty_vwc": None
+        if limits is None
+        else {
+            "everywhere_sd": calibration_sd(soil_map),
+            "between_places_sd": band_statistics(soil_map.vwc_sd).p50,
+            "quantiles_include_calibration": calibration_sd(soil_map) is not None,
+        },
+        "limits_vwc": limits and limits._asdict(),
+        "beyond_limits_share": beyond_limits_share(soil_map),
     }
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.page.numbers import area, percent, volume
-from soilmoist_ros.reporting.page.statistics import calibration_sd, mean_sd
+from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.reporting.run import IrrigationLimits, MapRun
 
 Array = NDArray[np.float64]
@@ -183,19 +183,16 @@ def _range_text(run: MapRun, index: int, edges: Array) -> str:
 
 def _water(run: MapRun) -> str:
     """Water in the root zone with its 90 % interval."""
-    if not run.calibrated:
+    mean = mean_moisture(run.soil_map)
+    if mean is None or not math.isfinite(mean.value):
         return ""
-    mean = float(np.nanmean(run.soil_map.vwc)) if np.isfinite(run.soil_map.vwc).any() else math.nan
-    if not math.isfinite(mean):
-        return ""
-    depth, sd = run.irrigation.root_depth_mm, mean_sd(run.soil_map, moisture=True)
-    common = calibration_sd(run.soil_map, run.calibration.n0_sd_cps if run.calibration else None)
-    text = f"On average the upper {depth:g} mm of the soil hold {mean * depth:.0f} mm of water"
-    if sd is not None:
-        away = QUANTILE_SD * math.hypot(sd, common or 0.0)
-        text += f" (90 % interval {max(mean - away, 0) * depth:.0f} to {(mean + away) * depth:.0f} mm)"
-    text += ", if the soil below the reach of the sensor is as moist as above"
-    return f"{text}." if common is not None else f"{text}. An error of the calibration is not included."
+    depth = run.irrigation.root_depth_mm
+    text = (
+        f"On average the upper {depth:g} mm of the soil hold {mean.value * depth:.0f} mm of water "
+        f"(90 % interval {mean.p05 * depth:.0f} to {mean.p95 * depth:.0f} mm), if the soil below the reach of the "
+        "sensor is as moist as above"
+    )
+    return f"{text}." if mean.common_sd > 0 else f"{text}. An error of the calibration is not included."
 
 
 def _level(run: MapRun) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soilmoist_ros.reporting.page.numbers import percent, volume
-from soilmoist_ros.reporting.page.statistics import implausible_shares
+from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 
 if TYPE_CHECKING:
@@ -22,7 +22,10 @@ FIRST_STAMP_S = 946_684_800.0
 """2000-01-01 [s since 1970-01-01 UTC]: clocks that were never set are earlier."""
 MAX_AHEAD_S = 86_400.0
 """How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
-_CHECK = "check N0, the bulk density, and whether all tubes were counted"
+MIN_UNCLEAR = 0.01
+"""Share of the area from which intervals that reach a limit of the soil need a note."""
+_TOO_WET = "N0 or the bulk density is probably too high, or not all tubes were counted"
+_TOO_DRY = "N0 is probably too low, or lattice and organic water too high"
 
 
 def notes(run: MapRun) -> list[Note]:
@@ -62,31 +65,40 @@ def _on_calibration(run: MapRun) -> Iterator[Note]:
             NoteCode.ILLUSTRATIVE_CALIBRATION,
             "The calibration is illustrative: patterns are real, absolute soil moisture is not.",
         )
-    cells = run.soil_map.undefined_vwc_cells
-    if cells and not run.simulated:
-        yield Note(
-            NoteCode.RATE_BELOW_CURVE, f"{cells} cells have a count rate too low for any soil moisture: check N0."
-        )
 
 
 def _on_moisture(run: MapRun) -> Iterator[Note]:
-    """Notes on impossible moisture."""
-    limits = run.soil_map.limits
+    """Notes on moisture that the soil cannot hold, which the map does not show, and its likely cause."""
+    soil_map, limits = run.soil_map, run.soil_map.limits
     if limits is None:
         return
-    too_wet, negative = implausible_shares(run.soil_map)
-    cause = "the map of the rate is not sure enough there" if run.simulated else _CHECK
-    pores = volume(limits.saturation)
+    too_wet, negative = implausible_shares(soil_map)
+    below, reached = undefined_share(soil_map), beyond_limits_share(soil_map)
+    pores, unsure = volume(limits.saturation), "the map of the rate is not sure enough there"
+    if below > 0 and not run.simulated:
+        yield Note(
+            NoteCode.RATE_BELOW_CURVE,
+            f"On {percent(below)} of the area the count rate is too low for any soil moisture, and the map shows "
+            "saturated soil: check N0 and whether all tubes were counted.",
+        )
     if too_wet > 0:
         yield Note(
             NoteCode.ABOVE_PORE_VOLUME,
-            f"On {percent(too_wet)} of the area the soil moisture is above {pores} %, more than the pores of this "
-            f"soil can hold: {cause}.",
+            f"On {percent(too_wet)} of the area the rate means more water than the pores of this soil can hold, "
+            f"and the map shows {pores} %: {unsure if run.simulated else _TOO_WET}.",
         )
     if negative > 0:
         yield Note(
             NoteCode.NEGATIVE_MOISTURE,
-            f"On {percent(negative)} of the area the soil moisture is below zero: {cause}.",
+            f"On {percent(negative)} of the area the rate means less than no water, and the map shows 0 %: "
+            f"{unsure if run.simulated else _TOO_DRY}.",
+        )
+    unclear = reached - below - too_wet - negative
+    if unclear >= MIN_UNCLEAR:
+        yield Note(
+            NoteCode.BEYOND_LIMITS,
+            f"On {percent(unclear)} of the area the 90 % interval of the moisture reaches a limit of this soil, "
+            f"0 or {pores} %: {unsure}; longer or more stops would help.",
         )
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
@@ -213,20 +216,55 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     return float(np.sqrt(max(variance, 0.0)))
 
 
-def calibration_sd(soil_map: SoilMap, n0_sd_cps: float | None) -> float | None:
-    """Standard deviation of VWC that an uncertain N0 adds, mean over the field [m^3/m^3].
+def calibration_sd(soil_map: SoilMap) -> float | None:
+    """Standard deviation of VWC that an uncertain calibration adds, mean over the field [m^3/m^3].
 
-    First order: ``d(vwc)/d(N0) = -d(vwc)/d(rate) * rate / N0``. It shifts all cells together.
+    It shifts all cells together. First order in N0, ``d(vwc)/d(N0) = -d(vwc)/d(rate) * rate / N0``, and in the
+    bulk density, ``d(vwc)/d(rho_b) = vwc / rho_b``.
 
-    :returns: ``None`` without a calibration or without ``n0_sd_cps``
+    :returns: ``None`` without a calibration, or if its standard deviations are unknown
     """
     curve = soil_map.curve
-    if curve is None or n0_sd_cps is None:
+    if curve is None or not (curve.n0_sd_cps > 0 or curve.bulk_density_sd_gcm3 > 0):
         return None
     rate = soil_map.rate[curve.valid(soil_map.rate)]
     if not rate.size:
         return None
-    return float(np.mean(np.abs(curve.slope(rate)) * rate / curve.n0_cps) * n0_sd_cps)
+    of_n0 = float(np.mean(np.abs(curve.slope(rate)) * rate)) * curve.n0_sd_cps / curve.n0_cps
+    of_density = float(np.mean(curve.vwc(rate))) * curve.bulk_density_sd_gcm3 / curve.bulk_density_gcm3
+    return math.hypot(of_n0, of_density)
+
+
+@dataclass(frozen=True)
+class MeanMoisture:
+    """Mean moisture of the field with its uncertainty [m^3/m^3].
+
+    :param value: mean of the band ``vwc``. In simulated surveys it was nearer to the truth than the mean of the
+        expected moisture of each cell, which the curve makes larger
+    :param between_sd: standard deviation by counting and kriging (block kriging)
+    :param common_sd: standard deviation by the calibration, 0 if unknown
+    :param p05: quantile 0.05, both included
+    :param p95: quantile 0.95
+    """
+
+    value: float
+    between_sd: float
+    common_sd: float
+    p05: float
+    p95: float
+
+
+def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
+    """Mean moisture of the field; ``None`` without a calibration, or where :func:`mean_sd` is ``None``."""
+    limits, between = soil_map.limits, mean_sd(soil_map, moisture=True)
+    if soil_map.curve is None or limits is None or between is None:
+        return None
+    value = float(np.mean(soil_map.vwc[soil_map.grid.mask]))
+    common = calibration_sd(soil_map) or 0.0
+    away = QUANTILE_SD * math.hypot(between, common)
+    return MeanMoisture(
+        value, between, common, max(value - away, limits.dryness), min(value + away, limits.saturation)
+    )
 
 
 def _some_cells(soil_map: SoilMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -145,12 +145,10 @@ def headline(run: MapRun) -> list[str]:
 
 
 def _certainty(run: MapRun) -> str:
-    typical = band_statistics(run.soil_map.vwc_sd).p50
-    text = (
-        f"At a single place the map is typically known to ± {volume(typical)} % by volume (one standard deviation)"
-    )
-    n0_sd = run.calibration.n0_sd_cps if run.calibration else None
-    shift = calibration_sd(run.soil_map, n0_sd)
-    if shift is None:
-        return f"{text}, an error of the calibration not included."
-    return f"{text}; the calibration may shift the whole map by another ± {volume(shift)} %."
+    """The part of the uncertainty that is common to all places, and the part that differs."""
+    between = volume(band_statistics(run.soil_map.vwc_sd).p50)
+    text = f"Places are typically known to ± {between} % by volume against each other (one standard deviation)"
+    common = calibration_sd(run.soil_map)
+    if common is None:
+        return f"{text}; an error of the calibration, common to all places, is not included."
+    return f"{text}, and the calibration may shift all of them together by ± {volume(common)} %."

@@ -22,9 +22,12 @@ def test_a_guessed_calibration_is_noted_by_its_mark_not_by_words(make_run):
     assert codes(guessed)[0] is NoteCode.ILLUSTRATIVE_CALIBRATION
 
 
-def test_moisture_that_no_soil_has_is_noted(make_run, steep, uncalibrated):
+def test_moisture_that_no_soil_has_is_noted(make_run, the_map, steep, uncalibrated):
     assert NoteCode.RATE_BELOW_CURVE in codes(make_run(soil_map=steep))
     assert NoteCode.ABOVE_PORE_VOLUME in codes(make_run(soil_map=steep))
+    unsure = replace(the_map, variance=100 * the_map.variance)
+    assert NoteCode.BEYOND_LIMITS in codes(make_run(soil_map=unsure))
+    assert NoteCode.BEYOND_LIMITS not in codes(make_run(soil_map=the_map))
     assert codes(make_run(soil_map=uncalibrated, notes=(), calibration=None)) == []
 
 

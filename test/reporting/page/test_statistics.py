@@ -14,6 +14,7 @@ from soilmoist_ros.reporting.page.statistics import (
     calibration_sd,
     implausible_shares,
     leave_one_out,
+    mean_moisture,
     mean_sd,
     truth_score,
     uncertain_share,
@@ -78,8 +79,25 @@ def test_calibration_sd_is_the_shift_of_the_map(the_map):
     rate = the_map.rate[the_map.grid.mask]
     other = CalibrationCurve(curve.n0_cps + 1e-4, curve.bulk_density_gcm3, curve.lattice_water)
     shift = np.mean(other.vwc(rate) - curve.vwc(rate))
-    assert calibration_sd(the_map, 1e-4) == pytest.approx(shift, rel=1e-3)
-    assert calibration_sd(the_map, None) is None
+    uncertain = dataclasses.replace(the_map, curve=dataclasses.replace(curve, n0_sd_cps=1e-4))
+    assert calibration_sd(uncertain) == pytest.approx(shift, rel=1e-3)
+    dense = CalibrationCurve(curve.n0_cps, curve.bulk_density_gcm3 + 1e-4, curve.lattice_water)
+    uncertain = dataclasses.replace(
+        the_map, curve=dataclasses.replace(curve, n0_sd_cps=0.0, bulk_density_sd_gcm3=1e-4)
+    )
+    assert calibration_sd(uncertain) == pytest.approx(np.mean(dense.vwc(rate) - curve.vwc(rate)), rel=1e-3)
+    unknown = dataclasses.replace(the_map, curve=dataclasses.replace(curve, n0_sd_cps=0.0))
+    assert calibration_sd(unknown) is None
+
+
+def test_the_mean_moisture_has_both_parts_of_the_uncertainty(the_map, uncalibrated):
+    found = mean_moisture(the_map)
+    assert found.between_sd == mean_sd(the_map, moisture=True)
+    assert found.common_sd == calibration_sd(the_map)
+    away = 1.645 * math.hypot(found.between_sd, found.common_sd)
+    assert (found.p05, found.p95) == pytest.approx((found.value - away, found.value + away), rel=1e-3)
+    assert found.value == pytest.approx(np.nanmean(the_map.vwc))
+    assert mean_moisture(uncalibrated) is None
 
 
 def test_shares(the_map, steep, uncalibrated):
