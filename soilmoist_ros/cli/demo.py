@@ -15,7 +15,7 @@ import click
 
 from soilmoist_ros.cli.console import report_errors
 from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
-from soilmoist_ros.cli.output_options import confirmed, output_options, prepare_output
+from soilmoist_ros.cli.output_options import confirmed, output_options, prepare_output, reported_failure
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation.errors import InputError
 
@@ -69,7 +69,7 @@ def command(
     from soilmoist_ros.reporting import write_outputs
 
     try:
-        with _live_view() as show:
+        with reported_failure(out), _live_view() as show:
             replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario), show)
     except KeyboardInterrupt:
         click.echo(f"interrupted: all nodes have stopped; map the recording with soilmoist replay {out}", err=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -58,3 +59,21 @@ def confirmed(out: Path, held: str) -> bool:
     if click.confirm(f"{out} has {held}. Replace them?", err=True):
         return True
     raise InputError("nothing was changed", "choose another output folder", out)
+
+
+@contextmanager
+def reported_failure(out: Path) -> Iterator[None]:
+    """Write the report of a run without a map; its error goes on.
+
+    :param out: output folder
+    """
+    from soilmoist_ros.reporting.failed_run import NoMapError
+
+    try:
+        yield
+    except NoMapError as error:
+        from soilmoist_ros.reporting.failed_outputs import write_failed
+
+        for path in write_failed(out, error.failed):
+            click.echo(f"wrote {path}")
+        raise

@@ -10,7 +10,7 @@ import click
 
 from soilmoist_ros.cli.bag import play
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_error, report_errors
-from soilmoist_ros.cli.output_options import output_options, prepare_output
+from soilmoist_ros.cli.output_options import output_options, prepare_output, reported_failure
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -89,9 +89,9 @@ def command(
         click.echo("warning: --also-truth is deprecated: give --truth PROPERTY=FIELD", err=True)
         named[1] = also_truth
     with progress_bar() as progress:
-        replay = replay_bag(
-            bag, ReplaySettings(keep_nugget=keep_nugget, truths=named, crs=crs, **choices), progress
-        )
+        settings = ReplaySettings(keep_nugget=keep_nugget, truths=named, crs=crs, **choices)
+        with reported_failure(out):
+            replay = replay_bag(bag, settings, progress)
         progress("writing the results", 1.0)
         written = write_outputs(out, replay.run, crs)
     print_replay(replay)

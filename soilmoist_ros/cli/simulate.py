@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
     if settings.robots > 1:
         click.echo(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
     if result.soil_map is None:
-        click.echo("map        no map: the mission ended before the first map update")
+        click.echo("map        no map: the mission ended before the first map update; report.html says what to do")
     else:
         click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
         rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
@@ -51,3 +52,5 @@ def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
             click.echo(f"efficiency {100 * plan.reached:.0f} % of the best possible plan in this time")
     for path in written:
         click.echo(f"wrote {path}")
+    if result.soil_map is None:
+        sys.exit(1)

@@ -17,6 +17,8 @@ MAX_RATE_CPS = 1e4
 """Rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]."""
 MAX_RECORD_S = 86400.0
 """Exposure beyond which a record counts as a mistake [s]."""
+MAX_PLANE_M = 100_000.0
+"""Distance beyond which the plane of a field has no true distances [m]."""
 FACTORS = (0.01, 100.0)
 """Products of the correction factors beyond which a record counts as a mistake."""
 
@@ -82,7 +84,8 @@ def _way_to(record: CountRecord, area: BaseGeometry) -> str:
     centre = area.centroid
     bearing_deg = math.degrees(math.atan2(record.x_m - centre.x, record.y_m - centre.y)) % 360
     distance_m = float(shapely.distance(area, shapely.Point(record.x_m, record.y_m)))
-    return f"{distance_text(distance_m)} {direction(bearing_deg)} of the field"
+    far = distance_text(distance_m) if distance_m < MAX_PLANE_M else f"more than {distance_text(MAX_PLANE_M)}"
+    return f"{far} {direction(bearing_deg)} of the field"
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_pa
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows
 from soilmoist_ros.replay.mission import RobotMission, replay_mission
+from soilmoist_ros.replay.no_map import no_map
 from soilmoist_ros.replay.properties import (
     PropertyTopic,
     ReplayedProperty,
@@ -25,7 +26,7 @@ from soilmoist_ros.replay.properties import (
     team_properties,
 )
 from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
-from soilmoist_ros.replay.recorded_place import recorded_places, why_nothing
+from soilmoist_ros.replay.recorded_place import recorded_places
 from soilmoist_ros.replay.statuses import last_mission, read_statuses
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
@@ -115,8 +116,8 @@ def replay_bag(
     :param bag: folder of a bag or of a run, or an MCAP or db3 file
     :param settings: choices
     :param progress: called as the work goes on
-    :raises InputError: if the bag or a file cannot be used, or no map can be made
-    :raises IllConditionedError: as :meth:`FieldMap.compute`
+    :raises InputError: if the bag or a file cannot be used
+    :raises NoMapError: if no map can be made; it has all that a report can show
     """
     chosen = settings or ReplaySettings()
     bag = bag_of(bag)
@@ -126,9 +127,11 @@ def replay_bag(
         survey, remarks = _survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
         content = _read(reader, survey, chosen, configuration, remarks)
-    first = content.properties[0]
+    first, raw = content.properties[0], content.raw
+    lost = loss_rows(raw.problems if raw else ())
+    about = (bag, _files(bag), first, content.missions, configuration)
     if not first.states:
-        raise why_nothing(first.survey, first.records, bag)
+        raise no_map(*about, losses=lost, simulated=content.simulated)
     progress("mapping", 0.0)
     mapped = []
     for one in content.properties:
@@ -136,19 +139,18 @@ def replay_bag(
             run = one.survey.run(one.survey.map.snapshot())
         except (InputError, IllConditionedError) as error:
             if one is first:
-                raise
+                raise no_map(*about, losses=lost, simulated=content.simulated, error=error) from error
             remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.name} is not mapped: {error}."))
             continue
         label = one.name if one.truth is None else one.truth.title
         mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
     properties = [one for one, _ in mapped]
     run, *others = (run for _, run in mapped)
-    raw = content.raw
     run = replace(
         run,
         inputs=[*(input_file(path, "bag") for path in _files(bag)), *run.inputs],
         notes=[*run.notes, *remarks],
-        losses=[*loss_rows(raw.problems if raw else ()), *run.losses],
+        losses=[*lost, *run.losses],
         logger_format=raw.format_title if raw else "",
         simulated=run.simulated or content.simulated or any(one.truth is not None for one in properties),
         others=others,
@@ -237,9 +239,6 @@ def _read(
             robots = RunTopics.of_team(reader, chosen.counts_topic, together)
         robots = robots or [RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))]
         counted = reader.read_counts_of([robot.counts for robot in robots], frame)
-        if not counted:
-            names = ", ".join(robot.counts for robot in robots)
-            raise InputError(f"{names} has no messages", "was the driver running?", reader.path)
         placed = places.records([record for _, record in counted])
         counted = [(name, record) for (name, _), record in zip(counted, placed, strict=True)]
     records = [record for _, record in counted]
@@ -256,7 +255,7 @@ def _read(
                 raise
             remarks.append(Note(NoteCode.NOT_MAPPED, f"{', '.join(one.counts)} is not mapped: {error}."))
             continue
-        if not its:
+        if not its and not own:
             continue
         mapped = survey if own else _open_of(one, reader.path, configuration, chosen)
         truth = truths.get(one.name)

@@ -37,10 +37,16 @@ class RecordedPlaces:
         return self.recorded.to_geographic(np.asarray(xy_m, float).reshape(-1, 2))
 
     def records(self, records: Sequence[CountRecord]) -> list[CountRecord]:
-        """Records with their places in the plane of the field."""
+        """Records with their places in the plane of the field.
+
+        :raises InputError: if all lie on the other side of the earth
+        """
         if self.recorded == self.field.frame or not records:
             return list(records)
-        xy = self._to_field([(record.x_m, record.y_m) for record in records])
+        recorded = [(record.x_m, record.y_m) for record in records]
+        xy = self._to_field(recorded)
+        if np.isfinite(recorded).all(axis=1).any() and not np.isfinite(xy).any():
+            require_near(self.field, self.latlon(recorded), 0.0, PositionSource("the recording"))
         return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
 
     def visits(self, visits: Sequence[Visit]) -> list[Visit]:

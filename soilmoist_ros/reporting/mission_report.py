@@ -11,20 +11,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soilmoist_ros.exploration.planning.property_names import property_name
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.version import __version__
-from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
-from soilmoist_ros.reporting.files.strict_json import write_json
-from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, settings_summary
-from soilmoist_ros.reporting.output_folder import earlier_outputs, remove_earlier
+from soilmoist_ros.reporting.failed_outputs import write_failed
+from soilmoist_ros.reporting.failed_run import FailedRun
+from soilmoist_ros.reporting.files.summary import settings_summary
 from soilmoist_ros.reporting.outputs import write_outputs
-from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
+from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.simulation.mission.result import MissionResult
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-NO_MAP = Note(NoteCode.NO_MAP, "The mission ended before its first map.")
 UNUSED_COUNTS = 0.01
 """Share of the counts outside the stops up to which there is no note."""
 
@@ -35,8 +32,8 @@ def write_mission(
     """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv``,
     ``series.csv``, ``visits.csv``.
 
-    A mission without a map leaves only ``summary.json``, ``series.csv`` and ``visits.csv``; other files of an
-    older mission in the folder are removed.
+    A mission without a map leaves only ``summary.json``, ``report.html``, ``records.csv``, ``series.csv`` and
+    ``visits.csv``; other results of an earlier mission in the folder are removed.
 
     :param folder: output folder; made if missing
     :param result: the mission
@@ -48,28 +45,29 @@ def write_mission(
     created = created_utc or datetime.now(UTC)
     if result.soil_map is not None:
         return write_outputs(folder, mission_run(result, created), crs)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        remove_earlier(folder, earlier_outputs(folder), ())
-        about = {
-            "schema": SCHEMA,
-            "software": "soilmoist_ros",
-            "version": __version__,
-            "created_utc": created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-            "simulated": True,
-            "map": None,
-            "mission": mission_summary(result),
-            "warnings": [NO_MAP.message],
-            "warning_codes": [NO_MAP.code],
-            "outputs": ["summary.json", "series.csv", "visits.csv"],
-        }
-        return [
-            write_json(folder / "summary.json", about),
-            write_series(folder / "series.csv", result),
-            write_visits(folder / "visits.csv", result),
-        ]
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
+    return write_failed(folder, failed_mission(result, created))
+
+
+def failed_mission(result: MissionResult, created_utc: datetime) -> FailedRun:
+    """A simulated mission without a map."""
+    settings, stops = result.settings, len(result.visits)
+    time_s = result.series[-1].time_s if result.series else 0.0
+    counted = f"{stops or 'no'} {'stop was' if stops < 2 else 'stops were'} finished"
+    todo = ["Give the mission more time: --hours.", "Count for a shorter time at each stop: --dwell."]
+    if settings.map_from != "records":
+        todo.append("Map what is counted while driving, too: --map-from records.")
+    return FailedRun(
+        why=f"The mission ended after {time_s / 60:.0f} min, before its first map: {counted}. "
+        f"Its end: {result.ended}.",
+        todo=todo,
+        created_utc=created_utc,
+        track=result.records,
+        title="Simulated mission without a map",
+        field_name=result.field_title or settings.field_name,
+        mission=result,
+        simulated=True,
+        settings=settings_summary(settings),
+    )
 
 
 def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:

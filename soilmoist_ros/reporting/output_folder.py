@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import stat
-from collections.abc import Iterable
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 
 SUMMARY = "summary.json"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv")
 MISSION_NAMES = ("series.csv", "visits.csv")
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
+_WORKSHOP = ".writing-"
+_LEFT_S = 3600.0
+"""Age from which nobody writes such a folder any more [s]."""
 _PATTERNS = (*NAMES, *MISSION_NAMES, "map_*.tif", "samples_*.geojson", "records_*.csv")
 
 
@@ -103,6 +111,38 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
             f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg from the field",
             "choose one for this region, or none for the UTM zone of the field",
         )
+
+
+@contextmanager
+def replaced_together(folder: Path, names: Sequence[str]) -> Iterator[Path]:
+    """Replace the results in a folder together: write them to the hidden folder that the context gives.
+
+    After an error the folder is as it was. What a killed process left is removed, and results of an earlier run
+    that this run has not.
+
+    :param folder: output folder; made if missing
+    :param names: names of all results
+    :raises InputError: if the folder cannot be written
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for left in folder.glob(f"{_WORKSHOP}*"):
+            if time.time() - left.stat().st_mtime > _LEFT_S:
+                shutil.rmtree(left, ignore_errors=True)
+        workshop = Path(tempfile.mkdtemp(prefix=_WORKSHOP, dir=folder))
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
+    try:
+        yield workshop
+        for name in names:
+            sync_file(workshop / name)
+        earlier = earlier_outputs(folder)
+        for name in names:
+            os.replace(workshop / name, folder / name)
+        remove_earlier(folder, earlier, names)
+        sync_folder(folder)
+    finally:
+        shutil.rmtree(workshop, ignore_errors=True)
 
 
 def earlier_outputs(folder: Path) -> set[str]:

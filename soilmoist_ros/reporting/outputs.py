@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.record_table import write_records
-from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
-from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, earlier_outputs, remove_earlier
+from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, replaced_together
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
     from pyproj import CRS
-
-_WORKSHOP = ".writing-"
-_LEFT_S = 3600.0
-"""Age from which nobody writes such a folder any more [s]."""
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
@@ -47,15 +37,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     target = export_crs(run.frame, crs)
     names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
     names += tuple(name for other in run.others for name in property_names(other.name))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for left in folder.glob(f"{_WORKSHOP}*"):
-            if time.time() - left.stat().st_mtime > _LEFT_S:
-                shutil.rmtree(left, ignore_errors=True)
-        workshop = Path(tempfile.mkdtemp(prefix=_WORKSHOP, dir=folder))
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
-    try:
+    with replaced_together(folder, names) as workshop:
         for number, one in enumerate(run.properties):
             of_map, of_samples, of_records = property_names(one.name if number else "")
             write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
@@ -66,15 +48,6 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)
         write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=names)
-        for name in names:
-            sync_file(workshop / name)
-        earlier = earlier_outputs(folder)
-        for name in names:
-            os.replace(workshop / name, folder / name)
-        remove_earlier(folder, earlier, names)
-        sync_folder(folder)
-    finally:
-        shutil.rmtree(workshop, ignore_errors=True)
     return [folder / name for name in names]
 
 

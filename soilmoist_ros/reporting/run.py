@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -14,15 +13,13 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.geometry import distance_m, inside_boundary, track_xy
+from soilmoist_ros.reporting.survey_times import SurveyTimes
 from soilmoist_ros.sensing.problems import Consequence
 from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.simulation.mission.result import MissionResult
-
-EARLIEST_STAMP_S = 946684800.0
-"""Stamps before 2000-01-01 UTC come from a clock without a date, such as that of a simulated mission [s]."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +158,7 @@ class Note:
 
 
 @dataclass(frozen=True, repr=False)
-class MapRun:
+class MapRun(SurveyTimes):
     """A finished mapping run: the map of a property with the data needed to judge it.
 
     :param soil_map: the map
@@ -234,34 +231,6 @@ class MapRun:
     def properties(self) -> list[MapRun]:
         """The runs of all properties, this one first."""
         return [self, *self.others]
-
-    @property
-    def created(self) -> str:
-        """Time of creation as ISO 8601 in UTC, to the second."""
-        return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.created_utc.timestamp()))
-
-    @property
-    def survey_start_utc(self) -> datetime | None:
-        """Begin of the first counting interval; ``None`` without records, or if their clock has no date."""
-        begin = min((r.stamp_s - r.exposure_s for r in self.track), default=-np.inf)
-        return datetime.fromtimestamp(begin, UTC) if begin >= EARLIEST_STAMP_S else None
-
-    @property
-    def survey_end_utc(self) -> datetime | None:
-        """End of the last counting interval; ``None`` as for the start."""
-        if self.survey_start_utc is None:
-            return None
-        return datetime.fromtimestamp(max(record.stamp_s for record in self.track), UTC)
-
-    @property
-    def survey_duration_s(self) -> float | None:
-        """Time from the begin of the first to the end of the last counting interval [s]; ``None`` without records.
-
-        With a clock that has no date, too.
-        """
-        if not self.track:
-            return None
-        return max(r.stamp_s for r in self.track) - min(r.stamp_s - r.exposure_s for r in self.track)
 
     @property
     def inside(self) -> tuple[int, int]:

@@ -370,10 +370,11 @@ def test_failures_are_reported_when_no_mission_finishes(tmp_path):
 
 def test_a_mission_without_a_map_is_reported(tmp_path):
     result = run("simulate", "--hours", 0.05, "--preset", "paper", "--strategy", "random", "--out", tmp_path)
-    assert result.exit_code == 0, result.output
-    assert "no map: the mission ended before the first map update" in result.output
+    assert result.exit_code == 1, result.output
+    assert "no map: the mission ended before the first map update; report.html says what to do" in result.output
     assert "nan" not in result.output
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["series.csv", "summary.json", "visits.csv"]
+    names = ["records.csv", "report.html", "series.csv", "summary.json", "visits.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
 
 
 def test_an_unknown_field_lists_the_known_fields(tmp_path):

@@ -323,10 +323,12 @@ def test_bad_input_is_refused_with_a_remedy(tmp_path):
 
     nothing = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "a" / "nothing", lambda topic, number: False)
     refused(r"does not say which field it is of -> give the field file with --field", nothing)
-    refused("/counts has no messages", nothing, field="example")
+    refused("no map: The sensor sent no record that could be used", nothing, field="example")
     refused("has no topic 'records'", counts_topic="records")
     refused("there is no such bag", tmp_path / "none")
-    refused(r"not one of 14 records is in the field .*14 outside the field", field=other_field(tmp_path))
+    refused(
+        r"no map: All 14 records lie at least 31 km north .* of the field 'Elsewhere'", field=other_field(tmp_path)
+    )
     refused("there is no model 'linear' -> choose one of: .*matern32", model="linear")
     refused("there is no fit 'ols'", fit="ols")
     refused("radius_m must be >= 0", merge_radius_m=-1.0)

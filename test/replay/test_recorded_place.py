@@ -41,7 +41,7 @@ def test_a_field_with_another_datum_is_mapped_where_the_robot_was(tmp_path):
 def test_a_field_elsewhere_is_refused(tmp_path):
     path = field_file(tmp_path, LocalFrame(53.268, 0.5245), FIELD.polygon)
     with pytest.raises(
-        InputError, match=r"all 14 records lie at least 70 km west .* correct the sign of the longitude"
+        InputError, match=r"All 14 records lie at least 70 km west .* Correct the sign of the longitude"
     ):
         replay_bag(GOLDEN, ReplaySettings(field=str(path)))
 
@@ -56,3 +56,11 @@ def test_visits_are_converted_with_their_stops():
 def test_without_a_configuration_the_places_are_those_of_the_field(tmp_path):
     assert recorded_places(None, FIELD).recorded == FIELD.frame
     assert recorded_places(GOLDEN / "configuration", FIELD).recorded == FIELD.frame
+
+
+def test_a_field_on_the_other_side_of_the_earth_is_refused(tmp_path):
+    path = field_file(tmp_path, LocalFrame(-53.268, -0.5245), FIELD.polygon)
+    with pytest.raises(
+        InputError, match=r"all 14 records lie 11,8\d\d km north .* correct the sign of the latitude"
+    ):
+        replay_bag(GOLDEN, ReplaySettings(field=str(path)))

@@ -113,7 +113,13 @@ def test_a_mission_without_a_map(mission, tmp_path):
         with_own(mission, soil_map=None), series=mission.series[:3], visits=[], ended="no time"
     )
     paths = write_mission(tmp_path, short)
-    assert [path.name for path in paths] == ["summary.json", "series.csv", "visits.csv"]
+    assert [path.name for path in paths] == [
+        "summary.json",
+        "report.html",
+        "records.csv",
+        "series.csv",
+        "visits.csv",
+    ]
     assert {path.name for path in tmp_path.iterdir()} == {*(path.name for path in paths), "notes.txt"}
     about = json.loads(paths[0].read_text(encoding="utf-8"))
     assert about["map"] is None
@@ -123,6 +129,7 @@ def test_a_mission_without_a_map(mission, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         write_mission(tmp_path / "file", short)
+    assert about["failure"]["why"].endswith("before its first map: no stop was finished. Its end: no time.")
 
 
 @pytest.mark.slow

@@ -55,8 +55,8 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "schema": SCHEMA,
         "software": "soilmoist_ros",
         "version": run.version,
-        "survey_start_utc": _utc(run.survey_start_utc),
-        "survey_end_utc": _utc(run.survey_end_utc),
+        "survey_start_utc": utc_text(run.survey_start_utc),
+        "survey_end_utc": utc_text(run.survey_end_utc),
         "survey_duration_s": run.survey_duration_s,
         "created_utc": run.created,
         "simulated": run.simulated,
@@ -93,7 +93,7 @@ def write_summary(path: Path, run: MapRun, crs: str = "", outputs: Sequence[str]
     return write_json(path, summary(run, crs, outputs))
 
 
-def _utc(when: datetime | None) -> str | None:
+def utc_text(when: datetime | None) -> str | None:
     """ISO 8601 in UTC, to the second."""
     return None if when is None else f"{when:%Y-%m-%dT%H:%M:%SZ}"
 

@@ -11,6 +11,7 @@ import numpy as np
 from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
+from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 FEW_SAMPLES = 10
 MAX_RATE_ERROR = 0.05
 """Largest error of a tiled map that needs no note, as a share of the standard deviation."""
-FIRST_STAMP_S = 946_684_800.0
-"""2000-01-01 [s since 1970-01-01 UTC]: clocks that were never set are earlier."""
 MAX_AHEAD_S = 86_400.0
 """How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
 MIN_UNCLEAR = 0.01
@@ -50,7 +49,7 @@ def _on_place_and_date(run: MapRun) -> Iterator[Note]:
     stamps_s = [record.stamp_s for record in run.track if math.isfinite(record.stamp_s)]
     if not run.simulated and stamps_s:
         ahead_s = max(stamps_s) - run.created_utc.timestamp()
-        if min(stamps_s) < FIRST_STAMP_S or ahead_s > MAX_AHEAD_S:
+        if min(stamps_s) < EARLIEST_STAMP_S or ahead_s > MAX_AHEAD_S:
             first, last = (str(np.datetime64(int(of(stamps_s)), "s"))[:10] for of in (min, max))
             yield Note(
                 NoteCode.IMPOSSIBLE_DATE,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
+from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.page.numbers import area, duration, length, percent, volume
 from soilmoist_ros.reporting.page.statistics import (
@@ -39,7 +40,7 @@ class Fact:
     meaning: str
 
 
-def survey_time(run: MapRun) -> str:
+def survey_time(run: MapRun | FailedRun) -> str:
     """Date, times and duration of the survey, in words."""
     start, end, seconds = run.survey_start_utc, run.survey_end_utc, run.survey_duration_s
     if seconds is None:
@@ -50,7 +51,7 @@ def survey_time(run: MapRun) -> str:
     return f"{_day(start)}, {start:%H:%M} to {last} UTC ({duration(seconds)})"
 
 
-def place(run: MapRun) -> str:
+def place(run: MapRun | FailedRun) -> str:
     """Field, site and time of creation of the report."""
     made = run.created.replace("T", " ").replace("Z", " UTC")
     return " · ".join(filter(None, [run.field_name, run.site, f"report made {made}"]))
