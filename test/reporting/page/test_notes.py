@@ -27,7 +27,8 @@ def test_moisture_that_no_soil_has_is_noted(make_run, the_map, steep, uncalibrat
     assert NoteCode.ABOVE_PORE_VOLUME in codes(make_run(soil_map=steep))
     unsure = replace(the_map, variance=100 * the_map.variance)
     assert NoteCode.BEYOND_LIMITS in codes(make_run(soil_map=unsure))
-    assert NoteCode.BEYOND_LIMITS not in codes(make_run(soil_map=the_map))
+    sure = replace(the_map, variance=the_map.variance / 100, curve=replace(the_map.curve, n0_sd_cps=0.0))
+    assert NoteCode.BEYOND_LIMITS not in codes(make_run(soil_map=sure))
     assert codes(make_run(soil_map=uncalibrated, notes=(), calibration=None)) == []
 
 
