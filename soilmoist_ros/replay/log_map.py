@@ -27,6 +27,7 @@ from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
 from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Consequence, Problem
@@ -212,7 +213,7 @@ def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
         found, faults = read_nmea(path)
         fixes += found
         problems += faults
-    track = Track(fixes)
+    track = CheckedTrack(fixes)
     if len(track) == 0:
         raise InputError("holds no position", "give a log of NMEA sentences (GGA and RMC) with a fix", paths[0])
     return track, problems

@@ -16,9 +16,9 @@ from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import parse_nmea
-from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Problem
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logs import process_logs
@@ -28,7 +28,7 @@ from soilmoist_ros.sensing.survey.logs import process_logs
 class RawSurvey:
     """Raw lines, processed.
 
-    :param records: corrected records at their places, in order of time
+    :param records: corrected records at their places, in order of time, quarantined ones included
     :param problems: problems of the lines
     :param format_title: title of the logger's format
     """
@@ -62,11 +62,11 @@ def read_raw(
     problems: list[Problem] = []
     if gnss is not None:
         fixes, problems = parse_nmea(_lines(topics.reader, gnss), _place(gnss))
-        track = Track(fixes)
+        track = CheckedTrack(fixes)
         if len(track) == 0:
             raise InputError(f"{gnss} holds no position", "map its counts instead", topics.reader.path)
     survey = process_logs([log], site, frame, track, arms)
-    return RawSurvey(survey.records, [*survey.problems, *problems], log.format_title)
+    return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title)
 
 
 def says_simulated(reader: BagReader, logger: str) -> bool:

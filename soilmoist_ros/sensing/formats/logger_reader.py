@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
-import numpy as np
-
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.sensing.checks.clock import ClockDrift
 from soilmoist_ros.sensing.formats import units
 from soilmoist_ros.sensing.formats.log_file import (
     HEADER_LINES,
@@ -64,6 +63,7 @@ class LogFile:
         Subtract it from the stamps before joining them with positions of another receiver
     :param n_lines: number of lines in the file
     :param unsigned_longitude: whether the site file gave the longitudes their sign
+    :param clock: logger's clock against GNSS time
     """
 
     path: Path
@@ -76,6 +76,7 @@ class LogFile:
     clock_offset_s: float
     n_lines: int
     unsigned_longitude: bool = False
+    clock: ClockDrift = field(default_factory=ClockDrift, compare=False)
 
     def __repr__(self) -> str:
         return f"LogFile({self.path.name!r}, {len(self.records)} records, {self.records_lost} lost)"
@@ -112,7 +113,8 @@ class RecordParser:
         self.format = load_logger_format(logger) if isinstance(logger, str) else logger
         self.problems: list[Problem] = []
         self.line_number = 0
-        self.gnss_offsets_s: list[float] = []
+        self.clock = ClockDrift()
+        """Logger's clock against the GNSS time in the lines."""
         self._side = _checked_side(self.format, longitude, path)
         self._on_problem = on_problem or self.problems.append
         self._path = path
@@ -276,12 +278,11 @@ class RecordParser:
         offset_s = reading.gnss_offset_s
         if math.isnan(offset_s):
             return
-        if not self.gnss_offsets_s and abs(offset_s) > CLOCK_TOLERANCE_S:
+        if not len(self.clock) and abs(offset_s) > CLOCK_TOLERANCE_S:
             message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
             remedy = "set it, or consider it when you join the records with other positions"
             reading.notes.append(Note(Kind.CLOCK_OFFSET, message, "", remedy))
-        if len(self.gnss_offsets_s) < REMEMBERED_RECORDS:
-            self.gnss_offsets_s.append(offset_s)
+        self.clock.add(reading.record.stamp_s, offset_s)
 
     def _lose(self, note: Note) -> None:
         self._report(note, lost=True)
@@ -327,7 +328,6 @@ def parse_log(
     lost = [problem for problem in parser.problems if problem.lost]
     if lost and not records:
         raise InputError([nothing_usable(path, lines, parser.format, [problem.mistake for problem in lost])])
-    offsets = parser.gnss_offsets_s
     return LogFile(
         path=path,
         format_title=parser.format.title,
@@ -336,9 +336,10 @@ def parse_log(
         serial=parser.serial,
         metadata=MappingProxyType(dict(parser.metadata)),
         period_s=parser.period_s or NAN,
-        clock_offset_s=float(np.median(offsets)) if offsets else NAN,
+        clock_offset_s=parser.clock.median_s,
         n_lines=len(lines),
         unsigned_longitude=parser.format.position is not None and not parser.format.position.longitude_signed,
+        clock=parser.clock,
     )
 
 

@@ -46,6 +46,11 @@ class SurveyRecords:
         return f"SurveyRecords({len(self.records)} records, {lost} lost, {len(self.tube_share)} tubes)"
 
     @property
+    def all_records(self) -> list[CountRecord]:
+        """Good and quarantined records in order of time."""
+        return sorted([*self.records, *self.quarantined], key=lambda record: record.stamp_s)
+
+    @property
     def xy_m(self) -> NDArray[np.float64]:
         """Places of the records, shape (n, 2) [m]."""
         return np.array([(record.x_m, record.y_m) for record in self.records], dtype=float).reshape(-1, 2)
@@ -87,10 +92,13 @@ def process_logs(
     """
     entries = _in_order_of_time(logs)
     problems = [problem for log in logs for problem in log.problems]
+    remedy = "set the clock before each survey; places are found with the drift taken off"
+    drifting = [log for log in logs if log.clock.is_clear]
+    problems += [Problem(Kind.CLOCK_DRIFT, Mistake(log.clock.message, remedy, log.path)) for log in drifting]
     entries = _without_duplicates(entries, problems)
     survey = _survey_of([entry.record for entry in entries], site, frame, track, problems, arms)
     # Positions in a log have the time of the logger's clock; positions of a separate receiver have GNSS time.
-    ahead_s = [0.0 if track is None else _clock_ahead_s(entry.log) for entry in entries]
+    ahead_s = [0.0 if track is None else _clock_ahead_s(entry) for entry in entries]
     if frame is None:
         survey.frame = _frame_about(survey, entries, ahead_s)
     found: list[CountRecord] = []
@@ -235,8 +243,11 @@ def _survey_of(
         raise InputError(f"the logs cannot be used: {error}", "check the detector") from None
 
 
-def _clock_ahead_s(log: LogFile) -> float:
+def _clock_ahead_s(entry: _Entry) -> float:
     """Logger's clock minus GNSS time [s], 0 if unknown."""
+    log = entry.log
+    if log.clock.is_clear:
+        return log.clock.ahead_s(entry.record.stamp_s)
     return log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter, deque
 
-import numpy as np
-
+from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.checks.clock import ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import Fix
@@ -88,6 +88,9 @@ class SensorStream:
         self._nmea = NmeaParser(reference_stamp_s=reference_stamp_s, on_problem=self.gnss_problems.add)
         self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
         self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
+        self.clock = ClockDrift()
+        """Logger's clock against the last epoch of the receiver; lines may be late by a second or two."""
+        self._drift_reported = False
         self._clock_differences_s: deque[float] = deque(maxlen=LAST_RECORDS)
 
     def __repr__(self) -> str:
@@ -104,15 +107,23 @@ class SensorStream:
         if record is None:
             return None
         self.last_record = record
+        self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
-        offsets = self.parser.gnss_offsets_s
         self.survey.take_record(
             record,
             now_s,
-            clock_ahead_s=float(np.median(offsets)) if offsets else 0.0,
+            clock_ahead_s=self.parser.clock.ahead_s(record.stamp_s),
             unused_tubes=self.parser.unused_tubes,
         )
         return record
+
+    def _compare_with_gnss(self, record: LoggerRecord) -> None:
+        if self.last_fix is not None:
+            self.clock.add(record.stamp_s, record.stamp_s - self.last_fix.stamp_s)
+        if not self._drift_reported and self.clock.is_clear:
+            self._drift_reported = True
+            mistake = Mistake(self.clock.message, "set the logger's clock by GNSS")
+            self._on_problem(Problem(Kind.CLOCK_DRIFT, mistake))
 
     def take_nmea_line(self, line: bytes) -> Fix | None:
         """Process a line of the GNSS receiver; returns the fix that it completes, if any."""

@@ -20,6 +20,7 @@ from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, Track
 from soilmoist_ros.sensing.problems import Kind, Problem
@@ -115,8 +116,8 @@ class Survey:
         self._running_shares = RunningShares()
         self._shares: NDArray[np.float64] | None = None
         self._grows = ahead is None
-        self._track = Track(max_positions=MAX_FIXES) if track is None else track
-        self._own = Track(max_positions=MAX_FIXES if self._grows else None)
+        self._track = CheckedTrack(max_positions=MAX_FIXES) if track is None else track
+        self._own = CheckedTrack(max_positions=MAX_FIXES if self._grows else None)
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
         altitude_m = site.location.altitude_m if site.location else None
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
@@ -236,13 +237,25 @@ class Survey:
             place = self._track.at(middle_s - clock_ahead_s, gap_s, tolerance_s)
         else:  # positions in the log have the time of the logger's clock
             place = self._own.at(middle_s, gap_s)
-        if place is not None or record.position is not None:
-            return place or record.position
+        if place is not None:
+            return place
+        if record.position is not None and self._own.jumped.at(record.stamp_s, 0.0, 0.0) is None:
+            return record.position
         location = self._site.location
         if location is None or len(self._track) or len(self._own):
             return None
         altitude_m = NAN if location.altitude_m is None else location.altitude_m
         return Position(location.latitude_deg, location.longitude_deg, altitude_m)
+
+    def _jumped(self, waiting: _Waiting) -> Position | None:
+        """Place of a record that the receiver reports after a jump, ``None`` without a jump."""
+        separate = self._track.reached_s > -math.inf
+        track = self._track if separate else self._own
+        if not isinstance(track, CheckedTrack):
+            return None
+        middle_s = waiting.middle_s - (waiting.clock_ahead_s if separate else 0.0)
+        gap_s = position_gap_s(waiting.interval_s)
+        return track.jumped.at(middle_s, gap_s, max(waiting.interval_s / 2, EDGE_TOLERANCE_S))
 
     def _learn(self, record: LoggerRecord) -> None:
         """Store weather and position for other records."""
@@ -267,6 +280,8 @@ class Survey:
     def _placed(self, waiting: _Waiting) -> CountRecord | None:
         try:
             position = self.position(waiting.raw, waiting.interval_s, waiting.clock_ahead_s)
+            if position is None and (position := self._jumped(waiting)) is not None:
+                return self._at_jump(waiting, position)
             record = place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
         except UnusableRecordError as error:
             self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
@@ -277,6 +292,13 @@ class Survey:
         found = self.checks.totals.check(record, recorded)
         self._list(found, waiting.raw, waiting.path)
         return replace(record, quarantine=found[0].kind.value) if found else record
+
+    def _at_jump(self, waiting: _Waiting, position: Position) -> CountRecord:
+        record = place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
+        message = f"the receiver jumped to {position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
+        finding = Finding(Kind.PLACE_JUMP, message, "check the antenna and the view of the sky", bad=True)
+        self._list([finding], waiting.raw, waiting.path)
+        return replace(record, quarantine=record.quarantine or finding.kind.value)
 
     def _to_sensor(self, waiting: _Waiting) -> tuple[float, float]:
         """East and north from the antenna to the sensor [m]; 0 if the heading is unknown, with a note."""

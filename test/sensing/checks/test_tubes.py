@@ -1,0 +1,122 @@
+"""Tube against tube: bad tubes are found soon, good tubes keep counting (tubes.py, shares.py)."""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.sensing.checks.tubes import TubeChecks
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import LoggerRecord
+
+T0 = 1.7e9
+RATE_CPS = 4.0
+
+
+def draw(records, tubes=12, period_s=10.0, rate_cps=RATE_CPS, seed=1):
+    """Counts of good tubes with unequal shares over soil that changes, shape (records, tubes)."""
+    rng = np.random.default_rng(seed)
+    shares = rng.dirichlet(np.full(tubes, 100.0))
+    rate = rate_cps * np.exp(0.3 * np.sin(np.arange(records) / 20))
+    return rng.poisson(rate[:, None] * shares * period_s).astype(float)
+
+
+def check(counts, period_s=10.0, checks=None, live_s=None):
+    """Bad tubes of each record, tube -> kind."""
+    checks = TubeChecks(counts.shape[1]) if checks is None else checks
+    live_s = np.full(counts.shape, period_s) if live_s is None else live_s
+    use = np.ones(counts.shape[1], bool)
+    records = [
+        LoggerRecord(T0 + period_s * number, tuple(row.tolist()), tuple(live.tolist()))
+        for number, (row, live) in enumerate(zip(counts, live_s, strict=True))
+    ]
+    return [{bad.tube: bad.kind for bad in checks.check(record, use)} for record in records]
+
+
+@pytest.mark.parametrize("tubes", [1, 2, 12])
+def test_good_tubes_over_changing_soil_raise_no_alarm(tubes):
+    assert not any(check(draw(400, tubes)))
+
+
+def test_a_burst_masks_one_tube_in_one_record():
+    counts = draw(200)
+    counts[150, 4] += 60
+    assert [(number, bad) for number, bad in enumerate(check(counts)) if bad] == [(150, {4: Kind.NOISY_TUBE})]
+
+
+@pytest.mark.parametrize(
+    ("tubes", "factor", "kind", "within"),
+    [(12, 0.0, Kind.DEAD_TUBE, 12), (12, 5.0, Kind.NOISY_TUBE, 5), (12, 0.3, Kind.DEAD_TUBE, 60),
+     (2, 0.0, Kind.DEAD_TUBE, 3), (2, 3.0, Kind.NOISY_TUBE, 8), (3, 2.5, Kind.NOISY_TUBE, 15)],
+)  # fmt: skip
+def test_a_tube_that_leaves_its_share_is_masked_and_returns_when_it_is_well(tubes, factor, kind, within):
+    counts = draw(700, tubes)
+    rng = np.random.default_rng(3)
+    counts[400:500, 1] = rng.poisson(factor * counts[400:500].mean() * np.ones(100))
+    found = check(counts)
+    assert not any(found[:400])
+    assert [bad for bad in found[400 + within : 500] if bad != {1: kind}] == []
+    assert not any(found[600:])
+    assert {tube for bad in found for tube in bad} == {1}
+
+
+def test_the_share_is_not_poisoned_by_bad_counts():
+    counts = draw(600)
+    clean, dirty = TubeChecks(12), TubeChecks(12)
+    check(counts, checks=clean)
+    counts[300:, 7] *= 50
+    check(counts, checks=dirty)
+    np.testing.assert_allclose(dirty.shares, clean.shares, rtol=0.1)
+    assert dirty.rate_cps == pytest.approx(clean.rate_cps, rel=0.1)
+
+
+def test_a_stuck_tube_is_found_by_its_number_alone_even_without_another_tube():
+    counts = draw(60, tubes=1)
+    counts[30:50] = 41.0
+    found = check(counts)
+    assert not any(found[:33])
+    assert found[36:50] == [{0: Kind.STUCK_TUBE}] * 14
+    assert not any(found[50:])
+
+
+def test_counts_that_a_logger_rounds_are_not_stuck():
+    hourly = np.random.default_rng(5).poisson(2000.0, (300, 1))
+    assert not any(check(np.round(hourly / 100.0) * 100.0, period_s=3600.0))
+
+
+def test_two_bad_tubes_of_three_leave_the_one_that_counts_as_before():
+    counts = draw(100, tubes=3, period_s=3600.0, rate_cps=0.6, seed=2)
+    counts[60] = counts[60] * (4, 1, 4)
+    assert [bad for bad in check(counts, period_s=3600.0) if bad] == [{0: Kind.NOISY_TUBE, 2: Kind.NOISY_TUBE}]
+
+
+def test_without_a_record_before_nobody_can_say_which_of_two_tubes_is_bad():
+    assert check(np.array([[40.0, 40000.0]]))[0] == {0: Kind.NOISY_TUBE, 1: Kind.NOISY_TUBE}
+
+
+def test_the_period_of_a_bad_tube_begins_where_it_went_wrong():
+    counts = draw(500)
+    counts[400:440, 3] = 0.0
+    checks = TubeChecks(12)
+    check(counts, checks=checks)
+    [span] = checks.spans
+    assert (span.tube, span.kind) == (3, Kind.DEAD_TUBE)
+    assert T0 + 3990 <= span.begin_s <= T0 + 4020
+    again = TubeChecks(12, spans=checks.spans)
+    assert [bad for bad in check(counts, checks=again)[402:440] if bad != {3: Kind.DEAD_TUBE}] == []
+
+
+def test_live_times_and_missing_tubes_count():
+    counts = draw(300)
+    live_s = np.full(counts.shape, 10.0)
+    live_s[100:, 2] = 5.0
+    counts[100:, 2] = np.random.default_rng(1).binomial(counts[100:, 2].astype(int), 0.5)
+    counts[200:, 5] = math.nan
+    assert not any(check(counts, live_s=live_s))
+
+
+def test_false_alarms_of_many_records_stay_below_their_budget():
+    """2,000 records of 10 s have 0.07 false alarms if each of three kinds has 0.1 in a day."""
+    found = check(draw(2000, tubes=4, rate_cps=2.0, seed=8))
+    assert sum(Counter(kind for bad in found for kind in bad.values()).values()) == 0
