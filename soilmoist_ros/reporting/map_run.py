@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -28,6 +29,7 @@ from soilmoist_ros.reporting.run import (
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, IntensityCorrection
+from soilmoist_ros.sensing.moisture.footprint import Footprint, SensedSoil, sensed_soil
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import reason_text
 from soilmoist_ros.sensing.records import CountRecord
@@ -79,6 +81,7 @@ def make_run(
         footprint_radius_m=site.footprint_radius_m,
         quarantined=[record for record in records if record.quarantine],
         irrigation=IrrigationLimits(**site.irrigation.model_dump()),
+        sensed=_sensed_soil(soil_map, track, site),
     )
 
 
@@ -125,7 +128,40 @@ def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[Correct
             remark=remark if parameters else "not applied",
         )
         for name, formula, factor, parameters, remark in rows
-    ]
+    ] + _constant_rows(settings)
+
+
+def _constant_rows(settings: CorrectionSettings) -> list[CorrectionRow]:
+    """Factors of plants and road; only those of the site file."""
+    rows = []
+    if settings.biomass is not None:
+        biomass, share = settings.biomass.used
+        plants = {"B [kg/m2]": round(biomass, 3), "b [m2/kg]": round(share, 5)}
+        rows.append(CorrectionRow("plants", "1 / (1 - b B)", plants, *_range([settings.f_biomass]), "constant"))
+    if settings.road is not None:
+        road = {
+            "width [m]": settings.road.width_m,
+            "distance [m]": settings.road.distance_m,
+            "road [m3/m3]": settings.road.vwc,
+            "field [m3/m3]": settings.typical_vwc,
+        }
+        rows.append(CorrectionRow("road", "1 / (1 + F1 F2 F3)", road, *_range([settings.f_road]), "constant"))
+    return rows
+
+
+def _sensed_soil(soil_map: SoilMap, track: Sequence[CountRecord], site: Site) -> SensedSoil | None:
+    """Depth and radius that the counts of a moisture map come from, in the mean air of the survey."""
+    curve, used = soil_map.curve, site.corrections_parameters
+    if curve is None or not track:
+        return None
+    f_pressure = float(np.mean([record.f_pressure for record in track]))
+    f_humidity = float(np.mean([record.f_humidity for record in track]))
+    pressure_hpa = used.reference_pressure_hpa + math.log(f_pressure) / used.beta_per_hpa
+    air = Footprint(
+        0.0, used.humidity_gm3(f_humidity), pressure_hpa, site.vegetation_height_m, site.footprint_radius_m
+    )
+    vwc = soil_map.vwc[soil_map.grid.mask]
+    return sensed_soil(vwc, curve.bulk_density_gcm3, curve.lattice_water + curve.organic_water, air)
 
 
 def _from_the_place(site: Site) -> str:

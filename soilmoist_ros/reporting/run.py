@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.geometry import distance_m, inside_boundary, track_xy
 from soilmoist_ros.reporting.survey_times import SurveyTimes
+from soilmoist_ros.sensing.moisture.footprint import SensedSoil
 from soilmoist_ros.sensing.problems import Consequence
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -188,6 +189,7 @@ class MapRun(SurveyTimes):
         share of the rate [-]
     :param quarantined: records left out of the map, each with its reason, in order of time
     :param irrigation: limits of dry and moist soil
+    :param sensed: depth and radius that the counts come from, if known
     :raises ValueError: if ``created_utc`` has no time zone
     """
 
@@ -217,6 +219,7 @@ class MapRun(SurveyTimes):
     uncertain_rate_share: float = 0.05
     quarantined: Sequence[CountRecord] = ()
     irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
+    sensed: SensedSoil | None = None
 
     def __post_init__(self) -> None:
         if self.created_utc.tzinfo is None:

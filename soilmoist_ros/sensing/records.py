@@ -69,7 +69,8 @@ class CountRecord:
     :param z_m: above the field's datum [m], NaN if unknown
     :param raw_counts: counts of all working tubes
     :param exposure_s: live time that makes ``raw_counts / exposure_s`` the rate of *all* tubes [s]
-    :param effective_exposure_s: ``exposure_s / (f_pressure * f_humidity * f_intensity)`` [s]
+    :param effective_exposure_s: ``exposure_s / (f_pressure * f_humidity * f_intensity)``, divided by the constant
+        factors of the site (plants, road), too [s]
     :param f_pressure: pressure factor [-]
     :param f_humidity: humidity factor [-]
     :param f_intensity: incoming cosmic-ray intensity factor [-]

@@ -1,4 +1,4 @@
-"""The command as a user runs it: map.py, simulate.py, replay.py, demo.py, mission_options.py and the others."""
+"""The command as a user runs it: map.py, simulate.py, replay.py, demo.py, calibrate.py, mission_options.py ...."""
 
 import json
 import subprocess

@@ -13,6 +13,7 @@ from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_s
 from soilmoist_ros.reporting.page import style
 from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.footprint import SensedSoil
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 CURVE = CalibrationCurve(7.0, 1.4, lattice_water=0.02, n0_sd_cps=0.1)
@@ -71,6 +72,7 @@ def make_run(the_map: SoilMap) -> Callable[..., MapRun]:
             "notes": [Note(NoteCode.NOT_MAPPED, "salt is not mapped")],
             "calibration": CalibrationInfo(CURVE.n0_cps, CURVE.bulk_density_gcm3, 0.1, 0.02, source="6 cores"),
             "version": "0.1.0",
+            "sensed": SensedSoil((19.2, 16.1, 24.3), (10.0, 10.0, 10.0)),
             "settings": {"merge_radius_m": 2.0, "nothing": None, "bad": float("nan")},
         }
         return MapRun(**{**values, **changes})

@@ -144,6 +144,7 @@ def _map(run: MapRun) -> dict[str, Any]:
         "mean_vwc_sd": mean_sd(soil_map, moisture=True),
         "calibration_vwc_sd": calibration_sd(soil_map),
         **_moisture(soil_map),
+        "sensed": _sensed(run),
         "undefined_vwc_share": undefined_share(soil_map),
         "uncertain_share": uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share),
         "uncertain_above": {"vwc_sd": run.uncertain_vwc_sd}
@@ -168,6 +169,17 @@ def _moisture(soil_map: SoilMap) -> dict[str, Any]:
         },
         "limits_vwc": limits and limits._asdict(),
         "beyond_limits_share": beyond_limits_share(soil_map),
+    }
+
+
+def _sensed(run: MapRun) -> dict[str, dict[str, float]] | None:
+    """Depth and radius from within which 86 % of the counts come, over the cells of the map."""
+    if run.sensed is None:
+        return None
+    names = ("mean", "min", "max")
+    return {
+        "depth_d86_cm": dict(zip(names, run.sensed.depth_cm, strict=True)),
+        "radius_r86_m": dict(zip(names, run.sensed.radius_m, strict=True)),
     }
 
 

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Corrections:
@@ -26,6 +28,7 @@ class Corrections:
         k [-]; see :func:`soilmoist_ros.sensing.corrections.intensity.intensity_scale`
     :param humidity_response: rate at an absolute humidity [g/m^3] over the rate at the reference humidity [-],
         from a curve that knows the humidity; ``None`` for the linear factor
+    :param f_surroundings: constant factor of the site, such as plants and road [-]
     :raises ValueError: if a parameter is not finite or out of range
     """
 
@@ -36,9 +39,11 @@ class Corrections:
     reference_intensity: float | None = None
     intensity_scale: float = 1.0
     humidity_response: Callable[[float], float] | None = None
+    f_surroundings: float = 1.0
 
     def __post_init__(self) -> None:
         _require_positive("beta_per_hpa", self.beta_per_hpa)
+        _require_positive("f_surroundings", self.f_surroundings)
         _require_positive("reference_pressure_hpa", self.reference_pressure_hpa)
         for name in ("humidity_coefficient_m3g", "reference_humidity_gm3"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
@@ -61,6 +66,18 @@ class Corrections:
         if factor <= 0:
             raise ValueError(f"the humidity factor is {factor:.3g}: reference_humidity_gm3 is far too high")
         return factor
+
+    def humidity_gm3(self, f_humidity: float) -> float:
+        """Absolute humidity of a factor [g/m^3]; the reference humidity without a correction.
+
+        A response of a curve is inverted between 0 and 35 g/m^3, where each of them falls.
+        """
+        if self.humidity_response is not None:
+            humidity = np.linspace(0.0, 35.0, 141)
+            return float(np.interp(f_humidity, [1 / self.humidity_response(float(h)) for h in humidity], humidity))
+        if self.humidity_coefficient_m3g == 0:
+            return self.reference_humidity_gm3
+        return self.reference_humidity_gm3 + (f_humidity - 1) / self.humidity_coefficient_m3g
 
     def f_intensity(self, intensity: float) -> float:
         """``1 / (1 + k (C / C0 - 1))`` [-], for k = 1 ``C0 / C``; 1 if no reference intensity is set."""

@@ -18,8 +18,16 @@ from soilmoist_ros.sensing.corrections.intensity import (
     cosmic_place,
     intensity_scale,
 )
+from soilmoist_ros.sensing.corrections.surroundings import (
+    BIOMASS_WATER_SHARE_M2KG,
+    DRY_BIOMASS_SHARE_M2KG,
+    biomass_water_kgm2,
+    f_biomass,
+    f_road,
+)
 
 Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 Rigidity = Annotated[float, Field(ge=0, le=20)]
 Latitude = Annotated[float, Field(ge=-90, le=90)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
@@ -127,6 +135,52 @@ class IntensityCorrection(Section):
         return self
 
 
+class BiomassCorrection(Section):
+    """Factor ``1 / (1 - share * biomass)`` for the plants above the ground."""
+
+    water_equivalent_kgm2: NotNegative | None = None
+    """Biomass water equivalent [kg/m^2]; or give the dry biomass."""
+    dry_kgm2: NotNegative | None = None
+    """Dry biomass [kg/m^2]."""
+    fresh_kgm2: NotNegative | None = None
+    """Fresh biomass [kg/m^2]; with the dry biomass it gives the water equivalent."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> BiomassCorrection:
+        if (self.water_equivalent_kgm2 is None) == (self.dry_kgm2 is None):
+            raise ValueError("give the biomass either as 'water_equivalent_kgm2' or as 'dry_kgm2'")
+        if self.fresh_kgm2 is not None and (self.dry_kgm2 is None or self.fresh_kgm2 < self.dry_kgm2):
+            raise ValueError("'fresh_kgm2' belongs to 'dry_kgm2', and is at least as much")
+        _ = self.factor
+        return self
+
+    @property
+    def used(self) -> tuple[float, float]:
+        """Biomass [kg/m^2] and share of the counts that 1 kg/m^2 takes [m^2/kg]."""
+        if self.water_equivalent_kgm2 is not None:
+            return self.water_equivalent_kgm2, BIOMASS_WATER_SHARE_M2KG
+        dry = self.dry_kgm2 or 0.0
+        if self.fresh_kgm2 is None:
+            return dry, DRY_BIOMASS_SHARE_M2KG
+        return biomass_water_kgm2(self.fresh_kgm2, dry), BIOMASS_WATER_SHARE_M2KG
+
+    @property
+    def factor(self) -> float:
+        """Factor of the counts [-]."""
+        return f_biomass(*self.used)
+
+
+class RoadCorrection(Section):
+    """Factor for a probe that drives on a road, with the typical moisture of the field."""
+
+    width_m: Annotated[float, Field(ge=0, le=30)]
+    """Width of the road [m]."""
+    vwc: Annotated[float, Field(ge=0, le=0.25)] = 0.12
+    """Moisture of the road [m^3/m^3]."""
+    distance_m: Annotated[float, Field(ge=0, le=100)] = 0.0
+    """Distance of the probe from the middle of the road [m]."""
+
+
 class CorrectionSettings(Section):
     """The corrections to apply; ``null`` switches a correction off."""
 
@@ -137,8 +191,21 @@ class CorrectionSettings(Section):
     pressure: PressureCorrection | None = PressureCorrection()
     humidity: HumidityCorrection | None = HumidityCorrection()
     intensity: IntensityCorrection | None = None
+    biomass: BiomassCorrection | None = None
+    road: RoadCorrection | None = None
     typical_vwc: Annotated[float, Field(ge=0, le=1)] = 0.2
     """Moisture of the field at which corrections that depend on the moisture are exact [m^3/m^3]."""
+
+    @property
+    def f_road(self) -> float:
+        """Factor of the road [-]; 1 without a road."""
+        road = self.road
+        return 1.0 if road is None else f_road(road.width_m, road.vwc, self.typical_vwc, road.distance_m)
+
+    @property
+    def f_biomass(self) -> float:
+        """Factor of the plants [-]; 1 without biomass."""
+        return 1.0 if self.biomass is None else self.biomass.factor
 
     @property
     def need_of_place(self) -> str:
@@ -188,4 +255,5 @@ class CorrectionSettings(Section):
             reference_humidity_gm3=humidity.reference_gm3,
             reference_intensity=self.intensity.reference if self.intensity else None,
             intensity_scale=scale,
+            f_surroundings=self.f_biomass * self.f_road,
         )

@@ -11,7 +11,7 @@ probe times ``exp(-r / l)``, and ``l`` is so that 86 % of the counts come from w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -171,3 +171,34 @@ def _integral(terms: tuple[Term, Term], start_m: float, end_m: float, taper: flo
         amplitude / (decay + taper) * (math.exp(-(decay + taper) * start_m) - math.exp(-(decay + taper) * end_m))
         for amplitude, decay in terms
     )
+
+
+@dataclass(frozen=True)
+class SensedSoil:
+    """The soil that a map shows: mean, least and most over its cells.
+
+    :param depth_cm: depth D86 above which 86 % of the counts come from [cm]
+    :param radius_m: radius R86 from within which 86 % of the counts come [m]
+    """
+
+    depth_cm: tuple[float, float, float]
+    radius_m: tuple[float, float, float]
+
+
+def sensed_soil(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float, air: Footprint) -> SensedSoil | None:
+    """Depth and radius over the cells of a map; ``None`` if no cell has a moisture.
+
+    :param vwc: soil moisture of the cells [m^3/m^3], any shape; NaN is left out
+    :param bulk_density_gcm3: dry bulk density [g/cm^3]
+    :param bound_water: lattice and organic water [g/g]
+    :param air: conditions of the survey; its water is not used
+    """
+    water = np.asarray(vwc, float)
+    water = np.clip(water[np.isfinite(water)] + bulk_density_gcm3 * bound_water, 0.02, 0.50)
+    if not water.size:
+        return None
+    grid = np.linspace(water.min(), water.max(), 25)
+    footprints = [replace(air, water=float(value)) for value in grid]
+    depth = np.interp(water, grid, [each.depth_cm(bulk_density_gcm3) for each in footprints])
+    radius = np.interp(water, grid, [each.radius_m for each in footprints])
+    return SensedSoil(*((float(v.mean()), float(v.min()), float(v.max())) for v in (depth, radius)))

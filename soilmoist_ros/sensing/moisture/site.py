@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from soilmoist_ros.foundation.configuration import Section, load_model, resource
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, HumidityCorrection, Location
+from soilmoist_ros.sensing.moisture import bound_water
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.universal import SIMULATED_DENSITY_GCM3, UniversalCurve
 
@@ -34,6 +35,24 @@ class Soil(Section):
     """Gravimetric lattice water [g/g]."""
     organic_water: WaterFraction = 0.0
     """Gravimetric water equivalent of soil organic matter [g/g]."""
+    clay: WaterFraction | None = None
+    """Clay content [g/g]; gives the lattice water if it is left out."""
+    organic_carbon: WaterFraction | None = None
+    """Organic carbon [g/g]; gives the organic water if it is left out."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bound_water(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        known = dict(values)
+        for water, source, of in (
+            ("lattice_water", "clay", bound_water.lattice_water),
+            ("organic_water", "organic_carbon", bound_water.organic_water),
+        ):
+            if isinstance(known.get(source), (int, float)):
+                known.setdefault(water, of(known[source]))
+        return known
 
 
 class Calibration(Section):

@@ -85,9 +85,10 @@ def correct_record(
     if isinstance(intensity, NeutronMonitor):
         intensity = intensity.at(record.stamp_s)
     try:
-        factors = correction_factors(air, intensity, site.corrections, site.corrections_parameters)
+        parameters = site.corrections_parameters
+        factors = correction_factors(air, intensity, site.corrections, parameters)
         factor = factors["f_pressure"] * factors["f_humidity"] * factors["f_intensity"]
-        effective_s = effective_exposure(exposure_s, factor)
+        effective_s = effective_exposure(exposure_s, factor * parameters.f_surroundings)
     except ValueError as error:
         remedy = "complete the data, or switch the correction off in the site file (write null)"
         raise UnusableRecordError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None

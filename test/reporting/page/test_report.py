@@ -106,6 +106,10 @@ def test_key_numbers_are_there(page, the_map):
     assert "nan" not in page.text.lower()
 
 
+def test_the_page_says_how_deep_the_sensor_sees(page):
+    assert "to a depth of about 19 cm (16 cm in the wettest to 24 cm in the driest soil)" in page.text
+
+
 def test_page_is_accessible(html, page):
     assert html.startswith("<!DOCTYPE html>")
     assert page.all("html") == [{"lang": "en"}]

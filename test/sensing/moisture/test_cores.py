@@ -1,3 +1,5 @@
+"""Soil cores and their mean: cores.py and core_mean.py."""
+
 import math
 
 import numpy as np

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from crnpy import crnpy
 
-from soilmoist_ros.sensing.moisture.footprint import Footprint, pressure_scale, vegetation_scale
+from soilmoist_ros.sensing.moisture.footprint import Footprint, pressure_scale, sensed_soil, vegetation_scale
 
 REFERENCE = json.loads((Path(__file__).parents[2] / "data" / "crns_reference.json").read_text())
 STANDARD = pressure_scale(1013.25)
@@ -74,3 +74,14 @@ def test_the_footprint_shrinks_with_water_pressure_and_plants():
 def test_values_beyond_the_fits_are_those_of_the_nearest_limit():
     assert Footprint(-0.1).radius_m == Footprint(0.02).radius_m
     assert Footprint(0.9, 99.0).radius_m == Footprint(0.5, 50.0).radius_m
+
+
+def test_the_sensed_soil_is_that_of_every_cell():
+    air = Footprint(0.0, 8.0, 950.0)
+    vwc = np.array([[0.1, 0.2], [np.nan, 0.4]])
+    sensed = sensed_soil(vwc, 1.4, 0.05, air)
+    cells = [Footprint(value + 0.07, 8.0, 950.0) for value in (0.1, 0.2, 0.4)]
+    depth, radius = [cell.depth_cm(1.4) for cell in cells], [cell.radius_m for cell in cells]
+    assert sensed.depth_cm == pytest.approx((np.mean(depth), min(depth), max(depth)), rel=2e-3)
+    assert sensed.radius_m == pytest.approx((np.mean(radius), min(radius), max(radius)), rel=2e-3)
+    assert sensed_soil([np.nan], 1.4, 0.0, air) is None

@@ -1,8 +1,10 @@
 import pytest
+from crnpy import crnpy
+from pydantic import ValidationError
 
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.sensing.moisture.site import Soil, load_site
 
 
 def test_every_shipped_site_is_valid():
@@ -89,3 +91,13 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
     path.write_text(f"irrigation:\n  {text}\n" if ":" in text and "{" not in text else f"irrigation: {text}\n")
     with pytest.raises(InputError, match=mistake):
         load_site(path)
+
+
+def test_bound_water_follows_from_clay_and_carbon_unless_it_was_measured():
+    soil = Soil(bulk_density_gcm3=1.4, clay=0.3, organic_carbon=0.02)
+    assert soil.lattice_water == pytest.approx(float(crnpy.lattice_water(30.0)) / 100)
+    assert soil.organic_water == pytest.approx(0.02 * 2 * 0.556)  # as neptoon 1.2.0 computes it
+    measured = Soil(bulk_density_gcm3=1.4, clay=0.3, lattice_water=0.01)
+    assert (measured.lattice_water, measured.organic_water) == (0.01, 0.0)
+    with pytest.raises(ValidationError, match="clay"):
+        Soil(bulk_density_gcm3=1.4, clay=30.0)
