@@ -19,6 +19,7 @@ COMMANDS = {
     "campaign": "Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).",
     "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.",
     "bag": "Inspect recordings, play them, and recover interrupted ones.",
+    "export": "Export a RUN for GIS, phones and farm terminals.",
     "calibrate": "Find N0 from soil CORES (a CSV file) and the counts at the calibration.",
     "graph": "Build a travel graph for a FIELD and write it as a topological map.",
     "check": "Check configuration files and report every mistake in them.",

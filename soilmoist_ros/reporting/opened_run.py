@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.recording.record_table import COLUMNS, read_records
 
 if TYPE_CHECKING:
     import geopandas
     import pandas
     import xarray
+    from pyproj import CRS
 
 Columns = dict[str, NDArray[Any]]
 
@@ -55,14 +57,31 @@ class OpenedRun:
         :returns: one array of shape (n,) for each column; undefined values are NaN
         :raises InputError: if there is no such property, or its file is damaged
         """
-        features = _json(self._file("samples", name, "geojson")).get("features", ())
-        found = [feature for feature in features if feature["properties"].get("kind") == "sample"]
+        found = [feature for feature in self.features(name) if feature["properties"].get("kind") == "sample"]
         places = np.array([feature["geometry"]["coordinates"][:2] for feature in found], float).reshape(-1, 2)
         columns: Columns = {"longitude_deg": places[:, 0], "latitude_deg": places[:, 1]}
         for key in found[0]["properties"] if found else ():
             if key != "kind":
                 columns[key] = np.array([feature["properties"][key] for feature in found], float)
         return columns
+
+    def features(self, name: str = "") -> list[dict[str, Any]]:
+        """All features of ``samples.geojson`` of a property: field, no-go areas, tracks, samples.
+
+        :raises InputError: if there is no such property, or its file is damaged
+        """
+        return list(_json(self._file("samples", name, "geojson")).get("features", ()))
+
+    def records(self, name: str = "") -> Columns:
+        """Columns of ``records.csv`` of a property, the fields of :class:`CountRecord`; empty in older folders.
+
+        :raises InputError: if the file is damaged
+        """
+        path = self.folder / f"records{f'_{name}' if name else ''}.csv"
+        if not path.is_file():
+            return {}
+        found = read_records(path)
+        return {column: np.array([getattr(record, column) for record in found]) for column in COLUMNS}
 
     @cached_property
     def series(self) -> Columns:
@@ -81,7 +100,7 @@ class OpenedRun:
         :param name: name of the property
         :raises InputError: if there is no such map
         """
-        return self._raster(name)[0]
+        return self.raster(name)[0]
 
     def to_xarray(self, name: str = "") -> xarray.Dataset:
         """The map of a property with the coordinates of its cells in the CRS of the file; needs xarray.
@@ -89,14 +108,14 @@ class OpenedRun:
         :raises InputError: if there is no such map, or xarray is not installed
         """
         module = optional_module("xarray", "frames")
-        bands, transform, crs = self._raster(name)
+        bands, transform, crs, _ = self.raster(name)
         height, width = next(iter(bands.values())).shape
         places = {
             "y": transform.f + transform.e * (np.arange(height) + 0.5),
             "x": transform.c + transform.a * (np.arange(width) + 0.5),
         }
         data = {band: (("y", "x"), values) for band, values in bands.items()}
-        dataset: xarray.Dataset = module.Dataset(data, places, {"crs": crs})
+        dataset: xarray.Dataset = module.Dataset(data, places, {"crs": crs.to_string()})
         return dataset
 
     def to_dataframe(self, name: str = "") -> pandas.DataFrame:
@@ -131,16 +150,21 @@ class OpenedRun:
             raise InputError(f"there is no {path.name}", f"the properties with a map are: {known}", self.folder)
         return path
 
-    def _raster(self, name: str) -> tuple[Columns, Any, str]:
-        """Bands, transform and coordinate reference system of a map."""
+    def raster(self, name: str = "") -> tuple[Columns, Any, CRS, dict[str, str]]:
+        """Bands of the map of a property by name, affine transform, coordinate reference system and tags.
+
+        :raises InputError: if there is no such map
+        """
         import rasterio
+        from pyproj import CRS
 
         path = self._file("map", name, "tif")
         try:
             with rasterio.open(path) as raster:
                 values = raster.read(masked=True).filled(np.nan)
                 names = [text or f"band_{n}" for n, text in enumerate(raster.descriptions, start=1)]
-                return dict(zip(names, values, strict=True)), raster.transform, str(raster.crs)
+                bands, crs = dict(zip(names, values, strict=True)), CRS.from_user_input(raster.crs)
+                return bands, raster.transform, crs, dict(raster.tags())
         except rasterio.errors.RasterioIOError as error:
             raise InputError(f"cannot be read: {error}", "make the run again", path) from None
 

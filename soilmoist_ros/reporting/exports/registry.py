@@ -1,0 +1,131 @@
+"""Exports by name: built-in ones, and ones from other packages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.registry import Registry
+from soilmoist_ros.reporting.exports.settings import ExportSettings
+from soilmoist_ros.reporting.exports.source import RunSource, open_source
+from soilmoist_ros.reporting.opened_run import open_run
+
+Write = Callable[[RunSource, Path, ExportSettings], list[Path]]
+
+
+@dataclass(frozen=True)
+class Export:
+    """A form in which a run can be exported.
+
+    :param write: writes the files of all properties into a folder and returns their paths
+    :param label: name for readers
+    :param description: who needs it, in a sentence
+    :param suffix: end of the names of its files, such as ``.gpkg``
+    :param name: name by which it is chosen; set by the registry
+    """
+
+    write: Write
+    label: str
+    description: str
+    suffix: str
+    name: str = ""
+
+
+def _built_in(module: str, function: str) -> Write:
+    """A function that is imported on use."""
+
+    def write(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
+        chosen: Write = getattr(import_module(f"soilmoist_ros.reporting.exports.{module}"), function)
+        return chosen(source, folder, settings)
+
+    return write
+
+
+BUILT_IN = {
+    "qgis": Export(
+        _built_in("qgis", "write_qgis"), "QGIS project",
+        "everything in one project with styles; double-click soilmoist.qgz", ".qgz",
+    ),
+    "gpkg": Export(
+        _built_in("geopackage", "write_geopackage"), "GeoPackage",
+        "field, no-go areas, samples, records, track, visits, contours and zones for any GIS", ".gpkg",
+    ),
+    "styled": Export(
+        _built_in("styled_geotiff", "write_styled"), "coloured GeoTIFF",
+        "one band with a colour table, for farm software that shows pictures", ".tif",
+    ),
+    "zones": Export(
+        _built_in("shapefiles", "write_zones"), "management zones",
+        "polygons with area, mean moisture and water, for variable-rate terminals (zipped shapefile)", ".zip",
+    ),
+    "contours": Export(
+        _built_in("shapefiles", "write_contours"), "contour lines",
+        "lines of equal moisture at round values (zipped shapefile)", ".zip",
+    ),
+    "kmz": Export(
+        _built_in("kmz", "write_kmz"), "KMZ",
+        "map and samples for Google Earth on a phone, without network", ".kmz",
+    ),
+    "netcdf": Export(
+        _built_in("netcdf", "write_netcdf"), "NetCDF",
+        "maps by the CF conventions, for models and archives", ".nc",
+    ),
+}  # fmt: skip
+
+
+def _checked(plug_in: Any) -> Export:
+    """An export of another package.
+
+    :raises TypeError: if it is no :class:`Export`
+    """
+    if not isinstance(plug_in, Export):
+        raise TypeError("an export must be a soilmoist_ros.reporting.exports.registry.Export")
+    return plug_in
+
+
+EXPORTS: Registry[Export] = Registry("soilmoist_ros.exports", "export", BUILT_IN, _checked)
+"""Exports by name; another package adds one with an entry point ``soilmoist_ros.exports``."""
+
+
+def export_kind(name: str) -> Export:
+    """An export by its name.
+
+    :raises InputError: for an unknown name
+    """
+    return replace(EXPORTS.get(name), name=name)
+
+
+def export_run(
+    run: Path | str,
+    names: Iterable[str],
+    folder: Path | None = None,
+    settings: ExportSettings | None = None,
+    note: Callable[[str], None] = lambda text: None,
+) -> list[Path]:
+    """Export a run into files for other programs.
+
+    :param run: output folder of ``map``, ``simulate``, ``replay`` or ``demo``
+    :param names: names of exports, see :data:`EXPORTS`
+    :param folder: folder for the files; made if missing; by default ``export`` in the folder of the run
+    :param settings: settings; by default those of :class:`ExportSettings`
+    :param note: is called with what the run lacks
+    :returns: the files
+    :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that cannot be written
+    """
+    kinds = [export_kind(name) for name in dict.fromkeys(names)]
+    if not kinds:
+        raise InputError("no export is given", f"use one of: {', '.join(EXPORTS.names())}")
+    source = open_source(open_run(run))
+    for text in source.notes:
+        note(text)
+    target = folder or source.run.folder / "export"
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        written = [path for kind in kinds for path in kind.write(source, target, settings or ExportSettings())]
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another folder", target) from None
+    return list(dict.fromkeys(written))

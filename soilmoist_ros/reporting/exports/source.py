@@ -1,0 +1,226 @@
+"""What exports are made of: maps, samples, records and shapes of a run, read from its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
+from soilmoist_ros.reporting.run import EARLIEST_STAMP_S
+
+if TYPE_CHECKING:
+    from pyproj import CRS, Transformer
+    from shapely.geometry.base import BaseGeometry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a map shows to readers.
+
+    :param band: name of its band in ``map.tif``
+    :param title: name for readers
+    :param unit: unit in which it is shown
+    :param scale: factor from the unit of the band to this unit
+    :param column: name with unit for tables, at most ten ASCII characters
+    :param colours: matplotlib colour map; light for low, dark for high values
+    """
+
+    band: str
+    title: str
+    unit: str
+    scale: float
+    column: str
+    colours: str
+
+
+MOISTURE = Quantity("vwc", "Soil moisture", "% by volume", 100.0, "VWC_PCT", "YlGnBu")
+RATE = Quantity("rate", "Neutron count rate", "counts/s", 1.0, "RATE_CPS", "YlOrBr")
+
+
+@dataclass(frozen=True, eq=False)
+class PropertyMap:
+    """Map and points of one property of a run.
+
+    :param name: name of the property, empty for the first
+    :param label: name for readers
+    :param bands: rasters by name, shape (rows, columns), north up, NaN outside the field
+    :param transform: affine transform from pixels to the reference system
+    :param crs: reference system of the rasters
+    :param tags: tags of the file
+    :param frame: plane of the field
+    :param samples: columns of the samples, see :meth:`OpenedRun.samples`
+    :param records: columns of the records, see :meth:`OpenedRun.records`
+    """
+
+    name: str
+    label: str
+    bands: Columns
+    transform: Any
+    crs: CRS
+    tags: Mapping[str, str]
+    frame: LocalFrame
+    samples: Columns
+    records: Columns
+
+    @property
+    def suffix(self) -> str:
+        """End of the names of its files and layers: empty for the first property."""
+        return f"_{self.name}" if self.name else ""
+
+    @property
+    def quantity(self) -> Quantity:
+        """Moisture where there is any, else the count rate."""
+        moisture = self.bands.get(MOISTURE.band)
+        return MOISTURE if moisture is not None and np.isfinite(moisture).any() else RATE
+
+    @property
+    def values(self) -> Array:
+        """The quantity in its unit for readers, shape (rows, columns)."""
+        return np.asarray(self.bands[self.quantity.band] * self.quantity.scale, float)
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviation of :attr:`values`."""
+        return np.asarray(self.bands[f"{self.quantity.band}_sd"] * self.quantity.scale, float)
+
+    def interval(self) -> tuple[Array, Array]:
+        """Quantiles 0.05 and 0.95 of :attr:`values`; of files without these bands from the standard deviation."""
+        from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
+
+        low, high = (self.bands.get(f"{self.quantity.band}_{end}") for end in ("p05", "p95"))
+        if low is None or high is None:
+            return self.values - QUANTILE_SD * self.sd, self.values + QUANTILE_SD * self.sd
+        return low * self.quantity.scale, high * self.quantity.scale
+
+    @cached_property
+    def _from_crs(self) -> Transformer:
+        from pyproj import Transformer
+
+        return Transformer.from_crs(self.crs, self.frame.crs, always_xy=True)
+
+    def to_local(self, pixels: ArrayLike) -> Array:
+        """East and north [m] of raster places (column, row), counted from the centre of the first cell; (n, 2)."""
+        column, row = np.asarray(pixels, float).reshape(-1, 2).T + 0.5
+        there = self.transform * (column, row)
+        return np.column_stack(self._from_crs.transform(*there))
+
+    def to_pixels(self, xy_m: ArrayLike) -> Array:
+        """Raster places (column, row) of points [m], counted from the centre of the first cell; (n, 2)."""
+        xy = np.asarray(xy_m, float).reshape(-1, 2)
+        there = self._from_crs.transform(xy[:, 0], xy[:, 1], direction="INVERSE")
+        return np.column_stack(~self.transform * np.asarray(there)) - 0.5
+
+    @cached_property
+    def cells(self) -> tuple[NDArray[np.bool_], Array]:
+        """Which cells are inside the field, (rows, columns), and their places (n, 2) [m]."""
+        inside = np.isfinite(self.bands["rate"])
+        row, column = np.nonzero(inside)
+        return inside, self.to_local(np.column_stack([column, row]))
+
+    @property
+    def cell_m(self) -> float:
+        """Side of a cell [m]."""
+        corner = self.to_local([(0, 0), (1, 0)])
+        return float(np.hypot(*(corner[1] - corner[0])))
+
+
+@dataclass(frozen=True, eq=False)
+class RunSource:
+    """A run for exports; shapes are in the plane of the field [m].
+
+    :param run: the opened folder
+    :param properties: maps of all properties, at least one
+    :param frame: plane of the field
+    :param boundary: the field without its no-go areas
+    :param no_go: no-go areas
+    :param tracks: driven lines
+    :param notes: what the folder lacks, for the user
+    """
+
+    run: OpenedRun
+    properties: Sequence[PropertyMap]
+    frame: LocalFrame
+    boundary: BaseGeometry
+    no_go: Sequence[BaseGeometry]
+    tracks: Sequence[BaseGeometry]
+    notes: Sequence[str] = field(default_factory=tuple)
+
+    @property
+    def title(self) -> str:
+        """Name of the field for readers."""
+        return str(self.run.summary.get("field") or self.run.folder.resolve().name)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the counts come from a simulation."""
+        return bool(self.run.summary.get("simulated"))
+
+    @property
+    def survey(self) -> tuple[datetime, datetime] | None:
+        """First and last time of the survey (UTC); ``None`` for a clock without a date."""
+        about = self.run.summary
+        first, last = float(about.get("first_stamp_s") or 0), float(about.get("last_stamp_s") or 0)
+        if min(first, last) < EARLIEST_STAMP_S:
+            return None
+        begin = about.get("survey_start_utc")
+        return datetime.fromisoformat(begin) if begin else _time(first), _time(last)
+
+
+def _time(stamp_s: float) -> datetime:
+    return datetime.fromtimestamp(stamp_s, UTC)
+
+
+def open_source(run: OpenedRun) -> RunSource:
+    """Read what exports need from the folder of a run.
+
+    :raises InputError: if the run has no map, or a file is damaged
+    """
+    about = run.summary
+    if not run.properties or not about.get("datum"):
+        raise InputError("the run has no map, so there is nothing to export", "give another run", run.folder)
+    frame = LocalFrame(about["datum"]["latitude_deg"], about["datum"]["longitude_deg"])
+    notes: list[str] = []
+    boundary, no_go, tracks = _shapes(run, frame, notes)
+    labels = {one.get("name", ""): one.get("label", "") for one in about.get("properties") or ()}
+    maps = []
+    for name in run.properties:
+        records = run.records(name)
+        if not records:
+            notes.append(f"{run.folder} has no table of records{f' of {name}' if name else ''}: no times of records")
+        label = labels.get(name) or (next(iter(labels.values()), "") if not name else name)
+        maps.append(PropertyMap(name, label, *run.raster(name), frame, run.samples(name), records))
+    return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
+
+
+def _shapes(
+    run: OpenedRun, frame: LocalFrame, notes: list[str]
+) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
+    """Field, no-go areas and tracks in the plane of the field."""
+    from shapely import transform, union_all
+    from shapely.geometry import Polygon, shape
+
+    found: dict[str, list[BaseGeometry]] = {"field": [], "no_go": [], "track": []}
+    for feature in run.features():
+        kind = feature["properties"].get("kind")
+        if kind in found:
+            there = shape(feature["geometry"])
+            found[kind].append(transform(there, lambda lon_lat: frame.to_local(lon_lat[:, 1], lon_lat[:, 0])))
+    if not found["field"]:
+        raise InputError("samples.geojson has no field", "make the run again", run.folder)
+    boundary = union_all(found["field"])
+    parts = list(getattr(boundary, "geoms", [boundary]))
+    holes: list[BaseGeometry] = [Polygon(ring) for part in parts for ring in part.interiors]
+    if holes and not found["no_go"]:
+        notes.append("the run does not list no-go areas: the holes of the field stand for them")
+    lines = [line for track in found["track"] for line in getattr(track, "geoms", [track])]
+    return boundary, found["no_go"] or holes, lines

@@ -1,0 +1,202 @@
+"""Management zones: classes of a map as workable polygons that share their borders and cover the field."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.exports.classes import zone_limits
+from soilmoist_ros.reporting.exports.contours import PAD, continued, level_lines
+from soilmoist_ros.reporting.exports.source import PropertyMap
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+Array = NDArray[np.float64]
+
+SHARE_OF_FIELD = 0.05
+"""Default of the smallest zone, as a share of the field."""
+SMOOTHING = 0.12
+"""Standard deviation of the smoothing, in widths of the smallest zone."""
+NODE_M = 1e-3
+"""Distance within which corners of zones are one point [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """A connected area of one class.
+
+    :param shape: polygon in the plane of the field [m]
+    :param number: number of its class, from 1 for the lowest values
+    :param low: lower limit of the class in the unit for readers, -inf for the first
+    :param high: upper limit, inf for the last
+    :param mean: mean of its cells in this unit
+    :param sd: mean standard deviation of its cells
+    :param sure: share of its cells whose 90 % interval lies inside the class [0..1]
+    """
+
+    shape: BaseGeometry
+    number: int
+    low: float
+    high: float
+    mean: float
+    sd: float
+    sure: float
+
+    @property
+    def area_ha(self) -> float:
+        """Its area [ha]."""
+        return float(self.shape.area) / 1e4
+
+    def water_mm(self, root_depth_mm: float) -> float:
+        """Water above a depth if the moisture is given in % by volume and the same at all depths [mm]."""
+        return self.mean / 100 * root_depth_mm
+
+
+def management_zones(
+    the_map: PropertyMap,
+    boundary: BaseGeometry,
+    classes: int = 3,
+    min_area_m2: float | None = None,
+    limits: Sequence[float] | None = None,
+) -> list[Zone]:
+    """Zones of a map, from low to high classes. They do not overlap, and together they are the field.
+
+    The map is smoothed at the scale of the smallest zone. Contour lines at the limits of the classes divide the
+    field, each smaller part joins the neighbour with the longest common border, and borders are simplified
+    together. Means are those of the map itself.
+
+    :param the_map: the map
+    :param boundary: the field in its plane [m]
+    :param classes: number of classes of equal area, where no limits are given
+    :param min_area_m2: area from which a part is a zone of its own [m^2]; by default 5 % of the field
+    :param limits: limits between the classes in the unit for readers
+    :raises InputError: for a number of classes, an area or limits out of range
+    """
+    if not 1 <= classes <= 20:
+        raise InputError(f"{classes} zones are not possible", "choose from 1 to 20")
+    smallest_m2 = SHARE_OF_FIELD * boundary.area if min_area_m2 is None else min_area_m2
+    if not smallest_m2 >= 0:
+        raise InputError(f"{smallest_m2} m2 is no area", "choose one from 0")
+    edges = zone_limits(the_map.values, classes) if limits is None else np.asarray(limits, float)
+    if (np.diff(edges) <= 0).any():
+        raise InputError(f"the limits of zones {list(edges)} do not rise", "give them in rising order")
+    raster = _smoothed(the_map, smallest_m2)
+    faces = _faces(the_map, boundary, raster, edges)
+    number = _classes(the_map, raster, edges, faces)
+    shapes, number = _joined(faces, number, smallest_m2)
+    shapes, number = _dissolved(shapes, number)
+    return _described(the_map, _simplified(shapes, the_map.cell_m / 2), number, edges)
+
+
+def _smoothed(the_map: PropertyMap, smallest_m2: float) -> Array:
+    from scipy.ndimage import gaussian_filter
+
+    sigma = SMOOTHING * np.sqrt(smallest_m2) / the_map.cell_m
+    return np.asarray(gaussian_filter(continued(the_map.values), sigma, mode="nearest"), float)
+
+
+def _faces(the_map: PropertyMap, boundary: BaseGeometry, raster: Array, edges: Array) -> list[BaseGeometry]:
+    """Parts into which contour lines divide the field. Neighbours have the same corners on their border."""
+    from shapely import contains, get_parts, point_on_surface, polygonize, prepare, union_all
+
+    lines = [line for edge in edges for line in level_lines(the_map, raster, float(edge))]
+    parts = get_parts(polygonize(get_parts(union_all([*lines, boundary.boundary], grid_size=NODE_M))))
+    prepare(boundary)
+    return list(parts[contains(boundary, point_on_surface(parts))])
+
+
+def _classes(the_map: PropertyMap, raster: Array, edges: Array, faces: Sequence[BaseGeometry]) -> NDArray[np.intp]:
+    """Class of each face, from 1, by the raster at a point inside."""
+    from scipy.ndimage import map_coordinates
+    from shapely import get_coordinates, point_on_surface
+
+    places = the_map.to_pixels(get_coordinates(point_on_surface(faces))) + PAD
+    values = map_coordinates(raster, places[:, ::-1].T, order=1, mode="nearest")
+    return np.searchsorted(edges, values) + 1
+
+
+def _joined(
+    faces: Sequence[BaseGeometry], number: NDArray[np.intp], smallest_m2: float
+) -> tuple[list[BaseGeometry], NDArray[np.intp]]:
+    """Faces of at least the smallest area: smaller ones join the neighbour with the longest common border."""
+    from shapely import area, union_all
+
+    areas = np.asarray(area(faces), float)
+    borders = _borders(faces)
+    members = {i: [i] for i in range(len(faces))}
+    for small in np.argsort(areas, kind="stable").tolist():
+        while small in members and areas[small] < smallest_m2 and borders[small]:
+            into = max(borders[small], key=lambda other: (borders[small][other], -other))
+            into, small = (into, small) if areas[into] >= areas[small] else (small, into)
+            members[into] += members.pop(small)
+            areas[into] += areas[small]
+            for other, length in borders.pop(small).items():
+                borders[other].pop(small)
+                if other != into:
+                    borders[into][other] = borders[other][into] = borders[into].get(other, 0.0) + length
+            small = into
+    kept = sorted(members)
+    return [union_all([faces[i] for i in members[one]]) for one in kept], number[kept]
+
+
+def _borders(faces: Sequence[BaseGeometry]) -> dict[int, dict[int, float]]:
+    """Length of the common border of each face with each neighbour [m]."""
+    from shapely import STRtree, boundary, intersection, length
+
+    lines = boundary(np.asarray(faces, object))
+    one, other = STRtree(lines).query(lines, predicate="intersects")
+    shared = length(intersection(lines[one], lines[other]))
+    found: dict[int, dict[int, float]] = {i: {} for i in range(len(faces))}
+    for i, j, metres in zip(one.tolist(), other.tolist(), shared.tolist(), strict=True):
+        if i != j and metres > NODE_M:
+            found[i][j] = metres
+    return found
+
+
+def _dissolved(
+    shapes: Sequence[BaseGeometry], number: NDArray[np.intp]
+) -> tuple[list[BaseGeometry], NDArray[np.intp]]:
+    """Neighbours of one class become one polygon; each polygon is connected."""
+    from shapely import get_parts, union_all
+
+    parts = {one: get_parts(union_all([s for s, n in zip(shapes, number, strict=True) if n == one]))
+             for one in np.unique(number)}  # fmt: skip
+    return [part for every in parts.values() for part in every], np.repeat(
+        list(parts), [len(every) for every in parts.values()]
+    )
+
+
+def _simplified(shapes: list[BaseGeometry], tolerance_m: float) -> list[BaseGeometry]:
+    """Common borders with fewer corners; the boundary of the field stays as it is."""
+    from shapely import coverage_simplify
+
+    return list(coverage_simplify(shapes, tolerance_m, simplify_boundary=False))
+
+
+def _described(
+    the_map: PropertyMap, shapes: Sequence[BaseGeometry], number: NDArray[np.intp], edges: Array
+) -> list[Zone]:
+    from shapely import contains_xy, get_coordinates, point_on_surface, prepare
+
+    inside, xy = the_map.cells
+    values, sd = the_map.values[inside], the_map.sd[inside]
+    low, high = (band[inside] for band in the_map.interval())
+    bounds = np.concatenate([[-np.inf], edges, [np.inf]])
+    zones = []
+    for shape, one in zip(shapes, number.tolist(), strict=True):
+        prepare(shape)
+        own = np.asarray(contains_xy(shape, xy[:, 0], xy[:, 1]), bool)
+        if not own.any():
+            middle = get_coordinates(point_on_surface(shape))[0]
+            own[np.argmin(((xy - middle) ** 2).sum(axis=1))] = True
+        sure = (low[own] >= bounds[one - 1]) & (high[own] <= bounds[one])
+        known = own & np.isfinite(values)
+        mean, spread = (float(band[known].mean()) if known.any() else np.nan for band in (values, sd))
+        zones.append(Zone(shape, one, float(bounds[one - 1]), float(bounds[one]), mean, spread, float(sure.mean())))
+    return sorted(zones, key=lambda zone: (zone.number, -zone.area_ha))
