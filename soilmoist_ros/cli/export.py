@@ -21,7 +21,7 @@ from soilmoist_ros.cli.console import FILE, report_errors
 @click.option("--step", type=click.FloatRange(min=0, min_open=True),
               help="Distance of contour lines [% by volume, or counts/s]. Default: a round one.")  # fmt: skip
 @click.option("--root-depth", "root_depth_mm", type=click.FloatRange(min=0, min_open=True),
-              help="Depth of the root zone for the water of zones [mm]. Default: as in the run, else 300.")  # fmt: skip
+              help="Depth of the root zone for the water of zones [mm]. Default: the run's, or 300.")  # fmt: skip
 @report_errors
 def command(
     run: Path | None,
@@ -39,7 +39,7 @@ def command(
     """
     from soilmoist_ros.foundation.errors import InputError
     from soilmoist_ros.reporting.exports.registry import EXPORTS, export_kind, export_run
-    from soilmoist_ros.reporting.exports.settings import ExportSettings
+    from soilmoist_ros.reporting.exports.source import ExportSettings
 
     if formats:
         for name in EXPORTS.names():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -90,5 +91,5 @@ def class_texts(limits: Sequence[float] | Array, unit: str) -> list[str]:
     text = [f"{limit:.3g}" for limit in limits]
     if not text:
         return ["all"]
-    between = [f"{low} to {high} {unit}" for low, high in zip(text, text[1:], strict=False)]
+    between = [f"{low} to {high} {unit}" for low, high in pairwise(text)]
     return [f"below {text[0]} {unit}", *between, f"above {text[-1]} {unit}"]

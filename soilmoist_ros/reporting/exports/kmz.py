@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.reporting.exports.classes import colours, shown_range
-from soilmoist_ros.reporting.exports.settings import ExportSettings
-from soilmoist_ros.reporting.exports.source import PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import to_crs
 from soilmoist_ros.reporting.run import EARLIEST_STAMP_S
 
@@ -73,7 +72,9 @@ def _title(source: RunSource, one: PropertyMap) -> str:
 
 def _about(source: RunSource) -> str:
     begin_end = source.survey
-    when = "" if begin_end is None else f"Survey {begin_end[0]:%Y-%m-%d %H:%M} to {begin_end[1]:%Y-%m-%d %H:%M} UTC. "
+    when = (
+        "" if begin_end is None else f"Survey {begin_end[0]:%Y-%m-%d %H:%M} to {begin_end[1]:%Y-%m-%d %H:%M} UTC. "
+    )
     return f"{when}{'Simulated counts. ' if source.simulated else ''}Made by soilmoist_ros."
 
 
@@ -99,7 +100,8 @@ def _overlay(one: PropertyMap) -> tuple[bytes, dict[str, float]]:
         values.astype(np.float32), target, src_transform=one.transform,
         src_crs=CRS.from_wkt(one.crs.to_wkt()), src_nodata=np.nan, dst_nodata=np.nan,
         dst_transform=from_bounds(west, south, east, north, columns, rows),
-        dst_crs=CRS.from_string(f"+proj=longlat +ellps=WGS84 +pm={centre} +no_defs"), resampling=Resampling.nearest,
+        dst_crs=CRS.from_string(f"+proj=longlat +ellps=WGS84 +pm={centre} +no_defs"),
+        resampling=Resampling.nearest,
     )  # fmt: skip
     box = {"north": north, "south": south, "east": centre + east, "west": centre + west}
     return _png(_coloured(one, target)), box
@@ -190,7 +192,9 @@ def _row_text(samples: dict[str, NDArray[Any]], row: int) -> str:
         "vwc_p05": ("90 % interval from {:.1f} %", 100.0), "vwc_p95": ("to {:.1f} %", 100.0),
     }  # fmt: skip
     known = {key: float(samples[key][row]) for key in words if key in samples}
-    return "\n".join(words[key][0].format(words[key][1] * value) for key, value in known.items() if np.isfinite(value))
+    return "\n".join(
+        words[key][0].format(words[key][1] * value) for key, value in known.items() if np.isfinite(value)
+    )
 
 
 def _polygons(mark: ET.Element, source: RunSource) -> None:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.reporting.exports.contours import contour_lines
-from soilmoist_ros.reporting.exports.settings import ROOT_DEPTH_MM, ExportSettings
-from soilmoist_ros.reporting.exports.source import MOISTURE, PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import Layer, texts, times
 from soilmoist_ros.reporting.exports.zones import Zone, management_zones
 from soilmoist_ros.reporting.run import EARLIEST_STAMP_S
@@ -63,14 +62,16 @@ def visits_layer(source: RunSource) -> Layer:
     for one in fields(Visit):
         values = [getattr(visit, one.name) for visit in visits]
         numbers = {"int": np.int32, "float": np.float64}.get(str(one.type))
-        columns[one.name] = texts([str(value) for value in values]) if numbers is None else np.array(values, numbers)
+        columns[one.name] = (
+            texts([str(value) for value in values]) if numbers is None else np.array(values, numbers)
+        )
     columns["arrival"] = times(_dated(columns["arrival_stamp_s"]))
     columns["end"] = times(_dated(columns["end_stamp_s"]))
     return Layer("visits", "Point", _points(columns["x_m"], columns["y_m"]), columns, "Stops of the robot")
 
 
 def samples_layer(source: RunSource, one: PropertyMap) -> Layer:
-    """Merged samples with counts, exposure, moisture and its interval; in two kinds of times where dates are known."""
+    """Merged samples with counts, exposure, moisture and its interval; with times where the clock has a date."""
     columns = dict(one.samples)
     longitude, latitude = columns.pop("longitude_deg"), columns.pop("latitude_deg")
     for stamp, name in (("first_stamp_s", "start"), ("last_stamp_s", "end")):
@@ -91,7 +92,7 @@ def records_layers(one: PropertyMap) -> list[Layer]:
     if not one.records:
         return []
     columns = dict(one.records)
-    reason = texts(columns.pop("quarantine"))
+    reason = texts(columns.pop("quarantine").tolist())
     shapes = _points(columns.pop("x_m"), columns.pop("y_m"))
     columns = {
         "time": times(_dated(columns["stamp_s"])),

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from soilmoist_ros.foundation.version import __version__
-from soilmoist_ros.reporting.exports.settings import ExportSettings
-from soilmoist_ros.reporting.exports.source import PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.files.geotiff import BANDS
 
 if TYPE_CHECKING:
@@ -35,12 +34,9 @@ def _write(source: RunSource, one: PropertyMap, path: Path) -> Path:
     with netcdf_file(path, "w", version=2) as file:
         _about(file, source, one)
         _axes(file, one)
-        coordinates = "" if one.crs.is_geographic else "lat lon"
-        if source.survey is not None:
-            coordinates = f"time {coordinates}".strip()
-            _time(file, source)
+        _time(file, source)
         for name, values in one.bands.items():
-            _band(file, one, name, np.asarray(values, float), coordinates)
+            _band(file, one, name, np.asarray(values, float))
     return path
 
 
@@ -86,28 +82,31 @@ def _axes(file: netcdf_file, one: PropertyMap) -> None:
 
 
 def _time(file: netcdf_file, source: RunSource) -> None:
-    """Middle of the survey, with its begin and end as bounds."""
-    assert source.survey is not None
+    """Middle of the survey, with its begin and end as bounds; none for a clock without a date."""
+    if source.survey is None:
+        return
     begin, end = (one.timestamp() for one in source.survey)
+    file.createDimension("time", 1)
     file.createDimension("nv", 2)
     units = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
     about = {"standard_name": "time", "long_name": "time of the survey", "bounds": "time_bounds", "axis": "T"}
-    _put(file, "time", np.float64((begin + end) / 2), (), **about, **units)
-    _put(file, "time_bounds", np.array([begin, end]), ("nv",))
+    _put(file, "time", np.array([(begin + end) / 2]), ("time",), **about, **units)
+    _put(file, "time_bounds", np.array([[begin, end]]), ("time", "nv"))
 
 
-def _band(file: netcdf_file, one: PropertyMap, name: str, values: Any, coordinates: str) -> None:
+def _band(file: netcdf_file, one: PropertyMap, name: str, values: Any) -> None:
     unit, meaning = BANDS.get(name, ("1", name))
     attributes: dict[str, Any] = {"long_name": meaning, "units": UNITS.get(unit, unit), "grid_mapping": "crs"}
     if name in NAMES:
         attributes["standard_name"] = NAMES[name]
-    if coordinates:
-        attributes["coordinates"] = coordinates
+    if not one.crs.is_geographic:
+        attributes["coordinates"] = "lat lon"
     further = [other for other in one.bands if other.startswith(f"{name}_")]
     if further:
         attributes["ancillary_variables"] = " ".join(further)
     raster = np.where(np.isfinite(values), values, FILL).astype(np.float32)
-    _put(file, name, raster, ("y", "x"), _FillValue=FILL, **attributes)
+    dimensions = ("time", "y", "x") if "time" in file.dimensions else ("y", "x")
+    _put(file, name, raster, dimensions, _FillValue=FILL, **attributes)
 
 
 def _put(file: netcdf_file, name: str, values: Any, dimensions: tuple[str, ...], **attributes: Any) -> None:

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from soilmoist_ros.reporting.exports.geopackage import FILE, run_layers, write_geopackage
 from soilmoist_ros.reporting.exports.qml import VERSION, map_style, raster_elements, style_elements
-from soilmoist_ros.reporting.exports.settings import ExportSettings
-from soilmoist_ros.reporting.exports.source import PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_geopackage
 from soilmoist_ros.reporting.exports.vectors import Layer
 
 if TYPE_CHECKING:
@@ -43,7 +42,9 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
     project = ET.tostring(_project(source, run_layers(source, settings)), encoding="unicode")
     path = folder / f"{PROJECT}.qgz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(f"{PROJECT}.qgs", f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{project}\n")
+        archive.writestr(
+            f"{PROJECT}.qgs", f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{project}\n"
+        )
     return [*written, path]
 
 
@@ -70,9 +71,11 @@ def _project(source: RunSource, layers: Sequence[Layer]) -> ET.Element:
         element.set("type", "raster")
         element.extend(raster_elements(one))
     properties = ET.SubElement(root, "properties")
+    reference = ET.SubElement(properties, "SpatialRefSys")
+    ET.SubElement(reference, "ProjectionsEnabled", type="int").text = "1"
     ET.SubElement(ET.SubElement(properties, "Paths"), "Absolute", type="bool").text = "false"
-    view = ET.SubElement(ET.SubElement(root, "ProjectViewSettings", UseProjectScales="0"), "DefaultViewExtent",
-                         **_extent(source.properties[0]))  # fmt: skip
+    settings = ET.SubElement(root, "ProjectViewSettings", UseProjectScales="0")
+    view = ET.SubElement(settings, "DefaultViewExtent", _extent(source.properties[0]))
     view.append(_srs(crs))
     return root
 
@@ -84,14 +87,14 @@ def _map_name(one: PropertyMap) -> str:
 
 def _entry(tree: ET.Element, key: str, shown: bool, provider: str, source: str, name: str = "") -> None:
     ET.SubElement(
-        tree, "layer-tree-layer", id=key, name=name or key, checked="Qt::Checked" if shown else "Qt::Unchecked",
+        tree, "layer-tree-layer", id=f"{PROJECT}_{key}", name=name or key, checked="Qt::Checked" if shown else "Qt::Unchecked",
         expanded="1" if shown else "0", providerKey=provider, source=source,
     )  # fmt: skip
 
 
 def _layer(parent: ET.Element, key: str, name: str, source: str, provider: str, crs: CRS) -> ET.Element:
     element = ET.SubElement(parent, "maplayer", hasScaleBasedVisibilityFlag="0", autoRefreshEnabled="0")
-    for tag, text in (("id", key), ("datasource", source), ("layername", name), ("provider", provider)):
+    for tag, text in (("id", f"{PROJECT}_{key}"), ("datasource", source), ("layername", name), ("provider", provider)):
         ET.SubElement(element, tag).text = text
     ET.SubElement(element, "srs").append(_srs(crs))
     return element

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -59,9 +60,9 @@ def style_elements(layer: Layer) -> list[ET.Element]:
 def _pipe(one: PropertyMap) -> ET.Element:
     """Colours of the first band between the quantiles 0.02 and 0.98, interpolated."""
     low, high = (edge / one.quantity.scale for edge in shown_range(one.values))
-    pipe = ET.Element("pipe")
+    pipe, band = ET.Element("pipe"), 1 + list(one.bands).index(one.quantity.band)
     renderer = ET.SubElement(
-        pipe, "rasterrenderer", type="singlebandpseudocolor", band=str(1 + list(one.bands).index(one.quantity.band)),
+        pipe, "rasterrenderer", type="singlebandpseudocolor", band=str(band),
         opacity="1", alphaBand="-1", nodataColor="", classificationMin=repr(low), classificationMax=repr(high),
     )  # fmt: skip
     shader = ET.SubElement(
@@ -86,10 +87,14 @@ def _zones(layer: Layer, quantity: Quantity) -> ET.Element:
     numbers = np.unique(layer.columns["ZONE"]).tolist()
     ramp = colours(quantity.colours, len(numbers))
     symbols = [
-        _symbol("fill", "SimpleFill", color=_rgba(colour, 200), outline_color="255,255,255,255", outline_width="0.3")
+        _symbol(
+            "fill", "SimpleFill", color=_rgba(colour, 200), outline_color="255,255,255,255", outline_width="0.3"
+        )
         for colour in ramp
     ]
-    renderer = ET.Element("renderer-v2", type="categorizedSymbol", attr="ZONE", symbollevels="0", enableorderby="0")
+    renderer = ET.Element(
+        "renderer-v2", type="categorizedSymbol", attr="ZONE", symbollevels="0", enableorderby="0"
+    )
     categories = ET.SubElement(renderer, "categories")
     for place, number in enumerate(numbers):
         means = layer.columns[quantity.column][layer.columns["ZONE"] == number]
@@ -111,8 +116,8 @@ def _graduated(layer: Layer, quantity: Quantity) -> ET.Element:
     edges[0], edges[-1] = -1e9, 1e9
     ramp = colours(quantity.colours, CLASSES)
     symbols = [
-        _symbol("marker", "SimpleMarker", name="circle", color=_rgba(colour), size="2.6", outline_color=_rgba(_INK),
-                outline_width="0.2")
+        _symbol("marker", "SimpleMarker", name="circle", color=_rgba(colour), size="2.6",
+                outline_color=_rgba(_INK), outline_width="0.2")
         for colour in ramp
     ]  # fmt: skip
     renderer = ET.Element(
@@ -120,9 +125,11 @@ def _graduated(layer: Layer, quantity: Quantity) -> ET.Element:
     )
     ranges = ET.SubElement(renderer, "ranges")
     text = [f"{edge * quantity.scale:.3g}" for edge in np.linspace(low, high, CLASSES + 1)]
-    labels = [f"below {text[1]}", *(f"{a} to {b}" for a, b in zip(text[1:-2], text[2:-1], strict=True)),
+    labels = [f"below {text[1]}", *(f"{a} to {b}" for a, b in pairwise(text[1:-1])),
               f"above {text[-2]}"]  # fmt: skip
-    for place, (below, above, words) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), labels, strict=True)):
+    for place, (below, above, words) in enumerate(
+        zip(edges[:-1].tolist(), edges[1:].tolist(), labels, strict=True)
+    ):
         ET.SubElement(
             ranges, "range", lower=repr(below), upper=repr(above), symbol=str(place), render="true",
             label=f"{words} {quantity.unit}",
@@ -146,8 +153,8 @@ def _symbols(renderer: ET.Element, symbols: Sequence[ET.Element]) -> None:
 
 def _symbol(kind: str, layer_class: str, **options: str) -> ET.Element:
     symbol = ET.Element("symbol", type=kind, alpha="1", clip_to_extent="1", force_rhr="0")
-    layer = ET.SubElement(symbol, "layer", enabled="1", locked="0", **{"class": layer_class, "pass": "0"})
-    units = {key: "MM" for key in ("outline_width_unit", "size_unit", "line_width_unit")}
+    layer = ET.SubElement(symbol, "layer", {"class": layer_class, "pass": "0", "enabled": "1", "locked": "0"})
+    units = dict.fromkeys(("outline_width_unit", "size_unit", "line_width_unit"), "MM")
     _options(layer, {**units, **options})
     return symbol
 

@@ -10,8 +10,7 @@ from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
-from soilmoist_ros.reporting.exports.settings import ExportSettings
-from soilmoist_ros.reporting.exports.source import RunSource, open_source
+from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
 
 Write = Callable[[RunSource, Path, ExportSettings], list[Path]]
@@ -51,7 +50,7 @@ BUILT_IN = {
         "everything in one project with styles; double-click soilmoist.qgz", ".qgz",
     ),
     "gpkg": Export(
-        _built_in("geopackage", "write_geopackage"), "GeoPackage",
+        _built_in("vector_files", "write_geopackage"), "GeoPackage",
         "field, no-go areas, samples, records, track, visits, contours and zones for any GIS", ".gpkg",
     ),
     "styled": Export(
@@ -59,11 +58,11 @@ BUILT_IN = {
         "one band with a colour table, for farm software that shows pictures", ".tif",
     ),
     "zones": Export(
-        _built_in("shapefiles", "write_zones"), "management zones",
+        _built_in("vector_files", "write_zones"), "management zones",
         "polygons with area, mean moisture and water, for variable-rate terminals (zipped shapefile)", ".zip",
     ),
     "contours": Export(
-        _built_in("shapefiles", "write_contours"), "contour lines",
+        _built_in("vector_files", "write_contours"), "contour lines",
         "lines of equal moisture at round values (zipped shapefile)", ".zip",
     ),
     "kmz": Export(
@@ -114,7 +113,8 @@ def export_run(
     :param settings: settings; by default those of :class:`ExportSettings`
     :param note: is called with what the run lacks
     :returns: the files
-    :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that cannot be written
+    :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that
+        cannot be written
     """
     kinds = [export_kind(name) for name in dict.fromkeys(names)]
     if not kinds:

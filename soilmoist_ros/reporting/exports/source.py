@@ -22,6 +22,24 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+ROOT_DEPTH_MM = 300.0
+
+
+@dataclass(frozen=True)
+class ExportSettings:
+    """Settings of exports.
+
+    :param zones: number of classes of management zones, where the run has no limits of its own
+    :param min_zone_ha: area from which a part of the field is a zone of its own [ha]; by default 5 % of the field
+    :param step: distance of contour lines in the unit for readers; by default a round one
+    :param root_depth_mm: depth of the root zone for its water [mm]; by default that of the run, else 300
+    """
+
+    zones: int = 3
+    min_zone_ha: float | None = None
+    step: float | None = None
+    root_depth_mm: float | None = None
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -196,8 +214,9 @@ def open_source(run: OpenedRun) -> RunSource:
     for name in run.properties:
         records = run.records(name)
         if not records:
-            notes.append(f"{run.folder} has no table of records{f' of {name}' if name else ''}: no times of records")
-        label = labels.get(name) or (next(iter(labels.values()), "") if not name else name)
+            table = f"records{f'_{name}' if name else ''}.csv"
+            notes.append(f"{run.folder} has no {table}: the exports have no layers of records and quarantine")
+        label = labels.get(name) or name or next(iter(labels.values()), "")
         maps.append(PropertyMap(name, label, *run.raster(name), frame, run.samples(name), records))
     return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.exports.classes import colours, round_step, shown_range
-from soilmoist_ros.reporting.exports.settings import ExportSettings
-from soilmoist_ros.reporting.exports.source import MOISTURE, PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
 
 NODATA = 255
 MAX_VALUE = 254

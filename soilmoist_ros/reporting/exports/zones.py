@@ -118,7 +118,7 @@ def _classes(the_map: PropertyMap, raster: Array, edges: Array, faces: Sequence[
 
     places = the_map.to_pixels(get_coordinates(point_on_surface(faces))) + PAD
     values = map_coordinates(raster, places[:, ::-1].T, order=1, mode="nearest")
-    return np.searchsorted(edges, values) + 1
+    return np.asarray(np.searchsorted(edges, values) + 1, np.intp)
 
 
 def _joined(
@@ -198,5 +198,7 @@ def _described(
         sure = (low[own] >= bounds[one - 1]) & (high[own] <= bounds[one])
         known = own & np.isfinite(values)
         mean, spread = (float(band[known].mean()) if known.any() else np.nan for band in (values, sd))
-        zones.append(Zone(shape, one, float(bounds[one - 1]), float(bounds[one]), mean, spread, float(sure.mean())))
+        zones.append(
+            Zone(shape, one, float(bounds[one - 1]), float(bounds[one]), mean, spread, float(sure.mean()))
+        )
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_ha))

@@ -1,4 +1,4 @@
-"""All layers of a run in one GeoPackage, with styles for QGIS."""
+"""Vector files: all layers of a run in one GeoPackage with styles for QGIS; zones and contours as shapefiles."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.exports.layers import (
     contours_layer,
     field_layer,
@@ -18,9 +19,8 @@ from soilmoist_ros.reporting.exports.layers import (
     zones_layer,
 )
 from soilmoist_ros.reporting.exports.qml import layer_style
-from soilmoist_ros.reporting.exports.settings import ExportSettings
-from soilmoist_ros.reporting.exports.source import RunSource
-from soilmoist_ros.reporting.exports.vectors import Layer, texts, write_layers
+from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource
+from soilmoist_ros.reporting.exports.vectors import Layer, texts, write_layers, write_shapefile
 
 FILE = "soilmoist.gpkg"
 
@@ -48,9 +48,28 @@ def write_geopackage(source: RunSource, folder: Path, settings: ExportSettings) 
     layers = run_layers(source, settings)
     crs = source.properties[0].crs
     # Version 1.3 is read by older programs too.
-    return [
-        write_layers(folder / FILE, [*layers, _styles(layers)], source.frame, crs, "GPKG", {"VERSION": "1.3"})
-    ]
+    return [write_layers(folder / FILE, [*layers, _styles(layers)], source.frame, crs, "GPKG", {"VERSION": "1.3"})]
+
+
+def write_contours(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
+    """Write ``contours.zip`` for each property: lines at round values, WGS-84.
+
+    :raises InputError: if pyogrio is not installed, or no map has a contour line at such a step
+    """
+    layers = [contours_layer(source, one, settings) for one in source.properties]
+    found = [layer for layer in layers if len(layer.shapes)]
+    if not found:
+        raise InputError("the map has no contour lines at this step", "choose a smaller one with --step")
+    return [write_shapefile(folder / f"{layer.name}.zip", layer, source.frame) for layer in found]
+
+
+def write_zones(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
+    """Write ``zones.zip`` for each property: polygons with area, mean and water, WGS-84.
+
+    :raises InputError: if pyogrio is not installed, or the settings are out of range
+    """
+    layers = [zones_layer(source, one, settings) for one in source.properties]
+    return [write_shapefile(folder / f"{layer.name}.zip", layer, source.frame) for layer in layers]
 
 
 def _styles(layers: list[Layer]) -> Layer:
@@ -69,5 +88,6 @@ def _styles(layers: list[Layer]) -> Layer:
         "description": texts([layer.description for layer in styled]),
         "owner": blank,
         "ui": blank,
+        "update_time": np.full(len(styled), np.datetime64("now", "ms")),
     }
     return Layer("layer_styles", "", (), columns)
