@@ -81,12 +81,15 @@ setup(
         "frames": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=1.0"],
         # The nearest town of a field (GeoNames, 3 MB), in messages and by soilmoist check.
         "places": ["reverse-geocode>=1.6"],
+        # Vector files of soilmoist export: GeoPackage, shapefiles, QGIS projects.
+        "gis": ["pyogrio>=0.8", "shapely>=2.1"],
         "test": [
             "pytest>=8",
             "pytest-xdist>=3.5",
             "hypothesis>=6.100",
             "mpmath>=1.3",
             "crnpy>=0.7",
+            "pyogrio>=0.8",
             "mcap-ros2-support>=0.5",
             "colcon-core",
             "colcon-library-path",

@@ -18,7 +18,12 @@ ROSDEP_KEYS = {
     for name in ("click", "jinja2", "matplotlib", "numpy", "pyproj", "rich", "scipy", "serial", "shapely")
 }
 """Imports for which Ubuntu has a recent enough package; ROS packages have the name of their import."""
-COMES_WITH = {"markupsafe": "jinja2", "pydantic_core": "pydantic", "ruamel": "ruamel.yaml"}
+COMES_WITH = {
+    "contourpy": "matplotlib",
+    "markupsafe": "jinja2",
+    "pydantic_core": "pydantic",
+    "ruamel": "ruamel.yaml",
+}
 OPTIONAL = {
     "pandas": "campaigns, on a laptop",
     "pyarrow": "campaigns, on a laptop",

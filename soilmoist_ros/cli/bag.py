@@ -78,7 +78,7 @@ def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> N
     """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
-    from soilmoist_ros.cli.key_press import on_space
+    from soilmoist_ros.nodes.runtime.key_press import on_space
     from soilmoist_ros.nodes.wiring.bag_player import player_of
     from soilmoist_ros.recording.bag.playback import INPUTS
     from soilmoist_ros.recording.run_folder import bag_of

@@ -80,8 +80,8 @@ def _about(source: RunSource) -> str:
 
 def _overlay(one: PropertyMap) -> tuple[bytes, dict[str, float]]:
     """The map as a picture on even longitudes and latitudes, and its box [deg]."""
+    from rasterio import Affine
     from rasterio.crs import CRS
-    from rasterio.transform import from_bounds
     from rasterio.warp import Resampling, reproject
 
     values = one.values
@@ -99,7 +99,7 @@ def _overlay(one: PropertyMap) -> tuple[bytes, dict[str, float]]:
     reproject(
         values.astype(np.float32), target, src_transform=one.transform,
         src_crs=CRS.from_wkt(one.crs.to_wkt()), src_nodata=np.nan, dst_nodata=np.nan,
-        dst_transform=from_bounds(west, south, east, north, columns, rows),
+        dst_transform=Affine((east - west) / columns, 0, west, 0, (south - north) / rows, north),
         dst_crs=CRS.from_string(f"+proj=longlat +ellps=WGS84 +pm={centre} +no_defs"),
         resampling=Resampling.nearest,
     )  # fmt: skip

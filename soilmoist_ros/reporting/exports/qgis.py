@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from soilmoist_ros.reporting.exports.qml import VERSION, map_style, raster_elements, style_elements
-from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource, transformed
 from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_geopackage
 from soilmoist_ros.reporting.exports.vectors import Layer
 
@@ -87,14 +87,16 @@ def _map_name(one: PropertyMap) -> str:
 
 def _entry(tree: ET.Element, key: str, shown: bool, provider: str, source: str, name: str = "") -> None:
     ET.SubElement(
-        tree, "layer-tree-layer", id=f"{PROJECT}_{key}", name=name or key, checked="Qt::Checked" if shown else "Qt::Unchecked",
-        expanded="1" if shown else "0", providerKey=provider, source=source,
+        tree, "layer-tree-layer", id=f"{PROJECT}_{key}", name=name or key,
+        checked="Qt::Checked" if shown else "Qt::Unchecked", expanded="1" if shown else "0",
+        providerKey=provider, source=source,
     )  # fmt: skip
 
 
 def _layer(parent: ET.Element, key: str, name: str, source: str, provider: str, crs: CRS) -> ET.Element:
     element = ET.SubElement(parent, "maplayer", hasScaleBasedVisibilityFlag="0", autoRefreshEnabled="0")
-    for tag, text in (("id", f"{PROJECT}_{key}"), ("datasource", source), ("layername", name), ("provider", provider)):
+    texts = {"id": f"{PROJECT}_{key}", "datasource": source, "layername": name, "provider": provider}
+    for tag, text in texts.items():
         ET.SubElement(element, tag).text = text
     ET.SubElement(element, "srs").append(_srs(crs))
     return element
@@ -112,6 +114,6 @@ def _srs(crs: CRS) -> ET.Element:
 def _extent(one: PropertyMap) -> dict[str, str]:
     """Box of the map, a tenth wider."""
     height, width = one.values.shape
-    x0, y0 = one.transform * (-0.05 * width, 1.05 * height)
-    x1, y1 = one.transform * (1.05 * width, -0.05 * height)
+    x, y = transformed(one.transform, (-0.05 * width, 1.05 * width), (1.05 * height, -0.05 * height))
+    (x0, x1), (y0, y1) = x.tolist(), y.tolist()
     return {"xmin": repr(x0), "ymin": repr(y0), "xmax": repr(x1), "ymax": repr(y1)}

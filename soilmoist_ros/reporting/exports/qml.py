@@ -48,7 +48,9 @@ def style_elements(layer: Layer) -> list[ET.Element]:
     }  # fmt: skip
     if kind in plain:
         return [_single(plain[kind])]
-    quantity = MOISTURE if MOISTURE.column in layer.columns or "vwc" in layer.columns else RATE
+    moisture = layer.columns.get("vwc")
+    known = moisture is not None and bool(np.isfinite(moisture).any())
+    quantity = MOISTURE if known or MOISTURE.column in layer.columns else RATE
     if kind == "contours":
         line = _symbol("line", "SimpleLine", line_color=_rgba(_INK), line_width="0.35")
         return [_single(line), _labels("LABEL")]

@@ -41,6 +41,13 @@ class ExportSettings:
     root_depth_mm: float | None = None
 
 
+def transformed(transform: Any, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Places after an affine transform. Its own operator differs between versions of the library."""
+    right, down = np.asarray(x, float), np.asarray(y, float)
+    a, b, c, d, e, f = tuple(transform)[:6]
+    return a * right + b * down + c, d * right + e * down + f
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What a map shows to readers.
@@ -129,14 +136,13 @@ class PropertyMap:
     def to_local(self, pixels: ArrayLike) -> Array:
         """East and north [m] of raster places (column, row), counted from the centre of the first cell; (n, 2)."""
         column, row = np.asarray(pixels, float).reshape(-1, 2).T + 0.5
-        there = self.transform * (column, row)
-        return np.column_stack(self._from_crs.transform(*there))
+        return np.column_stack(self._from_crs.transform(*transformed(self.transform, column, row)))
 
     def to_pixels(self, xy_m: ArrayLike) -> Array:
         """Raster places (column, row) of points [m], counted from the centre of the first cell; (n, 2)."""
         xy = np.asarray(xy_m, float).reshape(-1, 2)
         there = self._from_crs.transform(xy[:, 0], xy[:, 1], direction="INVERSE")
-        return np.column_stack(~self.transform * np.asarray(there)) - 0.5
+        return np.column_stack(transformed(~self.transform, *there)) - 0.5
 
     @cached_property
     def cells(self) -> tuple[NDArray[np.bool_], Array]:

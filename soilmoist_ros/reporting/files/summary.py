@@ -15,6 +15,7 @@ from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
+from soilmoist_ros.reporting.page.irrigation import absolute_limits
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
     TruthScore,
@@ -80,6 +81,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "properties": [_property_run(one) for one in run.properties],
         "corrections": [_correction(row) for row in run.corrections],
         "calibration": _calibration(run),
+        "irrigation": {"root_depth_mm": run.irrigation.root_depth_mm, "zone_limits_vwc": absolute_limits(run)},
         "warnings": [note.message for note in found],
         "warning_codes": [note.code for note in found],
         "settings": dict(run.settings),

@@ -98,6 +98,12 @@ def irrigation(run: MapRun) -> Irrigation:
     return Irrigation(**{**vars(found), "advice": _advice(run, found)})
 
 
+def absolute_limits(run: MapRun) -> tuple[float, ...] | None:
+    """Limits between dry, medium and moist [m^3/m^3]; ``None`` where zones only compare places of the field."""
+    names, edges, _ = _edges(run, _values(run)[0])
+    return None if names == RELATIVE else tuple(edges.tolist())
+
+
 def stress_point(limits: IrrigationLimits) -> float | None:
     """Moisture below which plants lack water [m^3/m^3]; ``None`` without wilting point and field capacity.
 

@@ -22,7 +22,7 @@ from msg_adapters.counts import counts_from_message
 from msg_adapters.offered_qos import published_qos
 from msg_adapters.soil_map import map_cells, soil_map_from_message
 from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.cli.key_press import on_space
+from soilmoist_ros.nodes.runtime.key_press import on_space
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.recording.bag.definitions import find_definition
 from soilmoist_ros.recording.bag.metadata import Qos, Topic

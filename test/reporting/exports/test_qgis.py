@@ -1,0 +1,66 @@
+"""QGIS project and styles: qgis.py and qml.py. QGIS itself is not needed."""
+
+from __future__ import annotations
+
+import zipfile
+from xml.etree import ElementTree as ET
+
+import pyogrio
+import pytest
+import rasterio
+
+from soilmoist_ros.reporting.exports.qgis import write_qgis
+from soilmoist_ros.reporting.exports.source import ExportSettings
+
+
+@pytest.fixture(scope="module")
+def written(exported, tmp_path_factory):
+    return write_qgis(exported.source, tmp_path_factory.mktemp("qgis"), ExportSettings())
+
+
+@pytest.fixture(scope="module")
+def project(written):
+    with zipfile.ZipFile(written[-1]) as archive:
+        return ET.fromstring(archive.read("soilmoist.qgs"))
+
+
+def test_files(written):
+    names = ["soilmoist.gpkg", "map.tif", "map.qml", "map_salt.tif", "map_salt.qml", "soilmoist.qgz"]
+    assert [path.name for path in written] == names
+
+
+def test_every_layer_of_the_project_is_in_its_files(written, project):
+    folder = written[0].parent
+    known = {name for name, _ in pyogrio.list_layers(folder / "soilmoist.gpkg")} - {"layer_styles"}
+    sources = [element.text for element in project.iter("datasource")]
+    in_package = {source.partition("|layername=")[2] for source in sources if "gpkg" in source}
+    assert in_package == known
+    assert [source for source in sources if "gpkg" not in source] == ["./map.tif", "./map_salt.tif"]
+    tree = [element.get("id") for element in project.iter("layer-tree-layer")]
+    assert tree == [element.findtext("id") for element in project.iter("maplayer")]
+    assert all(
+        element.findtext("srs/spatialrefsys/authid") == "EPSG:32630" for element in project.iter("maplayer")
+    )
+    shown = {e.get("name") for e in project.iter("layer-tree-layer") if e.get("checked") == "Qt::Checked"}
+    assert "Soil moisture [% by volume]" in shown
+
+
+def test_the_style_of_a_map_shows_its_moisture(written, exported):
+    for one, path in zip(exported.source.properties, (written[2], written[4]), strict=True):
+        style = ET.fromstring(path.read_text().partition("\n")[2])
+        renderer = style.find("pipe/rasterrenderer")
+        with rasterio.open(path.with_suffix(".tif")) as raster:
+            assert raster.descriptions[int(renderer.get("band")) - 1] == one.quantity.band
+        values = [float(item.get("value")) for item in style.iter("item")]
+        assert values == sorted(values)
+        assert len({item.get("color") for item in style.iter("item")}) == len(values)
+
+
+def test_zones_and_samples_have_a_symbol_for_each_class(project):
+    for layer in project.iter("maplayer"):
+        renderer = layer.find("renderer-v2")
+        if renderer is not None:
+            symbols = {symbol.get("name") for symbol in renderer.iter("symbol")}
+            used = {each.get("symbol") for each in (*renderer.iter("category"), *renderer.iter("range"))}
+            assert used in ({*symbols}, set())
+            assert symbols

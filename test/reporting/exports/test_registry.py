@@ -1,0 +1,118 @@
+"""Exports by name, of any run folder: registry.py and source.py."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pyogrio
+import pytest
+import rasterio
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.exports import registry
+from soilmoist_ros.reporting.exports.registry import EXPORTS, Export, export_kind, export_run
+from soilmoist_ros.reporting.exports.source import RATE
+
+
+def test_each_export_has_its_traits():
+    assert EXPORTS.names() == ["qgis", "gpkg", "styled", "zones", "contours", "kmz", "netcdf"]
+    for name in EXPORTS.names():
+        kind = export_kind(name)
+        assert kind.name == name
+        assert kind.label
+        assert kind.description
+        assert kind.suffix.startswith(".")
+    with pytest.raises(InputError, match=r"there is no export 'zone' -> .*did you mean 'zones'"):
+        export_kind("zone")
+
+
+def test_files_lie_in_the_folder_of_the_run_by_default(exported, tmp_path):
+    folder = shutil.copytree(exported.folder, tmp_path / "run")
+    written = export_run(folder, ["netcdf", "zones", "netcdf"])
+    assert [path.relative_to(folder).as_posix() for path in written] == [
+        "export/map.nc", "export/map_salt.nc", "export/zones.zip", "export/zones_salt.zip",
+    ]  # fmt: skip
+    assert export_run(folder, ["styled"], tmp_path / "a" / "b")[0] == tmp_path / "a" / "b" / "map_styled.tif"
+
+
+def older(folder):
+    """Turn a run folder into one of an earlier release."""
+    for path in folder.glob("records*.csv"):
+        path.unlink()
+    for path in folder.glob("samples*.geojson"):
+        content = json.loads(path.read_text())
+        content["features"] = [one for one in content["features"] if one["properties"]["kind"] != "no_go"]
+        for feature in content["features"]:
+            for key in ("n_records", "first_stamp_s", "last_stamp_s", "vwc_p05", "vwc_p95"):
+                if feature["properties"]["kind"] == "sample":
+                    del feature["properties"][key]
+        path.write_text(json.dumps(content))
+    summary = json.loads((folder / "summary.json").read_text())
+    for key in ("irrigation", "survey_start_utc", "survey_end_utc", "properties"):
+        summary.pop(key, None)
+    (folder / "summary.json").write_text(json.dumps(summary))
+    names = ["rate", "rate_sd", "vwc", "vwc_sd"]
+    for path in folder.glob("map*.tif"):
+        with rasterio.open(path) as raster:
+            profile, bands = raster.profile, dict(zip(raster.descriptions, raster.read(), strict=True))
+        nothing = np.full_like(bands["rate"], np.nan)
+        with rasterio.open(path, "w", **{**profile, "count": 4}) as raster:
+            for number, name in enumerate(names, start=1):
+                raster.write(bands.get(name, nothing), number)
+                raster.set_band_description(number, name)
+
+
+def test_folders_of_earlier_releases_export_what_they_have(exported, tmp_path):
+    folder = shutil.copytree(exported.folder, tmp_path / "run")
+    older(folder)
+    notes = []
+    written = export_run(folder, EXPORTS.names(), note=notes.append)
+    assert len(written) == 6 + 2 * 5
+    assert any("has no records.csv" in text for text in notes)
+    assert any("no-go areas" in text for text in notes)
+    layers = {name for name, _ in pyogrio.list_layers(folder / "export" / "soilmoist.gpkg")}
+    assert {"no_go", "samples", "track", "zones"} < layers
+    assert "records" not in layers
+    salt = registry.open_source(registry.open_run(folder)).properties[1]
+    assert salt.quantity is RATE, "a band of moisture without values does not count"
+    with rasterio.open(folder / "export" / "map_styled.tif") as raster:
+        assert raster.descriptions == ("vwc",)
+
+
+def test_a_run_without_a_map_has_nothing_to_export(tmp_path):
+    (tmp_path / "summary.json").write_text('{"map": null}')
+    with pytest.raises(InputError, match="has no map, so there is nothing to export"):
+        export_run(tmp_path, ["kmz"])
+    with pytest.raises(InputError, match="no export is given"):
+        export_run(tmp_path, [])
+
+
+def test_another_package_adds_an_export(exported, tmp_path, monkeypatch):
+    def write(source, folder, settings):
+        path = folder / "points.txt"
+        path.write_text(str(len(source.properties[0].samples["raw_counts"])))
+        return [path]
+
+    monkeypatch.setitem(EXPORTS._objects(), "points", Export(write, "points", "a test", ".txt"))
+    (path,) = export_run(exported.folder, ["points"], tmp_path)
+    assert path.read_text() == "12"
+    with pytest.raises(TypeError, match="must be a"):
+        registry._checked(write)
+
+
+def test_zones_keep_the_limits_of_the_site(exported, tmp_path):
+    folder = shutil.copytree(exported.folder, tmp_path / "run")
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["irrigation"] == {"root_depth_mm": 300.0, "zone_limits_vwc": None}
+    middle = float(np.nanmedian(exported.source.properties[0].bands["vwc"]))
+    summary["irrigation"] = {"root_depth_mm": 200.0, "zone_limits_vwc": [middle]}
+    (folder / "summary.json").write_text(json.dumps(summary))
+    path = export_run(folder, ["zones"])[0]
+    about, _, _, columns = pyogrio.raw.read(path)
+    table = dict(zip(about["fields"], columns, strict=True))
+    assert set(table["ZONE"]) == {1, 2}
+    dry = table["ZONE"] == 1
+    assert table["VWC_PCT"][dry].max() < 100 * middle < table["VWC_PCT"][~dry].min()
+    assert set(table["ROOT_MM"]) == {200.0}

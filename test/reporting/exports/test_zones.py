@@ -1,0 +1,139 @@
+"""Zones and contours of maps: zones.py, contours.py and classes.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from affine import Affine
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.reporting.exports.classes import class_texts, colours, levels, round_step, zone_limits
+from soilmoist_ros.reporting.exports.contours import contour_lines
+from soilmoist_ros.reporting.exports.source import PropertyMap
+from soilmoist_ros.reporting.exports.zones import management_zones
+
+FRAME = LocalFrame(53.27, -0.52)
+CELL_M = 2.0
+SIZE = 30
+
+
+def a_map(vwc, boundary, sd=0.01):
+    """A map in the plane of the field itself, masked by the boundary."""
+    side = CELL_M * SIZE / 2
+    transform = Affine(CELL_M, 0, -side, 0, -CELL_M, side)
+    one = PropertyMap("", "", {}, transform, FRAME.crs, {}, FRAME, {}, {})
+    row, column = np.indices(vwc.shape)
+    xy = one.to_local(np.column_stack([column.ravel(), row.ravel()]))
+    inside = shapely.contains_xy(boundary, xy[:, 0], xy[:, 1]).reshape(vwc.shape)
+    bands = {"vwc": np.where(inside, vwc, np.nan), "vwc_sd": np.where(inside, sd, np.nan)}
+    bands["rate"] = np.where(inside, 5.0, np.nan)
+    return PropertyMap("", "", bands, transform, FRAME.crs, {}, FRAME, {}, {})
+
+
+def star(radii):
+    """A polygon around the origin with corners at even angles; a hole near its centre."""
+    angles = np.linspace(0, 2 * np.pi, len(radii), endpoint=False)
+    outline = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+    return shapely.Polygon(outline).difference(shapely.box(-3, -2, 2, 3))
+
+
+@given(
+    seed=st.integers(0, 1000),
+    radii=st.lists(st.floats(12, 29), min_size=4, max_size=9),
+    smooth=st.floats(0.5, 5),
+    classes=st.integers(1, 5),
+    share=st.floats(0, 0.2),
+)
+@settings(max_examples=25, deadline=None)
+def test_zones_partition_the_field(seed, radii, smooth, classes, share):
+    field = star(np.array(radii))
+    noise = gaussian_filter(np.random.default_rng(seed).normal(size=(SIZE, SIZE)), smooth)
+    the_map = a_map(0.25 + 0.05 * noise / noise.std(), field)
+    smallest = share * field.area
+    zones = management_zones(the_map, field, classes, smallest)
+    shapes = [zone.shape for zone in zones]
+    assert all(shape.geom_type == "Polygon" and shape.is_valid for shape in shapes)
+    together = shapely.union_all(shapes)
+    assert sum(shape.area for shape in shapes) == pytest.approx(together.area, rel=1e-9), "no overlap"
+    # Corners lie on a raster of a millimetre.
+    assert together.symmetric_difference(field).area < 1e-3 * field.length
+    # Borders are simplified after small parts were joined.
+    assert min(shape.area for shape in shapes) >= 0.9 * min(smallest, field.area) - CELL_M**2
+    assert {zone.number for zone in zones} <= set(range(1, classes + 1))
+
+
+def test_zones_of_two_halves():
+    field = shapely.box(-28, -20, 28, 20)
+    columns = np.broadcast_to(np.where(np.arange(SIZE) < SIZE / 2, 0.12, 0.30), (SIZE, SIZE))
+    dry, wet = management_zones(a_map(columns, field), field, limits=[20.0])
+    assert (dry.number, wet.number) == (1, 2)
+    assert (dry.mean, wet.mean) == pytest.approx((12.0, 30.0))
+    assert dry.area_ha == pytest.approx(0.112, rel=0.03)
+    assert dry.water_mm(300) == pytest.approx(36.0)
+    assert dry.sure == 1.0
+    assert dry.shape.centroid.x < 0 < wet.shape.centroid.x
+    assert len(dry.shape.exterior.coords) < 12, "a straight border has few corners"
+
+
+def test_a_spot_smaller_than_the_smallest_zone_joins_its_surroundings():
+    field = shapely.box(-28, -28, 28, 28)
+    values = np.full((SIZE, SIZE), 0.15)
+    values[10:15, 10:15] = 0.4
+    for smallest, count in ((40.0, 2), (400.0, 1)):
+        assert len(management_zones(a_map(values, field), field, 3, smallest, [25.0])) == count
+
+
+def test_a_field_of_one_value_is_one_zone():
+    field = shapely.box(-20, -20, 20, 20)
+    (zone,) = management_zones(a_map(np.full((SIZE, SIZE), 0.2), field), field)
+    assert zone.mean == pytest.approx(20.0)
+    assert contour_lines(a_map(np.full((SIZE, SIZE), 0.2), field), field)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ({"classes": 0}, "0 zones are not possible"),
+        ({"min_area_m2": -1.0}, "is no area"),
+        ({"limits": [30.0, 20.0]}, "do not rise"),
+    ],
+)
+def test_settings_out_of_range_are_refused(choice, message):
+    field = shapely.box(-20, -20, 20, 20)
+    with pytest.raises(InputError, match=message):
+        management_zones(a_map(np.full((SIZE, SIZE), 0.2), field), field, **choice)
+
+
+def test_contours_lie_where_the_map_has_their_value():
+    field = star(np.array([26.0, 20.0, 28.0, 24.0, 27.0]))
+    slope = np.broadcast_to(0.10 + 0.005 * np.arange(SIZE), (SIZE, SIZE))
+    lines, values = contour_lines(a_map(slope, field), field, step=2.0)
+    assert set(values) <= {10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0}
+    assert len(set(values)) > 4
+    for line, value in zip(lines, values, strict=True):
+        places = shapely.get_coordinates(line)
+        inner = shapely.contains_xy(field.buffer(-CELL_M), places[:, 0], places[:, 1])
+        expected = 10.0 + 0.5 * ((places[inner, 0] + 30.0) / CELL_M - 0.5)
+        np.testing.assert_allclose(expected, value, atol=1e-6)
+        assert field.buffer(1e-6).covers(line)
+
+
+def test_round_values():
+    assert [round_step(span) for span in (0.03, 1.0, 8.0, 17.0)] == pytest.approx([0.005, 0.2, 1.0, 5.0])
+    np.testing.assert_allclose(levels([12.1, np.nan, 18.0], 2.0), [14, 16])
+    assert levels([3.0, 3.0]).size == 0
+    with pytest.raises(InputError, match="more than 100 contour levels"):
+        levels([10.0, 20.0], 1e-3)
+
+
+def test_classes_of_equal_area():
+    np.testing.assert_allclose(zone_limits(np.arange(101.0), 4), [25, 50, 75])
+    assert zone_limits([1.0, 1.0, 1.0], 3).size == 0
+    assert class_texts([20.0], "%") == ["below 20 %", "above 20 %"]
+    assert class_texts([], "%") == ["all"]
+    assert len(set(colours("YlGnBu", 5))) == 5
