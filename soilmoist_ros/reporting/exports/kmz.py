@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.reporting.exports.classes import colours, shown_range
 from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import to_crs
-from soilmoist_ros.reporting.run import EARLIEST_STAMP_S
+from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -15,7 +15,7 @@ from soilmoist_ros.reporting.exports.contours import contour_lines
 from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import Layer, texts, times
 from soilmoist_ros.reporting.exports.zones import Zone, management_zones
-from soilmoist_ros.reporting.run import EARLIEST_STAMP_S
+from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

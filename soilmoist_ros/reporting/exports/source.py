@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
-from soilmoist_ros.reporting.run import EARLIEST_STAMP_S
+from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
