@@ -23,14 +23,14 @@ from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
-from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun
+from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Consequence, Problem
+from soilmoist_ros.sensing.problems import Consequence, Kind, Problem
 from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs
 
 MAX_GAP_S = 60.0
@@ -158,6 +158,7 @@ def map_logs(
         logger_format=logs[0].format_title,
         losses=[*loss_rows([*survey.problems, *track_problems]), *loss_rows_of(field_map.snapshot())],
         simulated=any(log.simulated for log in logs),
+        notes=count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
     )
 
 
@@ -236,6 +237,26 @@ def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:
         *(input_file(log.path, "neutron log", len(log.records)) for log in logs),
         *(input_file(path, role, None) for role, path in others),
     ]
+
+
+def count_notes(problems: Sequence[Problem], records: int) -> list[Note]:
+    """Notes on tubes that were left out, and on counts that scatter.
+
+    :param problems: problems of the logs
+    :param records: number of all records
+    """
+    kinds = (Kind.NOISY_TUBE, Kind.DEAD_TUBE, Kind.STUCK_TUBE, Kind.IMPOSSIBLE_COUNT)
+    masked = Counter(problem.kind for problem in problems if problem.kind in kinds and not problem.quarantined)
+    notes = []
+    if masked:
+        reasons = ", ".join(f"{kind.text} ({count})" for kind, count in masked.most_common())
+        message = f"Bad tubes are left out {masked.total()} times in {records} records: {reasons}."
+        notes.append(Note(NoteCode.BAD_TUBES, f"{message} The exposures cover the other tubes."))
+    for problem in problems:
+        if problem.kind is Kind.OVERDISPERSED:
+            message = problem.mistake.message
+            notes.append(Note(NoteCode.OVERDISPERSED, f"{message[0].upper()}{message[1:]}."))
+    return notes
 
 
 def loss_rows(problems: Sequence[Problem]) -> list[LossRow]:

@@ -25,6 +25,7 @@ from soilmoist_ros.reporting.run import (
     IrrigationLimits,
     LossRow,
     MapRun,
+    Note,
 )
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
@@ -49,6 +50,7 @@ def make_run(
     logger_format: str = "",
     losses: Sequence[LossRow] = (),
     simulated: bool = False,
+    notes: Sequence[Note] = (),
 ) -> MapRun:
     """The run behind a map, made now.
 
@@ -76,6 +78,7 @@ def make_run(
         losses=losses,
         calibration=_calibration(site),
         simulated=simulated,
+        notes=notes,
         version=__version__,
         settings=settings,
         footprint_radius_m=site.footprint_radius_m,

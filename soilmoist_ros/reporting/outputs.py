@@ -42,7 +42,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
             of_map, of_samples, of_records = property_names(one.name if number else "")
             write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
             write_samples(workshop / of_samples, one)
-            write_records(workshop / of_records, one.track)
+            write_records(workshop / of_records, one.all_records)
         write_report(workshop / "report.html", run)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)

@@ -128,6 +128,9 @@ class NoteCode(StrEnum):
     """Topic of a note."""
 
     NO_MAP = "no_map"
+    QUARANTINED = "quarantined"
+    BAD_TUBES = "bad_tubes"
+    OVERDISPERSED = "overdispersed"
     OUTSIDE_FIELD = "outside_field"
     IMPOSSIBLE_DATE = "impossible_date"
     NOT_MAPPED = "not_mapped"
@@ -253,6 +256,11 @@ class MapRun(SurveyTimes):
         """Track of each robot, shape (n, 2) [m]: records of a single robot, or driven paths of several."""
         mission = self.mission
         return [track_xy(self.track)] if mission is None or len(mission.tracks) < 2 else list(mission.tracks)
+
+    @property
+    def all_records(self) -> list[CountRecord]:
+        """Records of the map and quarantined ones in order of time."""
+        return sorted([*self.track, *self.quarantined], key=lambda record: record.stamp_s)
 
     @property
     def calibrated(self) -> bool:

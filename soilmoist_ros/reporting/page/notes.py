@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+from soilmoist_ros.sensing.problems import reason_text
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
@@ -31,11 +33,25 @@ def notes(run: MapRun) -> list[Note]:
     """The notes of a run and those that follow from its map, in the order of the report."""
     return [
         *run.notes,
+        *_on_quarantine(run),
         *_on_place_and_date(run),
         *_on_calibration(run),
         *_on_moisture(run),
         *_on_model(run.soil_map),
     ]
+
+
+def _on_quarantine(run: MapRun) -> Iterator[Note]:
+    """Note on records that the map leaves out."""
+    if run.quarantined:
+        reasons = Counter(record.quarantine for record in run.quarantined).most_common()
+        number, total = len(run.quarantined), len(run.quarantined) + len(run.track)
+        yield Note(
+            NoteCode.QUARANTINED,
+            f"{number} of {total} records are quarantined: "
+            f"{', '.join(f'{reason_text(reason)} ({count})' for reason, count in reasons)}. "
+            "The map does not use them; records.csv lists them with their reasons.",
+        )
 
 
 def _on_place_and_date(run: MapRun) -> Iterator[Note]:

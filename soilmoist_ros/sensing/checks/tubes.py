@@ -81,6 +81,7 @@ class _Charts:
         self.sums = np.zeros((len(FACTORS), tubes))
         self.begin_s = np.zeros((len(FACTORS), tubes))
         self.recovery = np.zeros(tubes)
+        self.recovered_s = np.zeros(tubes)
 
     def clear(self) -> None:
         self.sums[:] = 0.0
@@ -260,9 +261,11 @@ class TubeChecks:
         charts.sums = np.maximum(charts.sums + np.where(good, ratios, 0.0), 0.0)
         for tube in [tube for tube in self._masked if use[tube]]:
             against = FACTORS.index(2.0 if self._masked[tube] is Kind.NOISY_TUBE else 0.5)
+            if charts.recovery[tube] <= 0:
+                charts.recovered_s[tube] = stamp_s
             charts.recovery[tube] = max(charts.recovery[tube] - ratios[against, tube], 0.0)
             if charts.recovery[tube] > RECOVERY:
-                self._close(tube, self._masked.pop(tube), stamp_s)
+                self._close(tube, self._masked.pop(tube), float(charts.recovered_s[tube]))
                 charts.clear()
         while good.sum() > 1 and (charts.sums > limit).any():
             row, tube = (int(index) for index in np.unravel_index(charts.sums.argmax(), charts.sums.shape))

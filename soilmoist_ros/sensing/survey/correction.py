@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
@@ -98,6 +99,20 @@ def correct_record(
     return CountRecord(record.stamp_s, *place, raw_counts, exposure_s, effective_s, *in_order)
 
 
+def uncorrected_record(record: LoggerRecord, shares: NDArray[np.float64], quarantine: str) -> CountRecord:
+    """A record that nobody can correct, with neutral factors and a reason for its quarantine.
+
+    :param record: the raw record, with a tube that counts
+    :param shares: share of each tube in the whole rate [-]
+    :param quarantine: code of the reason
+    """
+    nowhere = math.nan
+    counts, exposure_s = combine_tubes(record, shares)
+    return CountRecord(
+        record.stamp_s, nowhere, nowhere, nowhere, counts, exposure_s, exposure_s, quarantine=quarantine
+    )
+
+
 def place_record(
     record: CountRecord,
     position: Position | None,
@@ -133,3 +148,21 @@ def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> 
 def position_gap_s(interval_s: float) -> float:
     """Maximum time between two fixes for interpolating the position of a record [s]."""
     return max(_POSITION_GAP_RECORDS * interval_s, _MIN_POSITION_GAP_S)
+
+
+def site_shares(site: Site, tubes: int | None) -> NDArray[np.float64] | None:
+    """Tube shares from the site file, normalised to a sum of 1; ``None`` if it has none.
+
+    :param tubes: number of tubes of the logger, ``None`` if unknown
+    :raises InputError: if the number of shares is another one, or all are 0
+    """
+    if site.tube_shares is None:
+        return None
+    shares = np.array(site.tube_shares, dtype=float)
+    if tubes not in (None, len(shares)) or shares.sum() <= 0:
+        have = "an unknown number of" if tubes is None else str(tubes)
+        raise InputError(
+            f"'tube_shares' in the site file has {len(shares)} values, but the logger has {have} tubes",
+            "give one share per tube, not all 0, or leave it out to have them estimated",
+        )
+    return np.asarray(shares / shares.sum())

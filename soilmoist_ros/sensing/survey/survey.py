@@ -12,17 +12,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.checks import RecordChecks
 from soilmoist_ros.sensing.checks.finding import Finding
 from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
-from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, Track
+from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import (
@@ -31,14 +30,12 @@ from soilmoist_ros.sensing.survey.correction import (
     counting_interval_s,
     intensity_source,
     place_record,
-    position_gap_s,
+    site_shares,
+    uncorrected_record,
 )
+from soilmoist_ros.sensing.survey.places import SurveyPlaces
 
-MAX_FIXES = 20_000
-"""Fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger."""
 MAX_WEATHER_VALUES = 1000
-MAX_EDGE_TOLERANCE_S = 5.0
-"""Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
 MAX_TYPICAL = 500
 """Maximum number of records for the typical rate of a log."""
 LINE_DELAY_S = 0.25
@@ -110,14 +107,12 @@ class Survey:
     ) -> None:
         self.frame = frame
         self._site, self._fix_wait_s = site, fix_wait_s
-        self._arms = arms
         self._keep_unplaced, self._on_problem = keep_unplaced, on_problem
         self._intensity = intensity_source(site.corrections)
         self._running_shares = RunningShares()
         self._shares: NDArray[np.float64] | None = None
         self._grows = ahead is None
-        self._track = CheckedTrack(max_positions=MAX_FIXES) if track is None else track
-        self._own = CheckedTrack(max_positions=MAX_FIXES if self._grows else None)
+        self._places = SurveyPlaces(site, track, arms, self._grows)
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
         altitude_m = site.location.altitude_m if site.location else None
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
@@ -126,7 +121,7 @@ class Survey:
         learned = self.checks.learn(ahead or ())
         for checked in learned:
             self._learn(checked.record)
-        self.tube_share = _site_shares(site, len(ahead[0].tube_counts) if ahead else tubes)
+        self.tube_share = site_shares(site, len(ahead[0].tube_counts) if ahead else tubes)
         """Share of each tube, shape (tubes,); ``None`` while it is estimated from the records so far."""
         if self.tube_share is None and ahead:
             good = [checked.record for checked in learned if not checked.quarantine]
@@ -136,7 +131,7 @@ class Survey:
         self._waiting: deque[_Waiting] = deque()
 
     def __repr__(self) -> str:
-        return f"Survey(site={self._site.name!r}, {len(self._track)} fixes, {self.waiting} records waiting)"
+        return f"Survey(site={self._site.name!r}, {len(self._places.track)} fixes, {self.waiting} records waiting)"
 
     @property
     def waiting(self) -> int:
@@ -168,20 +163,27 @@ class Survey:
             self._learn(record)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
-        self._list(checked.findings, record, path)
+        findings = checked.findings
         try:
             corrected = replace(self.correct(record, unused_tubes), quarantine=checked.quarantine)
         except UnusableRecordError as error:
-            self._report(error, record, path, lost=True)
-            return
+            weather = Kind.IMPOSSIBLE_WEATHER
+            findings = tuple(replace(one, bad=one.bad or one.kind is weather) for one in findings)
+            known = any(one.kind is weather for one in findings)
+            if error.kind is not Kind.NO_CORRECTION or not known or self._shares is None:
+                self._report(error, record, path, lost=True)
+                return
+            corrected = uncorrected_record(record, self._shares, weather.value)
+        self._list(findings, record, path)
         recorded = corrected
         if record.tube_counts != original.tube_counts and self._shares is not None:
-            recorded = self._correct(replace(record, tube_counts=original.tube_counts), self._shares)
+            with suppress(UnusableRecordError):
+                recorded = self._correct(replace(record, tube_counts=original.tube_counts), self._shares)
         self._waiting.append(_Waiting(corrected, recorded, record, interval_s, clock_ahead_s, now_s, path))
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
-        self._track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
+        self._places.take_fix(fix)
 
     def take_intensity(self, rate: float) -> bool:
         """Set the current incoming intensity; returns whether it is used.
@@ -231,83 +233,51 @@ class Survey:
         :param interval_s: duration of the interval [s]
         :param clock_ahead_s: logger's clock minus GNSS time [s]
         """
-        middle_s, gap_s = record.stamp_s - interval_s / 2, position_gap_s(interval_s)
-        if self._track.reached_s > -math.inf:
-            tolerance_s = max(EDGE_TOLERANCE_S, min(interval_s / 2, MAX_EDGE_TOLERANCE_S))
-            place = self._track.at(middle_s - clock_ahead_s, gap_s, tolerance_s)
-        else:  # positions in the log have the time of the logger's clock
-            place = self._own.at(middle_s, gap_s)
-        if place is not None:
-            return place
-        if record.position is not None and self._own.jumped.at(record.stamp_s, 0.0, 0.0) is None:
-            return record.position
-        location = self._site.location
-        if location is None or len(self._track) or len(self._own):
-            return None
-        altitude_m = NAN if location.altitude_m is None else location.altitude_m
-        return Position(location.latitude_deg, location.longitude_deg, altitude_m)
-
-    def _jumped(self, waiting: _Waiting) -> Position | None:
-        """Place of a record that the receiver reports after a jump, ``None`` without a jump."""
-        separate = self._track.reached_s > -math.inf
-        track = self._track if separate else self._own
-        if not isinstance(track, CheckedTrack):
-            return None
-        middle_s = waiting.middle_s - (waiting.clock_ahead_s if separate else 0.0)
-        gap_s = position_gap_s(waiting.interval_s)
-        return track.jumped.at(middle_s, gap_s, max(waiting.interval_s / 2, EDGE_TOLERANCE_S))
+        return self._places.at(record, interval_s, clock_ahead_s)
 
     def _learn(self, record: LoggerRecord) -> None:
         """Store weather and position for other records."""
         self._weather.add(record)
-        if record.position is not None:
-            self._own.add(record.stamp_s, record.position)
+        self._places.add(record)
 
     def _may_go(self, waiting: _Waiting, now_s: float) -> bool:
-        if not len(self._track) and waiting.raw.position is not None:
+        track = self._places.track
+        if not len(track) and waiting.raw.position is not None:
             return True
-        if self._track.fixed_s >= waiting.middle_s - waiting.clock_ahead_s:
+        if track.fixed_s >= waiting.middle_s - waiting.clock_ahead_s:
             return True
         # The wait ends at its time limit, or when newer epochs or records have arrived without a fix.
         enough_s = waiting.record.stamp_s + self._fix_wait_s
         overtaken = self._last is not None and self._last.stamp_s >= enough_s
         return (
             now_s >= waiting.since_s + self._fix_wait_s
-            or self._track.reached_s >= enough_s - waiting.clock_ahead_s
+            or track.reached_s >= enough_s - waiting.clock_ahead_s
             or (overtaken and now_s >= waiting.since_s + LINE_DELAY_S)
         )
 
     def _placed(self, waiting: _Waiting) -> CountRecord | None:
+        when = waiting.raw, waiting.interval_s, waiting.clock_ahead_s
+        position, findings = self._places.at(*when), []
+        if position is None and (position := self._places.jumped_at(*when)) is not None:
+            message = f"the receiver jumped to {position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
+            remedy = "check the antenna and the view of the sky"
+            findings = [Finding(Kind.PLACE_JUMP, message, remedy, bad=True)]
         try:
-            position = self.position(waiting.raw, waiting.interval_s, waiting.clock_ahead_s)
-            if position is None and (position := self._jumped(waiting)) is not None:
-                return self._at_jump(waiting, position)
             record = place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
         except UnusableRecordError as error:
             self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
             if not self._keep_unplaced:
                 return None
             record = waiting.record
-        recorded = replace(waiting.recorded, x_m=record.x_m, y_m=record.y_m)
-        found = self.checks.totals.check(record, recorded)
-        self._list(found, waiting.raw, waiting.path)
-        return replace(record, quarantine=found[0].kind.value) if found else record
-
-    def _at_jump(self, waiting: _Waiting, position: Position) -> CountRecord:
-        record = place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
-        message = f"the receiver jumped to {position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
-        finding = Finding(Kind.PLACE_JUMP, message, "check the antenna and the view of the sky", bad=True)
-        self._list([finding], waiting.raw, waiting.path)
-        return replace(record, quarantine=record.quarantine or finding.kind.value)
+        if not findings:
+            recorded = replace(waiting.recorded, x_m=record.x_m, y_m=record.y_m)
+            findings = self.checks.totals.check(record, recorded)
+        self._list(findings, waiting.raw, waiting.path)
+        return replace(record, quarantine=record.quarantine or findings[0].kind.value) if findings else record
 
     def _to_sensor(self, waiting: _Waiting) -> tuple[float, float]:
         """East and north from the antenna to the sensor [m]; 0 if the heading is unknown, with a note."""
-        moving = bool(len(self._track) or len(self._own))  # a probe at a fixed location is its place
-        if self._arms == NO_ARMS or not moving:
-            return 0.0, 0.0
-        ahead_s = waiting.clock_ahead_s if len(self._track) else 0.0
-        course = (self._track if len(self._track) else self._own).course
-        offset_m = self._arms.sensor_from_antenna(course.at(waiting.middle_s - ahead_s))
+        offset_m = self._places.sensor_offset_m(waiting.middle_s, waiting.clock_ahead_s)
         if offset_m is None:
             message, line = "the heading of the robot is unknown", waiting.raw.line
             self._on_problem(Problem(Kind.NO_HEADING, Mistake(message, "drive some metres", waiting.path, line)))
@@ -320,20 +290,3 @@ class Survey:
 
     def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
         self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))
-
-
-def _site_shares(site: Site, tubes: int | None) -> NDArray[np.float64] | None:
-    """Tube shares from the site file, normalised to a sum of 1; ``None`` if it has none.
-
-    :param tubes: number of tubes of the logger, ``None`` if unknown
-    """
-    if site.tube_shares is None:
-        return None
-    shares = np.array(site.tube_shares, dtype=float)
-    if tubes not in (None, len(shares)) or shares.sum() <= 0:
-        have = "an unknown number of" if tubes is None else str(tubes)
-        raise InputError(
-            f"'tube_shares' in the site file has {len(shares)} values, but the logger has {have} tubes",
-            "give one share per tube, not all 0, or leave it out to have them estimated",
-        )
-    return np.asarray(shares / shares.sum())

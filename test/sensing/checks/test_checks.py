@@ -7,30 +7,12 @@ import numpy as np
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.checks import RecordChecks
-from soilmoist_ros.sensing.checks.weather import WeatherChecks, pressure_limits_hpa
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.survey import Survey
 
 GOOD = LoggerRecord(1.7e9, (40.0,), (10.0,), 1005.0, 12.0, 0.6, Position(50.0, 10.0, 100.0))
-
-
-def test_weather_that_the_air_cannot_have_is_left_out():
-    bad = replace(GOOD, pressure_hpa=300.0, temperature_degc=128.9, relative_humidity=1.19)
-    record, findings = WeatherChecks().check(bad)
-    assert [finding.kind for finding in findings] == [Kind.IMPOSSIBLE_WEATHER] * 3
-    assert all(math.isnan(v) for v in (record.pressure_hpa, record.temperature_degc, record.relative_humidity))
-    assert WeatherChecks().check(GOOD) == (GOOD, [])
-
-
-def test_the_altitude_decides_which_pressure_is_possible():
-    plateau = replace(GOOD, pressure_hpa=540.0, position=None)
-    assert WeatherChecks(5000.0).check(plateau)[1] == WeatherChecks().check(plateau)[1] == []
-    assert len(WeatherChecks(100.0).check(plateau)[1]) == 1
-    low, high = pressure_limits_hpa(0.0)
-    assert low < 870
-    assert high > 1085
 
 
 def test_a_count_that_no_tube_reaches_is_quarantined_and_listed():
@@ -53,3 +35,48 @@ def test_the_other_tubes_still_count():
     assert not checked.quarantine
     np.testing.assert_equal(checked.record.tube_counts, (40.0, math.nan))
     assert RecordChecks().check(wild, unused_tubes=[1]).findings == ()
+
+
+def test_impossible_weather_comes_from_other_records_or_the_record_is_quarantined():
+    problems = []
+    survey = Survey(Site(corrections={"humidity": None}), LocalFrame(50.0, 10.0), on_problem=problems.append)
+    pressures = (300.0, 1005.0, 300.0)
+    for number, pressure_hpa in enumerate(pressures):
+        counts = (40.0 + number,)
+        record = replace(GOOD, stamp_s=GOOD.stamp_s + 10 * number, tube_counts=counts, pressure_hpa=pressure_hpa)
+        survey.take_record(record)
+    first, second, third = survey.take_ready()
+    assert (first.quarantine, second.quarantine, third.quarantine) == ("impossible_weather", "", "")
+    assert (first.effective_exposure_s, third.f_pressure) == (first.exposure_s, second.f_pressure)
+    assert [(problem.kind, problem.consequence) for problem in problems] == [
+        (Kind.IMPOSSIBLE_WEATHER, "quarantined"), (Kind.IMPOSSIBLE_WEATHER, "kept")
+    ]  # fmt: skip
+
+
+def test_a_file_is_masked_from_where_a_tube_went_wrong_and_its_shares_are_those_of_good_counts():
+    rng = np.random.default_rng(4)
+    shares = np.array([0.2, 0.25, 0.25, 0.3])
+    counts = rng.poisson(40 * shares, (600, 4)).astype(float)
+    counts[300:330, 2] = 0.0
+    counts[450:460, 0] = rng.poisson(200.0, 10)
+    records = [
+        replace(GOOD, stamp_s=GOOD.stamp_s + 10 * number, tube_counts=tuple(row.tolist()), tube_live_s=(10.0,) * 4)
+        for number, row in enumerate(counts)
+    ]
+    site = Site(corrections={"pressure": None, "humidity": None})
+    problems = []
+    survey = Survey(site, LocalFrame(50.0, 10.0), records, on_problem=problems.append)
+    np.testing.assert_allclose(survey.tube_share, shares, atol=0.01)
+    found = []
+    for record in records:
+        survey.take_record(record)
+        found += survey.take_ready()
+    masked = [number for number, record in enumerate(found) if record.exposure_s < 9.99]
+    assert set(masked) >= {*range(300, 330), *range(450, 460)}
+    assert len(masked) <= 45
+    assert not any(record.quarantine for record in found)
+    rate = sum(record.raw_counts for record in found) / sum(record.exposure_s for record in found)
+    assert abs(rate - 4.0) < 4 * np.sqrt(4.0 / 6000)
+    assert {problem.kind for problem in problems} == {Kind.DEAD_TUBE, Kind.NOISY_TUBE}
+    assert survey.checks.totals.recorded.is_high
+    assert not survey.checks.totals.used.is_high

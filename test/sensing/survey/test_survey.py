@@ -14,7 +14,8 @@ from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import process_logs
-from soilmoist_ros.sensing.survey.survey import MAX_EDGE_TOLERANCE_S, Survey
+from soilmoist_ros.sensing.survey.places import MAX_EDGE_TOLERANCE_S
+from soilmoist_ros.sensing.survey.survey import Survey
 
 NAN = math.nan
 T0 = 1_714_557_600.0
