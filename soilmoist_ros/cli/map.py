@@ -115,6 +115,7 @@ def _print_summary(run: MapRun) -> None:
     import numpy as np
 
     from soilmoist_ros.foundation.places import place_text
+    from soilmoist_ros.reporting.moisture_series import at_one_place
 
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
@@ -123,6 +124,9 @@ def _print_summary(run: MapRun) -> None:
     inside, placed = run.inside
     where = place_text((run.frame.latitude_deg, run.frame.longitude_deg))
     click.echo(f"place      {inside} of {placed} records inside the field, {where}")
+    if at_one_place(run):
+        _print_place(run)
+        return
     rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
     click.echo(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
     if soil_map.curve is None:
@@ -134,6 +138,27 @@ def _print_summary(run: MapRun) -> None:
         )
     if soil_map.accuracy is not None:
         click.echo(f"kriging    {soil_map.accuracy}")
+    _print_notes(run)
+
+
+def _print_place(run: MapRun) -> None:
+    """Mean and course of the moisture at one place."""
+    from soilmoist_ros.reporting.moisture_series import mean_moisture, moisture_series
+
+    curve = run.soil_map.curve
+    mean, series = mean_moisture(run.track, curve), moisture_series(run.track, curve)
+    click.echo(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
+    if curve is None:
+        click.echo("moisture   not computed: the site file has no soil properties or calibration")
+    else:
+        low, high = series.bands.vwc.min(), series.bands.vwc.max()
+        steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
+        click.echo(f"moisture   mean {mean.vwc:.3f} m3/m3, 90 % interval {mean.vwc_p05:.3f} to {mean.vwc_p95:.3f}")
+        click.echo(f"           {low:.3f} to {high:.3f} over time, in {steps}")
+    _print_notes(run)
+
+
+def _print_notes(run: MapRun) -> None:
     from soilmoist_ros.reporting.page.notes import notes
 
     for note in notes(run):

@@ -20,12 +20,13 @@ from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 SUMMARY = "summary.json"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv")
 MISSION_NAMES = ("series.csv", "visits.csv")
+SERIES_NAME = "moisture.csv"
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
 _WORKSHOP = ".writing-"
 _LEFT_S = 3600.0
 """Age from which nobody writes such a folder any more [s]."""
-_PATTERNS = (*NAMES, *MISSION_NAMES, "map_*.tif", "samples_*.geojson", "records_*.csv")
+_PATTERNS = (*NAMES, *MISSION_NAMES, SERIES_NAME, "map_*.tif", "samples_*.geojson", "records_*.csv")
 
 
 def require_writable(folder: Path) -> None:

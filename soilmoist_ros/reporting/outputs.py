@@ -10,7 +10,8 @@ from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
-from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, replaced_together
+from soilmoist_ros.reporting.moisture_series import at_one_place, write_moisture
+from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, SERIES_NAME, replaced_together
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html`` and ``records.csv``.
 
-    A mission adds ``series.csv`` and ``visits.csv``; each property after the first adds ``map_NAME.tif``,
-    ``samples_NAME.geojson`` and ``records_NAME.csv`` with its name.
+    Records that all lie at one place add ``moisture.csv``, a mission ``series.csv`` and ``visits.csv``. Each
+    property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``.
 
     The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
     half a file, nor files of different runs after a failure.
@@ -36,6 +37,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     """
     target = export_crs(run.frame, crs)
     names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
+    names += (SERIES_NAME,) if at_one_place(run) else ()
     names += tuple(name for other in run.others for name in property_names(other.name))
     with replaced_together(folder, names) as workshop:
         for number, one in enumerate(run.properties):
@@ -44,6 +46,8 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
             write_samples(workshop / of_samples, one)
             write_records(workshop / of_records, one.all_records)
         write_report(workshop / "report.html", run)
+        if at_one_place(run):
+            write_moisture(workshop / SERIES_NAME, run)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)

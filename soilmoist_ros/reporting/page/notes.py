@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from soilmoist_ros.reporting.moisture_series import at_one_place
 from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
@@ -37,7 +38,7 @@ def notes(run: MapRun) -> list[Note]:
         *_on_place_and_date(run),
         *_on_calibration(run),
         *_on_moisture(run),
-        *_on_model(run.soil_map),
+        *(_on_one_place() if at_one_place(run) else _on_model(run.soil_map)),
     ]
 
 
@@ -115,6 +116,14 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
             f"On {percent(unclear)} of the area the 90 % interval of the moisture reaches a limit of this soil, "
             f"0 or {pores} %: {unsure}; longer or more stops would help.",
         )
+
+
+def _on_one_place() -> Iterator[Note]:
+    yield Note(
+        NoteCode.ONE_PLACE,
+        "All records lie at one place: its value is not a map of the surroundings. The series over time is what "
+        "was measured.",
+    )
 
 
 def _on_model(soil_map: SoilMap) -> Iterator[Note]:

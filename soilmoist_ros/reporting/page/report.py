@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import maps, numbers, wording
 from soilmoist_ros.reporting.page.charts import survey_charts as charts
 from soilmoist_ros.reporting.page.frame import render_page
@@ -136,6 +137,14 @@ def _maps(run: MapRun) -> Iterator[Section]:
 
 
 def _charts(run: MapRun) -> Iterator[Section]:
+    if at_one_place(run) and run.calibrated:
+        series = moisture_series(run.track, run.soil_map.curve)
+        yield Section(
+            "moisture-series", "Soil moisture over time",
+            picture(charts.moisture_chart(series), "Soil moisture over time", True),
+            "Records added up in steps of time. The band holds the true moisture nine times in ten; the "
+            "uncertainty of the calibration, where it is known, shifts all values together.",
+        )  # fmt: skip
     yield Section(
         "variogram", "Variogram",
         picture(charts.variogram_chart(run), "Semivariance against distance", True),

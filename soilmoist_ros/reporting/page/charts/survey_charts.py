@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.reporting.moisture_series import MoistureSeries
 from soilmoist_ros.reporting.page.numbers import duration
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
 from soilmoist_ros.reporting.page.style import (
@@ -172,6 +173,21 @@ def rate_chart(track: Sequence[CountRecord]) -> Figure:
     axes.plot(dates, rate, color=BLUE, linewidth=1.1, marker="." if len(rate) < 60 else "", label=name)
     axes.yaxis.set_major_locator(MaxNLocator(6))
     label(axes, "", "Corrected rate [counts/s]")
+    _time_axis(axes)
+    legend(axes)
+    return figure
+
+
+def moisture_chart(series: MoistureSeries) -> Figure:
+    """Soil moisture of one place over time; the band is the 90 % interval."""
+    figure = new_figure(WIDTH_IN, HEIGHT_IN - 0.5)
+    axes = plain(figure.add_axes((0.12, 0.17, 0.84, 0.7)), "y")
+    dates = (series.begin_s + series.step_s / 2) / DAY_S
+    low, middle, high = (100 * values for values in (series.bands.vwc_p05, series.bands.vwc, series.bands.vwc_p95))
+    axes.fill_between(dates, low, high, color=BLUE, alpha=0.22, linewidth=0, label="90 % interval")
+    marker = "." if len(dates) < 60 else ""
+    axes.plot(dates, middle, color=BLUE, linewidth=1.1, marker=marker, label=f"mean of {duration(series.step_s)}")
+    label(axes, "", "Soil moisture [% by volume]")
     _time_axis(axes)
     legend(axes)
     return figure
