@@ -172,11 +172,10 @@ def read_logs(
     :raises InputError: if a file cannot be used
     """
     form = load_logger_format(logger) if logger else detect_format(paths[0])
-    form = form.on_clock(site.logger_utc_offset_hours)
     logs = []
     for index, path in enumerate(paths):
         progress("reading logs", index / len(paths))
-        logs.append(read_log(path, form, longitude=site.longitude))
+        logs.append(read_log(path, form, site.longitude, site.logger_utc_offset_hours))
     return logs
 
 

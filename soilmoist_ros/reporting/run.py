@@ -141,6 +141,7 @@ class NoteCode(StrEnum):
     ABOVE_PORE_VOLUME = "above_pore_volume"
     NEGATIVE_MOISTURE = "negative_moisture"
     BEYOND_LIMITS = "beyond_limits"
+    FAR_REFERENCE_PRESSURE = "far_reference_pressure"
     ONE_PLACE = "one_place"
     FEW_SAMPLES = "few_samples"
     PRIOR_MATTERED = "prior_mattered"

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def test_the_corrections_agree_with_crnpy() -> None:
     # crnpy was run on the eight records of 22 October until 16:00 (local time), with P0 976 hPa and L 130.
     pressure = {"beta_per_hpa": 1 / 130, "reference_hpa": 976.0}
     site = Site(corrections={"pressure": pressure}, logger_utc_offset_hours=-6)
-    log = read_log(STATION)
+    log = read_log(STATION, utc_offset_hours=site.logger_utc_offset_hours)
     records = [r for r in process_logs([log], site).records if 0 < r.stamp_s - 1634911200 <= 8 * HOUR]
     assert np.mean([1 / record.f_pressure for record in records]) == pytest.approx(1.111694993011282, rel=1e-12)
     assert np.mean([record.f_humidity for record in records]) == pytest.approx(1.0455073869559603, rel=2e-3)
@@ -63,6 +64,14 @@ def test_the_folder_has_the_series(run, tmp_path) -> None:
     assert sum(int(row["records"]) for row in rows) == 263
     assert all(float(row["vwc_p05"]) <= float(row["vwc"]) <= float(row["vwc_p95"]) for row in rows)
     assert "Soil moisture over time" in (tmp_path / "report.html").read_text()
+
+
+def test_a_reference_far_from_the_pressure_of_the_place_is_noted(run) -> None:
+    row = replace(run.corrections[0], parameters={"beta [1/hPa]": 0.0077, "P0 [hPa]": 1013.25}, mean_factor=0.69)
+    far = replace(run, corrections=[row])
+    (note, _) = notes(far)
+    assert note.code is NoteCode.FAR_REFERENCE_PRESSURE
+    assert "48 hPa below the reference of 1013 hPa" in note.message
 
 
 def test_values_of_the_place_are_in_the_report(run) -> None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 FEW_SAMPLES = 10
 MAX_RATE_ERROR = 0.05
 """Largest error of a tiled map that needs no note, as a share of the standard deviation."""
+MAX_FROM_REFERENCE_HPA = 40.0
+"""Largest distance of the mean pressure from its reference that needs no note [hPa]: more than any weather."""
 MAX_AHEAD_S = 86_400.0
 """How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
 MIN_UNCLEAR = 0.01
@@ -36,6 +38,7 @@ def notes(run: MapRun) -> list[Note]:
         *run.notes,
         *_on_quarantine(run),
         *_on_place_and_date(run),
+        *_on_pressure(run),
         *_on_calibration(run),
         *_on_moisture(run),
         *(_on_one_place() if at_one_place(run) else _on_model(run.soil_map)),
@@ -75,6 +78,22 @@ def _on_place_and_date(run: MapRun) -> Iterator[Note]:
             )
 
 
+def _on_pressure(run: MapRun) -> Iterator[Note]:
+    """Note on a reference pressure that is not one of the place."""
+    row = next((row for row in run.corrections if "beta [1/hPa]" in row.parameters), None)
+    if row is None:
+        return
+    reference_hpa = float(row.parameters["P0 [hPa]"])
+    above_hpa = math.log(row.mean_factor) / float(row.parameters["beta [1/hPa]"])
+    if abs(above_hpa) > MAX_FROM_REFERENCE_HPA:
+        yield Note(
+            NoteCode.FAR_REFERENCE_PRESSURE,
+            f"The air pressure is {abs(above_hpa):.0f} hPa {'above' if above_hpa > 0 else 'below'} the reference "
+            f"of {reference_hpa:.0f} hPa on average. This is right only if N0 was calibrated with this reference; "
+            "'reference_hpa: auto' in the site file takes the one of the altitude.",
+        )
+
+
 def _on_calibration(run: MapRun) -> Iterator[Note]:
     if run.calibration is not None and run.calibration.illustrative:
         yield Note(
@@ -110,7 +129,7 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
             f"{unsure if run.simulated else _TOO_DRY}.",
         )
     unclear = reached - below - too_wet - negative
-    if unclear >= MIN_UNCLEAR:
+    if unclear >= MIN_UNCLEAR and not at_one_place(run):
         yield Note(
             NoteCode.BEYOND_LIMITS,
             f"On {percent(unclear)} of the area the 90 % interval of the moisture reaches a limit of this soil, "

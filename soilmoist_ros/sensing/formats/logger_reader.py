@@ -293,17 +293,23 @@ class RecordParser:
 
 
 def read_log(
-    path: Path | str, logger: LoggerFormat | str | None = None, longitude: Longitude = "signed"
+    path: Path | str,
+    logger: LoggerFormat | str | None = None,
+    longitude: Longitude = "signed",
+    utc_offset_hours: float | None = None,
 ) -> LogFile:
     """Read a logger's file.
 
     :param logger: format: a model, its name, or the path of a YAML file; detected from the header if ``None``
     :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
+    :param utc_offset_hours: logger's clock minus UTC [h]; that of the format if ``None``
     :raises InputError: if the file cannot be read, or has another format; the message names the formats that fit
     """
     path = Path(path)
     lines, last_is_complete = read_lines(path)
-    return parse_log(lines, logger or _format_of(lines, path), longitude, path, last_is_complete)
+    form = logger or _format_of(lines, path)
+    form = load_logger_format(form) if isinstance(form, str) else form
+    return parse_log(lines, form.on_clock(utc_offset_hours), longitude, path, last_is_complete)
 
 
 def parse_log(
