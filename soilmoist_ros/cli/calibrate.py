@@ -32,8 +32,14 @@ TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m
     type=click.FloatRange(min=0, min_open=True),
     help="Effective exposure of --counts: live time divided by the product of the correction factors [s].",
 )
-@click.option("--from", "start", type=TIME, help="Use records of the log from this time on (UTC).")
-@click.option("--to", "end", type=TIME, help="Use records of the log up to this time (UTC).")
+@click.option(
+    "--from",
+    "start",
+    type=TIME,
+    metavar="TIME",
+    help="Use records of the log after this time (UTC), such as 2026-05-02T14:30.",
+)
+@click.option("--to", "end", type=TIME, metavar="TIME", help="Use records of the log up to this time (UTC).")
 @click.option(
     "--curve",
     type=click.Choice(["desilets", "universal"]),
@@ -86,7 +92,8 @@ def command(
         soil = Soil(bulk_density_gcm3=round(density, 4))
     unit = (known.calibration or Calibration(n0_cps=1.0)).model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None})
     unit = unit.model_copy(update={"curve": curve or unit.curve})
-    known = known.model_copy(update={"soil": soil, "calibration": unit})
+    unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
+    known = known.model_copy(update={"soil": soil, "calibration": unknown})
     counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
     around = _surroundings(known, soil, counted)
     mean = mean_of_cores(sampled, weighting, around)

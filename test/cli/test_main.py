@@ -191,6 +191,7 @@ def test_calibration_with_weights_and_the_universal_curve_in_a_window_of_time(su
     result = run(*common, "--from", "1999-01-01", "--to", "1999-01-02")
     assert result.exit_code == 2
     assert "has no record between these times -> the log lasts from 20" in result.output
+    site.write_text("soil: {bulk_density_gcm3: 1.4}\ncalibration: {n0_cps: 0.1}\n")
     result = run(*common, "--from", "1999-01-01", "--curve", "universal")
     assert result.exit_code == 0, result.output
     assert "3 in 2 profiles" in result.output

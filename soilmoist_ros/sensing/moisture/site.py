@@ -157,7 +157,8 @@ class Site(Section):
 
     @property
     def _humidity_response(self) -> Callable[[float], float]:
-        calibration = self.calibration or Calibration(n0_cps=1.0)
+        unit = {"n0_cps": 1.0, "n0_sd_cps": None}  # the response is relative, and N0 may be unknown
+        calibration = (self.calibration or Calibration(n0_cps=1.0)).model_copy(update=unit)
         soil = self.soil or Soil(bulk_density_gcm3=SIMULATED_DENSITY_GCM3)
         curve = _universal_curve(calibration, soil, self.reference_humidity_gm3)
         return partial(curve.humidity_response, self.corrections.typical_vwc)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.sensing.moisture.site import Calibration, Soil
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Array = NDArray[np.float64]
@@ -72,10 +73,9 @@ def _outline(field: SurrogateField) -> dict[str, Any]:
 def _calibration(field: SurrogateField, note: str | None = None) -> dict[str, Any]:
     if field.curve is None:
         return {}
-    parameters = field.curve.parameters
-    soil = {name: parameters[name] for name in ("bulk_density_gcm3", "lattice_water", "organic_water")}
-    names = ("n0_cps", "curve", "parameter_set")
-    calibration: dict[str, Any] = {name: parameters[name] for name in names if name in parameters}
+    known = {name: value for name, value in field.curve.parameters.items() if value}
+    soil = {name: known[name] for name in Soil.model_fields if name in known}
+    calibration = {name: known[name] for name in Calibration.model_fields if name in known}
     if note:
         calibration["note"] = note
     return {"soil": soil, "calibration": calibration}

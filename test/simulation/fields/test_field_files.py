@@ -17,12 +17,21 @@ truth: {formula: {family: gradient, low: 2, high: 3, angle_deg: 30}}
 """
 
 
-@pytest.fixture(params=["half-wet", "airfield_points", "with-holes"])
+UNIVERSAL = (
+    "soil: {bulk_density_gcm3: 1.3, lattice_water: 0.02, bulk_density_sd_gcm3: 0.1}, "
+    "calibration: {n0_cps: 9, n0_sd_cps: 0.2, curve: universal, parameter_set: uranos_thl}"
+)
+
+
+@pytest.fixture(params=["half-wet", "airfield_points", "with-holes", "universal"])
 def field(request, tmp_path):
-    if request.param != "with-holes":
+    if request.param in ("half-wet", "airfield_points"):
         return surrogate_field(request.param)
-    path = tmp_path / "holes.yaml"
-    path.write_text(NO_GO.replace("\\u00e4", "ä"), encoding="utf-8")
+    path = tmp_path / "made.yaml"
+    text = NO_GO.replace("\\u00e4", "ä")
+    if request.param == "universal":
+        text = text.replace("truth: {", f"truth: {{{UNIVERSAL}, ")
+    path.write_text(text, encoding="utf-8")
     return surrogate_field(str(path))
 
 
@@ -52,7 +61,9 @@ def test_the_truth_file_is_the_same_field_again(field, tmp_path):
 
 def test_the_site_file_has_the_calibration_that_the_field_is_made_with(field, tmp_path):
     write_site_file(field, tmp_path / "site.yaml")
-    assert load_site(tmp_path / "site.yaml").curve == field.curve
+    site = load_site(tmp_path / "site.yaml")
+    assert site.curve == field.curve
+    assert site.humidity_method == "linear"  # as the simulated weather acts
 
 
 def test_where_nothing_can_be_written_is_said(field, tmp_path):
