@@ -17,8 +17,13 @@ from pydantic import model_validator
 from soilmoist_ros.foundation.configuration import Section, load_model
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.places import distance_and_bearing, distance_text
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
+MIN_AREA_M2, MAX_AREA_M2 = 1.0, 1e9
+"""Areas beyond which a boundary is a mistake [m^2]."""
+MAX_DATUM_DISTANCE_M = 50_000.0
+"""Distance of the boundary from its datum beyond which it is a mistake: the plane stretches by 0.5 m there [m]."""
 Vertex = tuple[float, float]
 Ring = Annotated[list[Vertex], Setting(min_length=3)]
 
@@ -62,8 +67,13 @@ class FieldFile(Section):
             raise ValueError("a boundary or no-go area in metres needs a 'datum' to start from")
         for lon, lat in self.polygon_lonlat or []:
             if not (-180 <= lon <= 180 and -90 <= lat <= 90):
-                raise ValueError(f"[{lon}, {lat}] is not [longitude, latitude] in degrees")
+                hint = ", but [latitude, longitude]: longitude comes first" if _is_place(lon, lat) else ""
+                raise ValueError(f"[{lon}, {lat}] is not [longitude, latitude] in degrees{hint}")
         return self
+
+
+def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
+    return abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,6 +162,7 @@ def load_field(path: Path) -> Field:
     no_go = [frame.to_local(hole[:, 1], hole[:, 0]) for hole in holes_lonlat]
     no_go += [_open_ring(ring) for ring in content.no_go]
     _require_valid(polygon, "the boundary", path)
+    _require_plausible(polygon, lonlat, frame, path)
     for number, ring in enumerate(no_go, start=1):
         _require_valid(ring, f"no-go area {number}", path)
     return Field(content.name, frame, polygon, tuple(no_go), content.cell_m)
@@ -175,6 +186,39 @@ def _require_valid(ring: NDArray[np.float64], name: str, path: Path) -> None:
         )
     if polygon.area <= 0:
         raise InputError(f"{name} encloses no area", "give at least three corners not on one line", path)
+
+
+def _require_plausible(
+    polygon: NDArray[np.float64], lonlat: NDArray[np.float64] | None, frame: LocalFrame, path: Path
+) -> None:
+    """Check area and place of a boundary: mistakes of units, order and datum are off by orders of magnitude.
+
+    :param polygon: boundary in the plane of the field [m]
+    :param lonlat: boundary as longitude and latitude [deg], if it was given so
+    """
+    from shapely import Polygon
+
+    shape = Polygon(polygon)
+    if not MIN_AREA_M2 <= shape.area <= MAX_AREA_M2:
+        large = shape.area > MAX_AREA_M2
+        size = f"{shape.area / 1e6:,.0f} km2" if large else f"{shape.area:.3g} m2"
+        what = "too large for a survey" if large else "smaller than any footprint of the sensor"
+        hint = "check the corners: 'polygon' is in metres from the datum, 'polygon_lonlat' in degrees"
+        raise InputError(f"the boundary encloses {size}, {what}", hint, path)
+    distance_m = float(np.hypot(shape.centroid.x, shape.centroid.y))
+    if lonlat is not None:
+        longitude, latitude = lonlat.mean(axis=0).tolist()
+        distance_m, _ = distance_and_bearing((frame.latitude_deg, frame.longitude_deg), (latitude, longitude))
+    if distance_m > MAX_DATUM_DISTANCE_M:
+        swapped = lonlat is not None and np.all(np.abs(lonlat[:, 0]) <= 90)
+        near = swapped and np.hypot(*frame.to_local(longitude, latitude)[0]) <= MAX_DATUM_DISTANCE_M
+        if near:
+            hint = "swap the numbers of each corner: longitude comes first"
+        elif lonlat is None:
+            hint = "give the corners in metres from the datum, not as coordinates of a map projection"
+        else:
+            hint = "check 'datum' and the signs of the corners, or leave 'datum' out"
+        raise InputError(f"the boundary lies {distance_text(distance_m)} from the datum", hint, path)
 
 
 def _read_geojson(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:

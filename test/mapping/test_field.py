@@ -95,3 +95,27 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
     with pytest.raises(InputError, match=r"the field 'plot' cannot be gridded: .* -> change the cell size"):
         field.grid(500.0)
     assert repr(field) == "Field('plot', 60 m x 50 m, 0 no-go areas)"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("polygon: [[0,0],[0.001,0],[0.001,0.001]]\n", "5e-07 m2, smaller than any footprint .*'polygon_lonlat' in deg"),
+        ("polygon: [[0,0],[40000,0],[40000,40000],[0,40000]]\n", "encloses 1,600 km2, too large for a survey"),
+        ("polygon: [[398000,5902000],[398100,5902000],[398100,5902100]]\n", "5,915 km from the datum .*map projection"),
+        (
+            "polygon_lonlat: [[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]\n",
+            "7,748 km from the datum -> swap the numbers of each corner: longitude comes first",
+        ),
+        ("polygon_lonlat: [[0.52,53.27],[0.521,53.27],[0.521,53.271]]\n", "69 km from the datum -> check 'datum'"),
+        ("polygon_lonlat: [[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]\n", "longitude comes first"),
+    ],
+)
+def test_mistakes_of_units_order_and_datum_are_named(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        load_field(write(tmp_path, SQUARE + text))
+
+
+def test_small_plots_and_whole_farms_are_fields(tmp_path):
+    assert load_field(write(tmp_path, SQUARE + "polygon: [[0,0],[2,0],[2,2],[0,2]]\n")).extent_m == 2.0
+    assert load_field(write(tmp_path, SQUARE + "polygon: [[0,0],[9e3,0],[9e3,9e3],[0,9e3]]\n")).extent_m == 9e3
