@@ -1,51 +1,146 @@
-"""``soilmoist check``: report mistakes in configuration files."""
+"""``soilmoist check``: report what files mean, mistakes in them, and contradictions between them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from soilmoist_ros.cli.console import report_errors
+from soilmoist_ros.cli.console import FILE, report_errors
 from soilmoist_ros.foundation.errors import InputError, Mistake
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping.field import Field
+    from soilmoist_ros.replay.file_facts import Finding
+    from soilmoist_ros.sensing.moisture.site import Site
+
+Value = TypeVar("Value")
 
 
 @click.command("check")
 @click.option("--logger", multiple=True, help="Logger format: a shipped name or a YAML file. Repeatable.")
 @click.option("--site", multiple=True, help="Site file: a shipped name or a YAML file. Repeatable.")
 @click.option("--field", multiple=True, help="Field file: a shipped name or a YAML file. Repeatable.")
+@click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the probe of --site. Repeatable.")
+@click.option("--nmea", type=FILE, multiple=True, help="GNSS log (NMEA) of --log. Repeatable.")
 @report_errors
-def command(logger: tuple[str, ...], site: tuple[str, ...], field: tuple[str, ...]) -> None:
-    """Check configuration files and report every mistake in them."""
-    from soilmoist_ros.foundation.configuration import read_yaml, resource
-    from soilmoist_ros.mapping.field import load_field
-    from soilmoist_ros.sensing.formats.logger_format import load_logger_format
-    from soilmoist_ros.sensing.moisture.site import load_site
-    from soilmoist_ros.sensing.survey.correction import intensity_source
-    from soilmoist_ros.simulation.fields.truth_file import load_surrogate
+def command(
+    logger: tuple[str, ...],
+    site: tuple[str, ...],
+    field: tuple[str, ...],
+    logs: tuple[Path, ...],
+    nmea: tuple[Path, ...],
+) -> None:
+    """Check configuration files and report every mistake in them.
 
-    def check_site(name: str) -> None:
-        intensity_source(load_site(name).corrections)
-
-    def check_field(path: Path) -> None:
-        load_field(path)
-        if "truth" in read_yaml(path):
-            load_surrogate(path)
-
-    checks: list[tuple[str, Callable[[], object]]] = [
-        *((name, lambda name=name: load_logger_format(name)) for name in logger),
-        *((name, lambda name=name: check_site(name)) for name in site),
-        *((name, lambda name=name: check_field(resource("fields", name))) for name in field),
-    ]
-    if not checks:
-        raise click.UsageError("give at least one of --logger, --site, --field")
+    Says what each file means: area and place of a field, moisture range of a calibration, dates and tubes of a
+    log. Files that are given together are compared.
+    """
+    if not (logger or site or field or logs):
+        raise click.UsageError("give at least one of --logger, --site, --field, --log")
+    if logs and (len(site) > 1 or len(logger) > 1):
+        raise click.UsageError("give one --site and one --logger at most with --log")
+    if nmea and not logs:
+        raise click.UsageError("--nmea requires --log")
     mistakes: list[Mistake] = []
-    for name, check in checks:
-        try:
-            check()
-            click.echo(f"ok: {name}")
-        except InputError as error:
-            mistakes += error.mistakes
+    for name in logger:
+        _checked(name, partial(_logger, name), mistakes)
+    sites = [_checked(name, partial(_site, name), mistakes) for name in site]
+    fields = [_checked(name, partial(_field, name), mistakes) for name in field]
+    if not mistakes and len(sites) < 2:
+        _compare(next(iter(sites), None), list(zip(field, fields, strict=True)), logger, logs, nmea, mistakes)
     if mistakes:
         raise InputError(mistakes)
+
+
+def _checked(
+    name: str, check: Callable[[], tuple[Value, Iterable[Finding]]], mistakes: list[Mistake]
+) -> Value | None:
+    """Check one file and print what it means; its mistakes are added to ``mistakes``."""
+    try:
+        value, findings = check()
+        lines = list(findings)
+    except InputError as error:
+        mistakes += error.mistakes
+        return None
+    click.echo(f"ok: {name}")
+    _print(lines)
+    return value
+
+
+def _print(findings: Iterable[Finding]) -> None:
+    for finding in findings:
+        click.echo(f"  {finding.name:<11} {finding.text}")
+
+
+def _logger(name: str) -> tuple[None, tuple[()]]:
+    from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+
+    load_logger_format(name)
+    return None, ()
+
+
+def _site(name: str) -> tuple[Site, Iterable[Finding]]:
+    from soilmoist_ros.replay.file_facts import site_findings
+    from soilmoist_ros.sensing.moisture.site import load_site
+    from soilmoist_ros.sensing.survey.correction import intensity_source
+
+    site = load_site(name)
+    intensity_source(site.corrections)
+    return site, site_findings(site)
+
+
+def _field(name: str) -> tuple[Field, Iterable[Finding]]:
+    from soilmoist_ros.foundation.configuration import read_yaml, resource
+    from soilmoist_ros.mapping.field import load_field
+    from soilmoist_ros.replay.file_facts import field_findings
+    from soilmoist_ros.simulation.fields.truth_file import load_surrogate
+
+    path = resource("fields", name)
+    field = load_field(path)
+    if "truth" in read_yaml(path):
+        load_surrogate(path)
+    return field, field_findings(field)
+
+
+def _compare(
+    site: Site | None,
+    fields: Sequence[tuple[str, Field | None]],
+    logger: Sequence[str],
+    logs: Sequence[Path],
+    nmea: Sequence[Path],
+    mistakes: list[Mistake],
+) -> None:
+    """Check logs, and compare files that are given together."""
+    import numpy as np
+
+    from soilmoist_ros.foundation.configuration import resource
+    from soilmoist_ros.mapping.placement import PositionSource
+    from soilmoist_ros.replay.file_facts import contradictions, log_findings
+    from soilmoist_ros.replay.log_map import log_positions, position_source, read_logs, read_track
+    from soilmoist_ros.sensing.moisture.site import Site
+
+    places, source = np.empty((0, 2)), PositionSource("'location' in the site file")
+    if logs:
+        chosen = site or Site()
+
+        def check() -> tuple[None, list[Finding]]:
+            nonlocal places, source
+            found = read_logs(logs, next(iter(logger), None), chosen)
+            track, _ = read_track(nmea)
+            places, source = log_positions(found, track, chosen), position_source(found, nmea, chosen, None)
+            return None, list(log_findings(found, places, site, time.time()))
+
+        _checked(", ".join(path.name for path in logs), check, mistakes)
+    for name, field in fields or [("", None)]:
+        at = source if field is None else replace(source, field_file=resource("fields", name))
+        for found in contradictions(field, site, places, at):
+            if isinstance(found, Mistake):
+                mistakes.append(found)
+            else:
+                _print([found])

@@ -36,11 +36,20 @@ class PositionSource:
     :param longitude: side of Greenwich that the site file gives to a log without signs; ``signed`` if the log or
         receiver has signs
     :param field_file: the field file, ``None`` if unknown
+    :param target: what they are compared with, in words; empty for the field by its name
+    :param target_keys: where the place of the target is written
+    :param subject: what lies there, with its verb; empty for the number of records
     """
 
     name: str = "the log"
     longitude: str = "signed"
     field_file: Path | None = None
+    target: str = ""
+    target_keys: str = "'datum' and boundary in the field file"
+    subject: str = ""
+
+
+_ANY = PositionSource()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,16 +105,15 @@ class Placement:
         latitude, longitude = np.median(self.latlon, axis=0)
         return float(latitude), float(longitude)
 
-    @property
-    def words(self) -> str:
+    def words(self, source: PositionSource = _ANY) -> str:
         """How far away the records are: distance, direction and bearing."""
         bearing_deg = self.nearest_from_centre[1]
         count = len(self.latlon)
-        whose = "the only record lies" if count == 1 else f"all {count} records lie"
+        whose = source.subject or ("the only record lies" if count == 1 else f"all {count} records lie")
         least = "" if count == 1 or self.nearest_m >= PLANE_M else "at least "
         return (
             f"{whose} {least}{distance_text(self.nearest_m)} {direction(bearing_deg)} "
-            f"(bearing {bearing_deg:.0f} deg) of the field {self.field.name!r}"
+            f"(bearing {bearing_deg:.0f} deg) of {source.target or f'the field {self.field.name!r}'}"
         )
 
 
@@ -125,7 +133,9 @@ def require_near(field: Field, latlon: ArrayLike, reach_m: float, source: Positi
         return None
     placement = Placement(field, places)
     if placement.nearest_m > reach_m:
-        raise InputError([Mistake(placement.words, likely_cause(placement, reach_m, source), source.field_file)])
+        raise InputError(
+            [Mistake(placement.words(source), likely_cause(placement, reach_m, source), source.field_file)]
+        )
     return placement
 
 
@@ -172,11 +182,14 @@ def likely_cause(placement: Placement, reach_m: float, source: PositionSource) -
         f"{coordinates_text(*place, digits=4)}{f', {town}' if (town := town_text(place)) else ''}"
         for place in (placement.middle, placement.field.centre)
     )
-    return f"give the field file of this place: {source.name} has records at {records}, the field lies at {field}"
+    return (
+        f"give the {'site' if source.target else 'field'} file of this place: {source.name} has records at "
+        f"{records}, {source.target or 'the field'} lies at {field}"
+    )
 
 
 def _advice(code: str, source: PositionSource) -> str:
-    field = "'datum' and boundary in the field file"
+    field = source.target_keys
     other = {"east": "west", "west": "east"}.get(source.longitude)
     match code:
         case "longitude" if other:
@@ -199,7 +212,7 @@ def _advice(code: str, source: PositionSource) -> str:
             )
         case "swapped":
             return (
-                f"swap latitude and longitude in {source.name} or in the field file, where 'polygon_lonlat' is "
+                f"swap latitude and longitude in {source.name} or in {field}: 'polygon_lonlat' is "
                 "[longitude, latitude] (swapped, the records lie there)"
             )
     return (

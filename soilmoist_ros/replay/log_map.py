@@ -102,10 +102,10 @@ def map_logs(
     field = load_field(settings.field) if settings.field else None
     require_crs(settings.crs, field.frame if field else None)
     logs = read_logs(paths, settings.logger, site, progress)
-    track, track_problems = _read_track(settings.nmea)
+    track, track_problems = read_track(settings.nmea)
     placement = None
     if field is not None:
-        source = _position_source(logs, track, site, settings)
+        source = position_source(logs, settings.nmea, site, settings.field)
         reach_m = max(field.extent_m, site.footprint_radius_m)  # no variogram yet
         placement = require_near(field, log_positions(logs, track, site), reach_m, source)
     progress("correcting and placing records", 0.0)
@@ -134,7 +134,7 @@ def map_logs(
     if placement is not None and placement.nearest_m > max(
         range_m := soil_map.variogram.practical_range_m, radius_m
     ):
-        message = f"{placement.words}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
+        message = f"{placement.words()}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
         raise InputError(message, "give the field file of the place that was surveyed", settings.field)
     return make_run(
         soil_map,
@@ -193,19 +193,28 @@ def log_positions(logs: Sequence[LogFile], track: Track | None, site: Site) -> N
     return np.array(known, float).reshape(-1, 2)
 
 
-def _position_source(
-    logs: Sequence[LogFile], track: Track | None, site: Site, settings: MapSettings
+def position_source(
+    logs: Sequence[LogFile], nmea: Sequence[Path], site: Site, field_file: Path | None
 ) -> PositionSource:
-    """Where the positions come from, for advice."""
-    if track is not None:
-        return PositionSource(settings.nmea[0].name, field_file=settings.field)
+    """Where the positions of logs come from, for advice.
+
+    :param nmea: GNSS logs, if any
+    :param site: site of the logs
+    :param field_file: the field file, if any
+    """
+    if nmea:
+        return PositionSource(nmea[0].name, field_file=field_file)
     if not any(record.position for log in logs for record in log.records):
-        return PositionSource("'location' in the site file", field_file=settings.field)
+        return PositionSource("'location' in the site file", field_file=field_file)
     side = site.longitude if any(log.unsigned_longitude for log in logs) else "signed"
-    return PositionSource(logs[0].path.name, side, settings.field)
+    return PositionSource(logs[0].path.name, side, field_file)
 
 
-def _read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
+def read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
+    """The positions of GNSS logs and the faults in them; ``None`` without a log.
+
+    :raises InputError: if the logs hold no position
+    """
     if not paths:
         return None, []
     fixes, problems = [], []

@@ -100,9 +100,15 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("polygon: [[0,0],[0.001,0],[0.001,0.001]]\n", "5e-07 m2, smaller than any footprint .*'polygon_lonlat' in deg"),
+        (
+            "polygon: [[0,0],[0.001,0],[0.001,0.001]]\n",
+            "5e-07 m2, smaller than any footprint .*'polygon_lonlat' in deg",
+        ),
         ("polygon: [[0,0],[40000,0],[40000,40000],[0,40000]]\n", "encloses 1,600 km2, too large for a survey"),
-        ("polygon: [[398000,5902000],[398100,5902000],[398100,5902100]]\n", "5,915 km from the datum .*map projection"),
+        (
+            "polygon: [[398000,5902000],[398100,5902000],[398100,5902100]]\n",
+            "5,915 km from the datum .*map projection",
+        ),
         (
             "polygon_lonlat: [[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]\n",
             "7,748 km from the datum -> swap the numbers of each corner: longitude comes first",

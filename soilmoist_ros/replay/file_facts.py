@@ -1,0 +1,244 @@
+"""What field, site and log files mean, in words; doubts about them, and contradictions between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.places import distance_text, place_text
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.placement import PositionSource, require_near
+from soilmoist_ros.reporting.page.numbers import area, duration
+from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+from soilmoist_ros.sensing.formats.logger_reader import LogFile
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing.survey.logs import calibration_counts
+
+MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
+"""Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
+MAX_FROM_SITE_M = 100_000.0
+"""Distance of records from the place of their site beyond which one of them is wrong [m]."""
+MAX_AHEAD_S = 86_400.0
+"""How far after the present a record may be dated [s]: clocks of loggers are local."""
+WEAK_TUBE = 0.2
+"""Share of the mean count of the tubes below which a tube counts too little."""
+_DRY, _WET = 0.05, 0.40
+"""Moisture of dry and wet soil, for examples [m^3/m^3]."""
+
+
+class Finding(NamedTuple):
+    """One line about a file: what it says, or a doubt about it.
+
+    :param name: topic of the line; ``doubt`` for a doubt
+    :param text: the line
+    """
+
+    name: str
+    text: str
+
+
+def _doubt(text: str) -> Finding:
+    return Finding("doubt", text)
+
+
+def field_findings(field: Field) -> Iterator[Finding]:
+    """Area, place, direction and cells of a field."""
+    import shapely
+
+    shape = shapely.Polygon(field.polygon)
+    left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
+    value, unit = area(shape.difference(left_out).area)
+    width_m, height_m = np.ptp(field.polygon, axis=0)
+    grid = field.grid()
+    yield Finding("field", f"{field.name}: {value} {unit} at {place_text(field.centre)}")
+    yield Finding(
+        "extent",
+        f"{width_m:.0f} m east-west, {height_m:.0f} m north-south; longest side at {_longest_side_deg(field)} deg",
+    )
+    cells = f"{np.count_nonzero(grid.mask)} cells of {grid.cell_m:g} m"
+    no_go = f", {len(field.no_go)} no-go {'area' if len(field.no_go) == 1 else 'areas'}" if field.no_go else ""
+    yield Finding("map", f"{cells}{no_go}")
+    if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
+        size = (
+            "smaller than the footprint of the sensor" if shape.area < MIN_USUAL_M2 else "very large for a survey"
+        )
+        yield _doubt(f"{value} {unit} is {size}: are the corners in the right unit?")
+    distance_m = math.hypot(shape.centroid.x, shape.centroid.y)
+    if distance_m > max(5000.0, 5 * field.extent_m):
+        yield _doubt(
+            f"the boundary lies {distance_text(distance_m)} from its datum: is the datum that of this field?"
+        )
+
+
+def _longest_side_deg(field: Field) -> int:
+    """Direction of the longest side, 0..179 [deg from north]."""
+    sides = np.roll(field.polygon, -1, axis=0) - field.polygon
+    east, north = sides[np.argmax(np.hypot(*sides.T))]
+    return round(math.degrees(math.atan2(east, north))) % 180
+
+
+def site_findings(site: Site) -> Iterator[Finding]:
+    """Place, corrections and calibration of a site, and the moisture that its calibration gives."""
+    side = "" if site.longitude == "signed" else f"; longitudes without a sign are {site.longitude}"
+    yield Finding("site", f"{site.name}; footprint {site.footprint_radius_m:g} m{side}")
+    if site.location is not None:
+        yield Finding("place", place_text((site.location.latitude_deg, site.location.longitude_deg)))
+    parameters, settings = site.corrections_parameters, site.corrections
+    applied = [
+        f"pressure ({parameters.beta_per_hpa:.5f} 1/hPa, 1 at {parameters.reference_pressure_hpa:g} hPa)"
+        if settings.pressure
+        else "no pressure",
+        f"humidity ({site.humidity_method})" if settings.humidity else "no humidity",
+        "incoming neutrons" if settings.intensity else "no incoming neutrons",
+    ]
+    yield Finding("correction", ", ".join(applied))
+    curve = site.curve
+    if curve is None:
+        missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
+        yield Finding("moisture", f"not mapped, only the count rate: there is no {missing}")
+        return
+    limits = soil_limits(curve.bulk_density_gcm3)
+    dry, wet = (float(curve.rate_cps(min(vwc, limits.saturation))) for vwc in (_DRY, _WET))
+    guessed = " (illustrative)" if site.calibration is not None and site.calibration.illustrative else ""
+    yield Finding(
+        "moisture",
+        f"N0 {curve.n0_cps:g} counts/s{guessed}: {dry:.2f} counts/s on dry soil ({_DRY:.2f} m3/m3), {wet:.2f} on "
+        f"wet soil ({min(_WET, limits.saturation):.2f}); the pores hold {limits.saturation:.2f}",
+    )
+
+
+def log_findings(
+    logs: Sequence[LogFile], places: NDArray[np.float64], site: Site | None, now_s: float
+) -> Iterator[Finding]:
+    """Format, records, dates, tubes and place of the logs of one probe.
+
+    :param logs: the logs, one at least
+    :param places: latitude and longitude of the records, shape (n, 2) [deg], see :func:`log_positions`
+    :param site: the site, if it is known
+    :param now_s: the present [s since 1970-01-01 UTC]
+    """
+    records = [record for log in logs for record in log.records]
+    lost = sum(log.records_lost for log in logs)
+    yield Finding("log", f"{logs[0].format_title}: {len(records)} records{f', {lost} lost' if lost else ''}")
+    if not records:
+        return
+    stamps_s = np.array([record.stamp_s for record in records])
+    first_s, last_s = float(stamps_s.min()), float(stamps_s.max())
+    period_s = logs[0].period_s
+    if not math.isfinite(period_s) and len(records) > 1:
+        period_s = float(np.median(np.diff(np.sort(stamps_s))))
+    every = f", a record every {period_s:g} s" if math.isfinite(period_s) else ""
+    yield Finding("time", f"{_date(first_s)} to {_date(last_s)} UTC ({duration(last_s - first_s)}){every}")
+    if first_s < EARLIEST_STAMP_S or last_s > now_s + MAX_AHEAD_S:
+        when = "in the future" if last_s > now_s + MAX_AHEAD_S else "before 2000"
+        yield _doubt(f"records are dated {when}: check the clock of the logger and the order of day and month")
+    yield from _tube_findings(logs)
+    if len(places):
+        latitude, longitude = np.median(places, axis=0).tolist()
+        yield Finding("place", f"{len(places)} records at {place_text((latitude, longitude))}")
+    else:
+        yield _doubt(
+            "no record has a position: give --nmea, or the location of a stationary probe in the site file"
+        )
+    if site is not None:
+        yield from _moisture_findings(logs, site)
+
+
+def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
+    """Mean count rate of each tube."""
+    records = [record for log in logs for record in log.records]
+    if len({len(record.tube_counts) for record in records}) != 1:
+        yield _doubt("the logs have different numbers of tubes: they are of different probes")
+        return
+    counts = np.nansum([record.tube_counts for record in records], axis=0)
+    live_s = np.nansum([record.tube_live_s for record in records], axis=0)
+    rates = np.divide(counts, live_s, out=np.full(len(counts), np.nan), where=live_s > 0)
+    texts = ", ".join("none" if math.isnan(rate) else f"{rate:.2f}" for rate in rates)
+    yield Finding("tubes", f"{len(rates)}, counting {texts} counts/s")
+    weak = [number for number, rate in enumerate(rates, 1) if not rate >= WEAK_TUBE * np.nanmean(rates)]
+    if weak:
+        yield _doubt(f"tube {', '.join(map(str, weak))} counts much less than the others: is it connected?")
+
+
+def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]:
+    """The mean corrected rate, and the moisture that the calibration makes of it."""
+    try:
+        counted = calibration_counts(logs, site)
+    except SoilmoistError as error:
+        yield _doubt(f"the counts cannot be corrected: {error}")
+        return
+    if counted.left_out:
+        yield _doubt(
+            f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them"
+        )
+    rate_cps, curve = counted.rate_cps, site.curve
+    if curve is None:
+        yield Finding("rate", f"mean {rate_cps:.3f} counts/s, corrected")
+        return
+    vwc, limits = float(curve.vwc(rate_cps)), soil_limits(curve.bulk_density_gcm3)
+    moisture = f"{vwc:.3f} m3/m3" if math.isfinite(vwc) else "no moisture"
+    yield Finding("rate", f"mean {rate_cps:.3f} counts/s, corrected: {moisture} by the calibration of the site")
+    if not limits.dryness <= vwc <= limits.saturation:
+        yield _doubt(
+            f"no soil with pores of {limits.saturation:.2f} has this rate: check N0 "
+            f"({curve.n0_cps:g} counts/s) and whether it is of this probe"
+        )
+
+
+def contradictions(
+    field: Field | None,
+    site: Site | None,
+    places: NDArray[np.float64],
+    source: PositionSource,
+) -> Iterator[Mistake | Finding]:
+    """What files that are given together say about each other: mistakes, and lines for the user.
+
+    :param field: the field, if one is given
+    :param site: the site, if one is given
+    :param places: latitude and longitude of the records, shape (n, 2) [deg]; empty without a log
+    :param source: where the places come from
+    """
+    location = site.location if site else None
+    stands = np.array([(location.latitude_deg, location.longitude_deg)] if location else []).reshape(-1, 2)
+    if field is not None:
+        reach_m = max(field.extent_m, site.footprint_radius_m if site else 0.0)
+        try:
+            if len(places):
+                placement = require_near(field, places, reach_m, source)
+            else:
+                placement = require_near(field, stands, reach_m, replace(source, subject="the probe lies"))
+        except InputError as error:
+            yield from error.mistakes
+        else:
+            if placement is not None and len(places):
+                inside, count = placement.inside, len(placement.latlon)
+                yield Finding("together", f"{inside} of {count} records lie inside the field {field.name!r}")
+                if 2 * inside < count:
+                    yield _doubt(f"only {inside} of {count} records lie inside: is it the right field?")
+    if location is not None and len(places):
+        frame = LocalFrame(location.latitude_deg, location.longitude_deg)
+        target = f"the place of the site {site.name!r}" if site else ""
+        about = replace(source, field_file=None, target=target, target_keys="'location' in the site file")
+        try:
+            require_near(Field(target, frame, _SQUARE), places, MAX_FROM_SITE_M, about)
+        except InputError as error:
+            yield from error.mistakes
+
+
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+def _date(stamp_s: float) -> str:
+    try:
+        return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M}"
+    except (ValueError, OverflowError, OSError):
+        return f"{stamp_s:g} s after 1970"

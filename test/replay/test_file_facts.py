@@ -1,0 +1,141 @@
+"""What files mean, in words, and contradictions between them: file_facts.py and check.py."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.foundation.configuration import config_folder
+from soilmoist_ros.foundation.errors import Mistake
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.placement import PositionSource
+from soilmoist_ros.replay.file_facts import contradictions, field_findings, log_findings, site_findings
+from soilmoist_ros.replay.log_map import log_positions, read_logs
+from soilmoist_ros.sensing.moisture.site import Site, load_site
+
+EXAMPLE = load_field(config_folder() / "fields" / "example.yaml")
+KANSAS = load_site("gypsum_transect")
+NOW_S = 1.78e9
+SOURCE = PositionSource("a.log")
+
+
+def texts(findings, name):
+    return [finding.text for finding in findings if finding.name == name]
+
+
+@pytest.fixture(scope="module")
+def log(roving_record):
+    return read_logs([roving_record], None, KANSAS)
+
+
+def facts_of(log, site=KANSAS, now_s=NOW_S):
+    return list(log_findings(log, log_positions(log, None, site), site, now_s))
+
+
+def test_a_field_has_area_place_direction_and_cells():
+    found = list(field_findings(EXAMPLE))
+    assert texts(found, "field")[0].startswith("Example field: 0.30 ha at 53.27 N, 0.52 W")
+    assert texts(found, "extent") == ["60 m east-west, 50 m north-south; longest side at 90 deg"]
+    assert texts(found, "map") == ["11880 cells of 0.5 m, 1 no-go area"]
+    assert not texts(found, "doubt")
+
+
+@pytest.mark.parametrize(
+    ("corners", "doubts"),
+    [
+        ([[0, 0], [5, 0], [5, 5], [0, 5]], ["smaller than the footprint"]),
+        ([[0, 0], [2e4, 0], [2e4, 2e4], [0, 2e4]], ["very large"]),
+        ([[9000, 0], [9060, 0], [9060, 50]], ["9.0 km from its datum"]),
+    ],
+)
+def test_doubts_about_a_field(corners, doubts):
+    field = Field("x", LocalFrame(53.0, 0.0), np.array(corners, float))
+    found = texts(field_findings(field), "doubt")
+    assert len(found) == len(doubts)
+    assert all(doubt in text for doubt, text in zip(doubts, found, strict=True))
+
+
+def test_a_site_has_the_moisture_of_its_calibration():
+    (moisture,) = texts(site_findings(KANSAS), "moisture")
+    assert moisture.startswith("N0 9 counts/s (illustrative): 7.25 counts/s on dry soil (0.05 m3/m3), 4.94 on wet")
+    curve = KANSAS.curve
+    assert curve.vwc([7.25, 4.94]) == pytest.approx([0.05, 0.40], abs=0.002)
+    assert texts(site_findings(Site()), "moisture") == [
+        "not mapped, only the count rate: there is no soil and calibration"
+    ]
+
+
+def test_a_log_has_dates_tubes_place_and_rate(log):
+    found = facts_of(log)
+    assert texts(found, "time") == ["2018-05-01 14:14 to 2018-05-01 17:34 UTC (3 h 20 min), a record every 60 s"]
+    assert texts(found, "tubes")[0].startswith("8, counting 0.71, 0.72")
+    assert texts(found, "place")[0].startswith("200 records at 38.73 N, 97.42 W")
+    assert texts(found, "rate")[0].startswith("mean 5.4")
+    assert "0.25" in texts(found, "rate")[0]
+    assert not texts(found, "doubt")
+
+
+def test_doubts_about_a_log(log):
+    assert any("in the future" in text for text in texts(facts_of(log, now_s=1.5e9), "doubt"))
+    calibration = KANSAS.calibration.model_copy(update={"n0_cps": 4.0})
+    other = KANSAS.model_copy(update={"calibration": calibration})
+    assert any("check N0 (4 counts/s)" in text for text in texts(facts_of(log, other), "doubt"))
+    weak = [
+        dataclasses.replace(record, tube_counts=(0.0, *record.tube_counts[1:]), position=None)
+        for record in log[0].records
+    ]
+    doubts = texts(facts_of([dataclasses.replace(log[0], records=tuple(weak))], Site()), "doubt")
+    assert any("tube 1 counts much less" in text for text in doubts)
+    assert any("no record has a position" in text for text in doubts)
+
+
+def at(latitude_deg, longitude_deg):
+    return Site(name="st", location={"latitude_deg": latitude_deg, "longitude_deg": longitude_deg})
+
+
+def test_files_that_fit_together():
+    places = np.array([(53.2681, -0.5241)] * 3 + [(53.2689, -0.5241)] * 4)
+    found = list(contradictions(EXAMPLE, at(53.268, -0.524), places, SOURCE))
+    assert texts(found, "together") == ["3 of 7 records lie inside the field 'Example field'"]
+    assert texts(found, "doubt") == ["only 3 of 7 records lie inside: is it the right field?"]
+    assert not list(contradictions(EXAMPLE, at(53.2681, -0.5241), places[:0], SOURCE))
+    assert not list(contradictions(None, None, places, SOURCE))
+
+
+def test_files_that_contradict_each_other():
+    nowhere = np.empty((0, 2))
+    (probe,) = contradictions(EXAMPLE, at(53.268, 0.524), nowhere, PositionSource("'location' in the site file"))
+    assert isinstance(probe, Mistake)
+    assert probe.message.startswith("the probe lies 70 km east")
+    assert "sign of the longitude, west is negative: in 'location' in the site file" in probe.remedy
+    places = np.array([(53.2681, -0.5241)])
+    (elsewhere,) = contradictions(None, at(-53.268, -0.524), places, SOURCE)
+    assert elsewhere.message.endswith("of the place of the site 'st'")
+    assert "sign of the latitude" in elsewhere.remedy
+    (other,) = contradictions(EXAMPLE, None, np.array([(38.7, -97.4)]), SOURCE)
+    assert "a.log has records at 38.7000 N" in other.remedy
+
+
+def check(*options):
+    return CliRunner().invoke(main, ["check", *map(str, options)])
+
+
+def test_the_command_prints_what_it_understood(roving_record):
+    result = check("--site", "gypsum_transect", "--log", roving_record)
+    assert result.exit_code == 0, result.output
+    assert result.output.count("ok: ") == 2
+    assert "  time        2018-05-01 14:14" in result.output
+
+
+def test_the_command_refuses_contradictions_and_options_that_do_not_fit(roving_record):
+    result = check("--site", "gypsum_transect", "--log", roving_record, "--field", "example")
+    assert result.exit_code == 2
+    assert "all 200 records lie 7,079 km north-west" in result.output
+    assert check("--nmea", roving_record, "--site", "example").exit_code == 2
+    assert check("--log", roving_record, "--site", "example", "--site", "gypsum_transect").exit_code == 2
+    assert check().exit_code == 2
