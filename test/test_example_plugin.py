@@ -54,6 +54,8 @@ def test_a_log_is_mapped_with_its_logger_and_variogram_model(soilmoist, tmp_path
     assert summary["logger_format"] == "Acme neutron logger"
     assert 2.5 < summary["map"]["rate_cps"]["mean"] < 3.5
     assert summary["variogram"]["model"] == "cauchy"
+    soilmoist("export", tmp_path / "out", "--to", "points")
+    assert len((tmp_path / "out" / "export" / "points.txt").read_text().splitlines()) == summary["n_samples"]
 
 
 def test_a_mission_is_simulated_with_its_strategy(soilmoist, tmp_path):

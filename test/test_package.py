@@ -18,6 +18,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.exports.registry import EXPORTS
 from soilmoist_ros.simulation.campaign.campaign_file import load_campaign, missions
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
 
@@ -169,6 +170,7 @@ def test_the_tables_of_the_pages_are_complete():
     assert sorted(table(research, "`--field`")) == sorted([*surrogate_field_names(), *with_truth])
     assert tuple(table(research, "`--strategy`")) == tuple(STRATEGIES.names())
     assert [str(parse_dwell(text)) for text in table(research, "`--dwell`")] == table(research, "`--dwell`")
+    assert table("docs/gis.md", "format") == EXPORTS.names()
     assert sorted(table("docs/crns.md", "name")) == resource_names("loggers")
     folders = {path.name for path in (ROOT / "soilmoist_ros").iterdir() if (path / "__init__.py").is_file()}
     named = {Path(name).name for name in table("CONTRIBUTING.md", "folder") if name.startswith("soilmoist_ros/")}
