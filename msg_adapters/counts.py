@@ -1,16 +1,40 @@
-"""``counts``: corrected, geo-tagged records as a sensor_msgs/PointCloud2, one point per record."""
+"""``counts``: corrected, geo-tagged records as a sensor_msgs/PointCloud2, one point per record.
+
+``quarantined_counts`` has the bad ones, with the number of the reason in the field ``reason``:
+
+| number | code | |
+|---|---|---|
+| 1 | ``noisy_tube`` | tube counts too much |
+| 2 | ``dead_tube`` | tube counts too little |
+| 3 | ``stuck_tube`` | tube repeats a number |
+| 4 | ``impossible_count`` | impossible count |
+| 5 | ``impossible_weather`` | impossible weather |
+| 6 | ``frozen_pressure`` | pressure never changes |
+| 7 | ``place_jump`` | jump of place |
+| 8 | ``clock_drift`` | logger clock drifts against GNSS time |
+| 9 | ``overdispersed`` | counts scatter more than counting statistics |
+| 10 | ``unexpected_count`` | the map does not expect these counts |
+
+0 and other numbers are unknown reasons.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.point_cloud import FRAME, check_fields, points_to_message
+from msg_adapters.point_cloud import FRAME, check_fields, points_from_message, points_to_message
 from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.recording.bag.point_cloud import STAMP_OFFSET, count_records
+from soilmoist_ros.recording.bag.point_cloud import (
+    REASON,
+    REASONS,
+    STAMP_OFFSET,
+    count_records,
+)
 from soilmoist_ros.sensing.records import CountRecord
 
 # Viewers read x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
@@ -30,6 +54,10 @@ _POINT: Final = np.dtype(
     ]
 )
 _STAMPED: Final = np.dtype([*_POINT.descr, (STAMP_OFFSET, "<f8")])
+_QUARANTINED: Final = np.dtype([*_STAMPED.descr, (REASON, "<u4")])
+_MAX_COUNTS: Final = 2**32 - 1
+NUMBERS: Final = {code: number for number, code in REASONS.items()}
+"""Number of each reason code in ``quarantined_counts``."""
 
 
 def counts_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> PointCloud2:
@@ -65,8 +93,25 @@ def counts_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> 
     return points_to_message(points, stamp_s, frame_id)
 
 
+def quarantined_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> PointCloud2:
+    """Message of quarantined records, as :func:`counts_to_message` with the numbers of their reasons.
+
+    Counts above the largest number of the field become this number.
+
+    :param records: at least one
+    :raises ValueError: without records
+    """
+    writable = [replace(record, raw_counts=min(record.raw_counts, _MAX_COUNTS)) for record in records]
+    good = points_from_message(counts_to_message(writable, frame_id), _STAMPED).ravel()
+    points = np.zeros(len(records), _QUARANTINED)
+    for name in _STAMPED.names or ():
+        points[name] = good[name]
+    points[REASON] = [NUMBERS.get(record.quarantine, 0) for record in records]
+    return points_to_message(points, to_seconds(to_time(records[-1].stamp_s)), frame_id)
+
+
 def counts_from_message(message: PointCloud2) -> list[CountRecord]:
-    """Records of a message; fields are found by name, others are ignored.
+    """Records of a message of either topic; fields are found by name, others are ignored.
 
     Records of a message without ``stamp_offset_s`` get the stamp of the message.
 

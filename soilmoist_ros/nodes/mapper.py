@@ -36,6 +36,7 @@ from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.map_records import TEAM_S, MapRecords
 from soilmoist_ros.recording.map_sources import MapSources
@@ -96,7 +97,7 @@ class Mapper(Node):
             self._records.take("start_from", read_earlier(Path(earlier).expanduser(), named))
         self._began_s = time.monotonic()
         self._arrived = Batches(self._add, "records", _POLL_S)
-        for topic in topics:
+        for topic in (*topics, *map(quarantined_topic, topics)):
             self.create_subscription(PointCloud2, topic, self._arrived.put, qos.RECORDS)
         alone = MutuallyExclusiveCallbackGroup()  # a save takes seconds, and a flood of records must not delay it
         self.create_service(Trigger, "~/reset", self._on_reset, callback_group=alone)

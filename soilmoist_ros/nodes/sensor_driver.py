@@ -13,7 +13,11 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import Float64, String
 
-from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.counts import (
+    counts_from_message,
+    counts_to_message,
+    quarantined_to_message,
+)
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.environment import fix_from_message, fix_to_message, weather_to_messages
 from msg_adapters.raw_line import line_to_message
@@ -24,6 +28,7 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.recording.bag.point_cloud import QUARANTINED
 from soilmoist_ros.recording.map_sources import DRIVER
 from soilmoist_ros.recording.record_log import RecordLog
 from soilmoist_ros.sensing.moisture.site import Site, load_site
@@ -47,6 +52,7 @@ class SensorDriver(LifecycleNode):
         text = self._given.text
         outputs: dict[str, tuple[type, Any]] = {
             "counts": (PointCloud2, qos.RECORDS),
+            QUARANTINED: (PointCloud2, qos.RECORDS),
             "pressure": (FluidPressure, qos.SENSOR),
             "temperature": (Temperature, qos.SENSOR),
             "relative_humidity": (RelativeHumidity, qos.SENSOR),
@@ -151,10 +157,12 @@ class SensorDriver(LifecycleNode):
         for reading in batch.readings:
             for name, message in weather_to_messages(reading, sensor).items():
                 self._outputs[name].publish(message)
-        messages = [counts_to_message([record], frame) for record in batch.records]
-        self._store([record for message in messages for record in counts_from_message(message)])
-        for message in messages:
-            self._outputs["counts"].publish(message)
+        good = [counts_to_message([record], frame) for record in batch.records if not record.quarantine]
+        bad = [quarantined_to_message([record], frame) for record in batch.records if record.quarantine]
+        self._store([record for message in (*good, *bad) for record in counts_from_message(message)])
+        for name, messages in (("counts", good), (QUARANTINED, bad)):
+            for message in messages:
+                self._outputs[name].publish(message)
 
     def _store(self, records: list[CountRecord]) -> None:
         """Write records as receivers read them. A disk that fails does not stop the survey."""

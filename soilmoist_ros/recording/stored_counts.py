@@ -11,7 +11,7 @@ from typing import Any, Final
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.recording.bag.mcap_scan import McapScan
-from soilmoist_ros.recording.bag.point_cloud import count_records
+from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
 from soilmoist_ros.recording.bag.recovery import mcap_files
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -21,7 +21,9 @@ _log = logging.getLogger(__name__)
 
 
 def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountRecord]:
-    """Records of some topics in the order of recording; what cannot be read is skipped.
+    """Records of some topics, and the quarantined ones next to them, in the order of recording.
+
+    What cannot be read is skipped.
 
     :param bag: folder of an MCAP bag; only read
     :param topics: full names of topics with counts
@@ -30,9 +32,10 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
     :raises OSError: if a file cannot be read
     """
     records: list[CountRecord] = []
+    wanted = {*topics, *map(quarantined_topic, topics)}
     for path in mcap_files(bag):
         for message in McapScan(path).messages():
-            if message.topic.name not in topics or message.topic.definition.type_name != CLOUD:
+            if message.topic.name not in wanted or message.topic.definition.type_name != CLOUD:
                 continue
             try:
                 cloud = _store().deserialize_cdr(message.data, CLOUD)

@@ -33,7 +33,7 @@ from soilmoist_ros.replay.visits import mission_visits, read_visits
 from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
 from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.output_folder import require_crs
-from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
+from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -150,7 +150,7 @@ def replay_bag(
         run,
         inputs=[*(input_file(path, "bag") for path in _files(bag)), *run.inputs],
         notes=[*run.notes, *remarks],
-        losses=[*lost, *run.losses],
+        losses=_losses(lost, run.losses),
         logger_format=raw.format_title if raw else "",
         simulated=run.simulated or content.simulated or any(one.truth is not None for one in properties),
         others=others,
@@ -165,6 +165,12 @@ def replay_bag(
     return Replay(
         run, [_compared(one, raw is not None and one.survey is survey, content.several) for one in properties]
     )
+
+
+def _losses(of_lines: Sequence[LossRow], of_map: Sequence[LossRow]) -> list[LossRow]:
+    """What was left out: of the raw lines, and by the map, which has the quarantined records of the lines, too."""
+    known = {row.kind for row in of_lines if row.consequence == "quarantined"}
+    return [*of_lines, *(row for row in of_map if not (row.consequence == "quarantined" and row.kind in known))]
 
 
 def _compared(one: ReplayedProperty, from_raw: bool, several: bool) -> Comparison:
@@ -269,7 +275,7 @@ def _read(
     simulated = any(says_simulated(reader, logger) for logger in loggers)
     missions = []
     for number, robot in enumerate(robots, 1):
-        its = [record for name, record in counted if name == robot.counts]
+        its = [record for name, record in counted if name == robot.counts and not record.quarantine]
         if statuses := last_mission(read_statuses(robot)):
             visits = places.visits(mission_visits(statuses, read_visits(robot, number), its))
             missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))

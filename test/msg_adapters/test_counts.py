@@ -11,9 +11,16 @@ if platform.machine() != "x86_64":
 
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.counts import (
+    NUMBERS,
+    counts_from_message,
+    counts_to_message,
+    quarantined_to_message,
+)
 from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.stamps import to_seconds
+from soilmoist_ros.recording.bag.point_cloud import UNKNOWN_REASON
+from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord
 
 coordinates = st.floats(-5e4, 5e4, width=32)
@@ -86,3 +93,25 @@ def test_points_of_another_frame_are_refused():
     message.header.frame_id = ""
     with pytest.raises(OtherFrameError, match="in frame '' instead"):
         require_frame(message, "map")
+
+
+@given(st.lists(records, min_size=1, max_size=5), st.sampled_from(sorted(NUMBERS)))
+def test_quarantined_records_keep_their_values_and_reasons(many, reason):
+    bad = [replace(record, quarantine=reason) for record in many]
+    message = quarantined_to_message(bad)
+    assert counts_from_message(message) == bad
+    assert to_seconds(message.header.stamp) == many[-1].stamp_s
+
+
+def test_the_numbers_of_reasons_stay():
+    assert NUMBERS == {
+        "noisy_tube": 1, "dead_tube": 2, "stuck_tube": 3, "impossible_count": 4, "impossible_weather": 5,
+        "frozen_pressure": 6, "place_jump": 7, "clock_drift": 8, "overdispersed": 9, "unexpected_count": 10,
+    }  # fmt: skip
+    assert set(NUMBERS) <= set(Kind)
+
+
+def test_unknown_reasons_and_impossible_counts_are_carried_too():
+    bad = CountRecord(1.78e9, 1.0, 2.0, 3.0, 10**12, 10.0, 9.0, quarantine="of_a_later_release")
+    [found] = counts_from_message(quarantined_to_message([bad]))
+    assert found == replace(bad, raw_counts=2**32 - 1, quarantine=UNKNOWN_REASON)

@@ -14,16 +14,18 @@ pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from ros_system import RosSystem
-from sensor_msgs.msg import BatteryState
+from sensor_msgs.msg import BatteryState, PointCloud2
 from std_srvs.srv import Trigger
 from virtual_navigation import FIELD, VirtualNavigation, World
 
 from msg_adapters.battery import battery_to_message
+from msg_adapters.counts import quarantined_to_message
 from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.mission.types import MissionEnd, Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
+from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR
+from soilmoist_ros.sensing.records import CountRecord
 
 pytestmark = [
     pytest.mark.slow,
@@ -39,6 +41,8 @@ class FaultyWorld(World):
     def __init__(self, ros):
         super().__init__(ros, rate=RATE)
         self.batteries = self.node.create_publisher(BatteryState, "battery_state", SENSOR)
+        self.quarantined = self.node.create_publisher(PointCloud2, "quarantined_counts", RECORDS)
+        self.quarantine = ""
         self.has_fix, self.noise = True, np.random.default_rng(1)
         self.fixing, self.shift_m, self.drift_m = True, 0.0, 0.0
         self.charge, self.use = 0.9, 0.0
@@ -55,7 +59,10 @@ class FaultyWorld(World):
         self.place = true
 
     def publish_record(self):
-        if self.fixing:
+        if self.quarantine:
+            record = CountRecord(self.now_s, *self.place, 0.0, 40, 10.0, 10.0, quarantine=self.quarantine)
+            self.quarantined.publish(quarantined_to_message([record]))
+        elif self.fixing:
             super().publish_record()
 
 
@@ -216,6 +223,14 @@ def counts_stamp(watched):
     watched.all_over()
 
 
+def counts_bad(watched):
+    watched.world.quarantine = "noisy_tube"
+    watched.alarm(Cause.COUNTS_BAD)
+    watched.stands(Phase.PAUSED)
+    watched.world.quarantine = ""
+    watched.resumes()
+
+
 def navigation_silent(watched):
     watched.ros.wait_for(lambda: watched.call("skip").success, LIMIT_S, "skip")
     watched.works(Phase.TRAVELLING)
@@ -259,7 +274,7 @@ def returned(watched, end=Phase.FINISHED):
 
 CAUSES = (
     outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
-    navigation_silent, battery_low, reserve, battery_empty,
+    counts_bad, navigation_silent, battery_low, reserve, battery_empty,
 )  # fmt: skip
 
 

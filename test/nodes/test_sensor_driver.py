@@ -110,6 +110,7 @@ class Outputs:
 
     def __init__(self, ros):
         self.counts = ros.collect(PointCloud2, "counts", qos.RECORDS)
+        self.quarantined = ros.collect(PointCloud2, "quarantined_counts", qos.RECORDS)
         self.fix = ros.collect(NavSatFix, "fix", qos.SENSOR)
         self.pressure = ros.collect(FluidPressure, "pressure", qos.SENSOR)
         self.temperature = ros.collect(Temperature, "temperature", qos.SENSOR)
@@ -213,8 +214,12 @@ def test_records_are_on_the_disk_as_receivers_have_them_even_after_a_kill(
         if second in (10, 20):
             logger.send(line(second // 10))
     ros.wait_for(lambda: len(outputs.counts) == 2, message="two records")
+    logger.send(line(3, tube_counts=(90_000.0,) * 12))
+    ros.wait_for(lambda: outputs.quarantined, message="a quarantined record")
     process.kill()
-    assert RecordTail(tmp_path / "session" / DRIVER, "map").read().records == outputs.records
+    [bad] = counts_from_message(outputs.quarantined[0])
+    assert (bad.quarantine, bad.raw_counts) == ("impossible_count", 1_080_000)
+    assert RecordTail(tmp_path / "session" / DRIVER, "map").read().records == [*outputs.records, bad]
 
 
 def test_records_go_out_at_their_places_with_all_that_belongs_to_them(ros, start, outputs, logger, receiver):

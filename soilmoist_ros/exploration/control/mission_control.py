@@ -363,7 +363,7 @@ class MissionControl:
         self.watch.battery(self._clock.now_s(), charge, voltage_v)
 
     def records(self, records: Sequence[CountRecord], name: str = "", more: bool = False) -> None:
-        """Records of a property have come; those with an impossible stamp are ignored.
+        """Records of a property have come; those with an impossible stamp and quarantined ones are only watched.
 
         The mission counts those of the robot's own namespace. Others are written down, so that their map survives.
 
@@ -371,7 +371,8 @@ class MissionControl:
         :param more: whether further records of the same message follow: the disk is synced once for all
         """
         now_s = self._clock.now_s()
-        records = self._watching.stamped(records, self._outputs.now_s())
+        arrived = self._watching.stamped(records, self._outputs.now_s())
+        records = [record for record in arrived if not record.quarantine]
         if records:
             self._queue.take_factor(name, correction_factor(records[-1]))
         if name:
@@ -381,7 +382,8 @@ class MissionControl:
             if not more:
                 self._journal.secure()
             return
-        self._record_stamp_s = max((record.stamp_s for record in records), default=self._record_stamp_s)
+        self._record_stamp_s = max((record.stamp_s for record in arrived), default=self._record_stamp_s)
+        self._watching.quarantined(arrived, now_s)
         before_s = self._feed.place_s
         self._watching.records(records, now_s)
         self._feed.records(now_s, records, more)

@@ -63,6 +63,12 @@ class Watching:
         for record, is_inside in zip(records, inside, strict=True):
             self._watch.record(now_s, record.stamp_s, bool(is_inside))
 
+    def quarantined(self, records: Sequence[CountRecord], now_s: float) -> None:
+        """Records have come; only the quarantined ones are of interest."""
+        for record in records:
+            if record.quarantine:
+                self._watch.quarantined(now_s, record.quarantine)
+
     def clock(self, event: Event) -> None:
         """The mission clock has something to say; only steps are of interest."""
         if isinstance(event, ClockStepped) and abs(event.step_s) >= STEP_S:

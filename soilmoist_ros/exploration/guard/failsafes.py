@@ -30,6 +30,7 @@ class Cause(StrEnum):
     CLOCK_STEP = "clock_step"
     COUNTS_FRAME = "counts_frame"
     COUNTS_STAMP = "counts_stamp"
+    COUNTS_BAD = "counts_bad"
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,12 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             Response.WARN,
             ("max_stamp_ahead_s", "max_stamp_age_s"),
             "check the clocks of the computer and of the neutron logger",
+        ),
+        Cause.COUNTS_BAD: Failsafe(
+            "more than half of the records of the last time are quarantined: their counts cannot be trusted",
+            Response.PAUSE,
+            ("counts_bad_s",),
+            "check the sensor as /diagnostics says; the mission can be resumed when its counts are good again",
         ),
     }
 )

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Final
 
+from soilmoist_ros.exploration.guard.count_trust import CountTrust
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.place_filter import PlaceFilter, PlaceFix, PlaceLimits, Verdict
 from soilmoist_ros.exploration.mission.events import AlarmOver
@@ -49,6 +50,7 @@ class WatchLimits:
     :param fix_old_s: longest time without a plausible place [s]
     :param fix_frozen_s: longest time in which the place of a driving robot does not change at all [s]; 0: any
     :param records_old_s: longest time without a record in a mission [s]
+    :param counts_bad_s: time in which more than half of the records must be good [s]
     :param map_old_s: longest time that the map stays without the newest records [s]
     :param navigation_silent_s: longest time without the navigation, or its feedback where that is regular [s]
     :param battery_low: charge from which the robot goes home [0..1]; 0 to ignore the charge
@@ -67,6 +69,7 @@ class WatchLimits:
     fix_old_s: float = 10.0
     fix_frozen_s: float = 12.0
     records_old_s: float = 60.0
+    counts_bad_s: float = 60.0
     map_old_s: float = 300.0
     navigation_silent_s: float = 10.0
     battery_low: float = 0.25
@@ -159,6 +162,7 @@ class Watch:
         self._frozen: tuple[tuple[float, float], float] | None = None  # a place, and since when it is the last
         self._driving_since_s = math.inf
         self._record_stamp_s = self._map_stamp_s = -math.inf
+        self._trust = CountTrust(self.limits.counts_bad_s)
         self._logger_fault = ""
         self._charge = self._voltage_v = math.nan
         self._drained = dict.fromkeys((Cause.BATTERY_LOW, Cause.BATTERY_EMPTY), 0)
@@ -206,10 +210,20 @@ class Watch:
         :param in_field: whether the map must have it
         """
         self._hear("record", now_s)
+        self._trust.take(now_s)
         if in_field:
             if self._record_stamp_s <= self._map_stamp_s:
                 self._hear("map", now_s)  # the map was complete until now
             self._record_stamp_s = max(self._record_stamp_s, stamp_s)
+
+    def quarantined(self, now_s: float, reason: str) -> None:
+        """A record has come whose counts or place are bad.
+
+        :param now_s: time [s]
+        :param reason: code of the reason
+        """
+        self._hear("record", now_s)
+        self._trust.take(now_s, reason)
 
     def logger(self, fault: str) -> None:
         """What the driver reports about its logger; empty if nothing is wrong."""
@@ -351,6 +365,7 @@ class Watch:
         ):
             silent_s = self._silent_s(name, now_s) if missed else 0.0
             self.report(cause, f"{what} {silent_s:.0f} s{why}" if silent_s > limit_s else "")
+        self.report(Cause.COUNTS_BAD, self._trust.fault(now_s))
         self.report(Cause.FIX_FROZEN, self._frozen_fault(now_s, doing))
         self.report(Cause.NAVIGATION_SILENT, self._navigation_fault(now_s, doing))
         self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))

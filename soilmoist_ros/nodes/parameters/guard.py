@@ -69,6 +69,9 @@ WATCH_PARAMETERS: Final = (
         "s",
     ),
     _row("records_old_s", _WATCH.records_old_s, "longest time without a record in a mission", "s"),
+    _row(
+        "counts_bad_s", _WATCH.counts_bad_s, "time in which more than half of the records must be good", "s", low=1
+    ),
     _row("map_old_s", _WATCH.map_old_s, "longest time that the map stays without the newest records", "s"),
     _row(
         "navigation_silent_s",
@@ -116,6 +119,7 @@ def make_watch(parameters: Parameters) -> Watch:
             fix_old_s=number("fix_old_s"),
             fix_frozen_s=number("fix_frozen_s"),
             records_old_s=number("records_old_s"),
+            counts_bad_s=number("counts_bad_s"),
             map_old_s=number("map_old_s"),
             navigation_silent_s=number("navigation_silent_s"),
             battery_low=number("battery_low"),

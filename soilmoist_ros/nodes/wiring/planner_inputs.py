@@ -27,6 +27,7 @@ from soilmoist_ros.nodes.parameters.declaration import other_namespaces
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_records import PlannerRecords
+from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.driver_health import logger_fault
 
@@ -68,7 +69,8 @@ class PlannerInputs:
             counts, samples, model = (
                 partial(on, name) for on in (self._records.put, self._on_samples, self._on_model)
             )
-            node.create_subscription(PointCloud2, f"{below}counts", counts, RECORDS)
+            for topic in (f"{below}counts", quarantined_topic(f"{below}counts")):
+                node.create_subscription(PointCloud2, topic, counts, RECORDS)
             node.create_subscription(PointCloud2, f"{below}samples", samples, LATCHED)
             node.create_subscription(String, f"{below}model", model, LATCHED)
         if map_topic:

@@ -2,16 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Final, Protocol
 
 import numpy as np
 
+from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Numbers of PointField's datatypes."""
 STAMP_OFFSET: Final = "stamp_offset_s"
 """Field of ``counts``: stamp of the record minus stamp of the message [s]; missing in older messages."""
+
+QUARANTINED: Final = "quarantined_counts"
+"""Topic of the records that are quarantined, next to ``counts``."""
+REASON: Final = "reason"
+"""Field of ``quarantined_counts``: number of the reason."""
+REASONS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        1: Kind.NOISY_TUBE.value,
+        2: Kind.DEAD_TUBE.value,
+        3: Kind.STUCK_TUBE.value,
+        4: Kind.IMPOSSIBLE_COUNT.value,
+        5: Kind.IMPOSSIBLE_WEATHER.value,
+        6: Kind.FROZEN_PRESSURE.value,
+        7: Kind.PLACE_JUMP.value,
+        8: Kind.CLOCK_DRIFT.value,
+        9: Kind.OVERDISPERSED.value,
+        10: Kind.UNEXPECTED_COUNT.value,
+    }
+)
+"""Reason codes by number. Bags hold the numbers: they never change, new ones are added at the end."""
+UNKNOWN_REASON: Final = "unknown_reason"
+"""Reason code of a number that is not in the table, such as 0."""
 
 
 class PointCloud(Protocol):
@@ -55,8 +80,9 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
 
 
 def count_records(cloud: PointCloud) -> list[CountRecord]:
-    """Counted records of a message of ``counts``.
+    """Counted records of a message of ``counts`` or ``quarantined_counts``.
 
+    Records of a message with a field ``reason`` are quarantined.
     Records of a message without ``stamp_offset_s`` get the stamp of the message.
 
     :raises ValueError: if a field of counted records is missing
@@ -75,7 +101,21 @@ def count_records(cloud: PointCloud) -> list[CountRecord]:
         for name in _COUNTS
     ]
     stamps_s = (stamp_s + offsets.astype(np.float64)).tolist()
-    return [CountRecord(*values) for values in zip(stamps_s, *columns, strict=True)]
+    if REASON not in (table.dtype.names or ()):
+        return [CountRecord(*values) for values in zip(stamps_s, *columns, strict=True)]
+    reasons = [REASONS.get(int(number), UNKNOWN_REASON) for number in table[REASON].tolist()]
+    return [CountRecord(*values) for values in zip(stamps_s, *columns, reasons, strict=True)]
+
+
+def quarantined_topic(counts: str) -> str:
+    """Topic with the quarantined records of a driver.
+
+    >>> quarantined_topic("/robot_1/counts")
+    '/robot_1/quarantined_counts'
+
+    :param counts: topic with its good records
+    """
+    return f"{counts.rpartition('/')[0]}/{QUARANTINED}" if "/" in counts else QUARANTINED
 
 
 # In the order of the fields of CountRecord, after its stamp.

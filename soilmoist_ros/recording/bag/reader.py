@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.metadata import INFINITE_NS, Extent, Qos
-from soilmoist_ros.recording.bag.point_cloud import count_records
+from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
 from soilmoist_ros.recording.bag.visit import visit_of
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -120,7 +120,7 @@ class BagReader:
         raise InputError(f"has no topic {name!r} of type {type_name}", f"there are: {there or 'none'}", self.path)
 
     def read_counts(self, topic: str = "counts") -> list[CountRecord]:
-        """Counted records in the order of recording, exactly as the nodes had them.
+        """Counted records in the order of recording, exactly as the nodes had them, with the quarantined ones.
 
         :param topic: full name, or one without namespace
         :raises InputError: if there is no such topic, or its messages are not counts
@@ -131,16 +131,20 @@ class BagReader:
     def read_counts_of(self, topics: Sequence[str], frame: str = "") -> list[tuple[str, CountRecord]]:
         """Counted records of several topics in the order of recording, each with the name of its topic.
 
+        Quarantined records are those of the topic ``quarantined_counts`` next to each.
+
         :param topics: full names
         :param frame: frame of the records; messages of others are left out; empty for any frame
         :raises InputError: if the messages of a topic are not counts
         """
         found = []
-        for message in self.messages(topics):
+        quarantined = {quarantined_topic(topic): topic for topic in topics}
+        for message in self.messages([*topics, *quarantined]):
+            name = quarantined.get(message.topic, message.topic)
             try:
                 cloud = self.decode(message)
                 if frame in ("", cloud.header.frame_id.lstrip("/")):
-                    found += [(message.topic, record) for record in count_records(cloud)]
+                    found += [(name, record) for record in count_records(cloud)]
             except ValueError as error:
                 remedy = "was it recorded by soilmoist_ros?"
                 raise InputError(f"{message.topic}: {error}", remedy, self.path) from None

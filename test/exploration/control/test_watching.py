@@ -2,6 +2,7 @@
 
 import math
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,7 @@ class Farm:
         self.place, self.goal, self.drive = (50.0, 50.0), None, True
         self.fix = self.stamp = lambda value: value
         self.fixes = self.sensor = self.mapper = True
+        self.quarantine = ""
         self.charge = math.nan
         self.waiting_for, self.on_the_way, self.caution, self.moves = "", "", "", []
         self.feedback_age_s = math.nan
@@ -147,8 +149,8 @@ class Farm:
 
     def count(self):
         record = CountRecord(self.stamp(self.now_s()), *self.fix(self.place), 0.0, 40, 10.0, 10.0)
-        self.control.records([record])
-        if self.mapper:
+        self.control.records([replace(record, quarantine=self.quarantine)])
+        if self.mapper and not self.quarantine:
             self.counted.append(self.place)
             places = list(dict.fromkeys(self.counted))
             samples = as_samples(places, [40.0] * len(places), [10.0] * len(places))
@@ -381,6 +383,21 @@ def test_records_with_an_impossible_stamp_do_not_count(farm, wrong_s):
     assert farm.status.raw_counts == 0
     farm.stamp = lambda stamp_s: stamp_s
     farm.run(lambda: farm.status.samples >= 2)
+
+
+def test_quarantined_records_do_not_count_and_too_many_of_them_wait_for_an_operator(farm):
+    farm.quarantine = "impossible_count"
+    counted = farm.status.raw_counts
+    farm.run(lambda: "counts_bad" in farm.alarms, 70)
+    stands_because_of(farm, Cause.COUNTS_BAD)
+    assert "records are quarantined (impossible count)" in farm.health.message
+    farm.pass_by(100)
+    assert set(farm.alarms) == {"counts_bad"}, "the sensor is there, and the map has all that it should"
+    assert farm.status.raw_counts == counted
+    farm.quarantine = ""
+    farm.run(lambda: not farm.alarms, 100)
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)
 
 
 def test_counts_of_another_frame_are_shown(farm):

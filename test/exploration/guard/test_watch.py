@@ -387,6 +387,7 @@ def test_responses_can_be_chosen(cause, response):
         Cause.MAP_OLD,
         Cause.NAVIGATION_SILENT,
         Cause.RESERVE,
+        Cause.COUNTS_BAD,
     }
     if response is Response.IGNORE or cause in time_based:
         assert events == ()

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import NOTES, START_NS, STORE, make_topic, text_message
+from numpy.lib.recfunctions import append_fields
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from ruamel.yaml import YAML
 
@@ -11,6 +12,7 @@ from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.point_cloud import count_records, points
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.stored_counts import stored_counts
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 COUNTS = np.dtype(
@@ -80,6 +82,23 @@ def test_bags_of_others_are_read(foreign):
     info = bag_info(foreign)
     assert info.extent.messages == 8
     assert info.whole
+
+
+def test_quarantined_records_are_read_with_the_others_and_their_reasons(tmp_path):
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        good = writer.add_connection("/r/counts", CLOUD, typestore=STORE)
+        bad = writer.add_connection("/r/quarantined_counts", CLOUD, typestore=STORE)
+        points = counts()
+        reasons = np.array([4, 77], np.uint32)
+        writer.write(good, START_NS, STORE.serialize_cdr(cloud(points), CLOUD))
+        with_reasons = append_fields(points, "reason", reasons, usemask=False)
+        writer.write(bad, START_NS + 1, STORE.serialize_cdr(cloud(with_reasons), CLOUD))
+    with BagReader(tmp_path / "bag") as reader:
+        found = reader.read_counts_of(["/r/counts"])
+    assert [name for name, _ in found] == ["/r/counts"] * 4
+    assert [record.quarantine for _, record in found] == ["", "", "impossible_count", "unknown_reason"]
+    stored = stored_counts(tmp_path / "bag", ["/r/counts"], "map")
+    assert [record.quarantine for record in stored] == [record.quarantine for _, record in found]
 
 
 def test_our_own_bags_are_read(bag):
