@@ -18,6 +18,7 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.reporting.page.numbers import area, duration
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
@@ -29,6 +30,8 @@ MAX_FROM_SITE_M = 100_000.0
 """Distance of records from the place of their site beyond which one of them is wrong [m]."""
 MAX_AHEAD_S = 86_400.0
 """How far after the present a record may be dated [s]: clocks of loggers are local."""
+MAX_FROM_REFERENCE_HPA = 40.0
+"""Distance of the reference pressure from that of the altitude beyond which it is unusual [hPa]."""
 WEAK_TUBE = 0.2
 """Share of the mean count of the tubes below which a tube counts too little."""
 _DRY, _WET = 0.05, 0.40
@@ -90,15 +93,24 @@ def site_findings(site: Site) -> Iterator[Finding]:
     """Place, corrections and calibration of a site, and the moisture that its calibration gives."""
     side = "" if site.longitude == "signed" else f"; longitudes without a sign are {site.longitude}"
     yield Finding("site", f"{site.name}; footprint {site.footprint_radius_m:g} m{side}")
-    if site.location is not None:
-        yield Finding("place", place_text((site.location.latitude_deg, site.location.longitude_deg)))
     parameters, settings = site.corrections_parameters, site.corrections
+    place = settings.place or site.location
+    if place is not None:
+        cosmic = settings.cosmic(site.location)
+        yield Finding("place", place_text((place.latitude_deg, place.longitude_deg)))
+        if cosmic is not None:
+            depth = f"atmospheric depth {cosmic.depth_gcm2:.0f} g/cm2"
+            yield Finding("cosmic rays", f"cutoff rigidity {cosmic.cutoff_rigidity_gv:.2f} GV, {depth}")
+        if settings.pressure is not None and place.altitude_m is not None:
+            yield from _on_reference(parameters.reference_pressure_hpa, place.latitude_deg, place.altitude_m)
     applied = [
         f"pressure ({parameters.beta_per_hpa:.5f} 1/hPa, 1 at {parameters.reference_pressure_hpa:g} hPa)"
         if settings.pressure
         else "no pressure",
         f"humidity ({site.humidity_method})" if settings.humidity else "no humidity",
-        "incoming neutrons" if settings.intensity else "no incoming neutrons",
+        f"incoming neutrons (scaling {settings.intensity.scaling}, k {parameters.intensity_scale:.3f})"
+        if settings.intensity
+        else "no incoming neutrons",
     ]
     yield Finding("correction", ", ".join(applied))
     curve = site.curve
@@ -114,6 +126,17 @@ def site_findings(site: Site) -> Iterator[Finding]:
         f"N0 {curve.n0_cps:g} counts/s{guessed}: {dry:.2f} counts/s on dry soil ({_DRY:.2f} m3/m3), {wet:.2f} on "
         f"wet soil ({min(_WET, limits.saturation):.2f}); the pores hold {limits.saturation:.2f}",
     )
+
+
+def _on_reference(reference_hpa: float, latitude_deg: float, altitude_m: float) -> Iterator[Finding]:
+    """Doubt about a reference pressure that is not one of the altitude."""
+    usual_hpa = standard_pressure_hpa(latitude_deg, altitude_m)
+    if abs(reference_hpa - usual_hpa) > MAX_FROM_REFERENCE_HPA:
+        yield _doubt(
+            f"the pressure factor is 1 at {reference_hpa:g} hPa, but {usual_hpa:.0f} hPa are usual at "
+            f"{altitude_m:g} m: right only if N0 was calibrated with this reference ('reference_hpa: auto' takes "
+            "that of the altitude)"
+        )
 
 
 def log_findings(

@@ -45,6 +45,21 @@ def test_a_field_has_area_place_direction_and_cells():
     assert not texts(found, "doubt")
 
 
+def test_a_site_shows_the_values_that_follow_from_its_place():
+    found = list(site_findings(load_site("station_kansas")))
+    assert texts(found, "cosmic rays") == ["cutoff rigidity 2.94 GV, atmospheric depth 979 g/cm2"]
+    assert texts(found, "correction")[0].startswith("pressure (0.00737 1/hPa, 1 at 959.81 hPa)")
+    assert not texts(found, "doubt")
+    intensity = {"reference": 150, "constant": 148, "monitor": "JUNG", "scaling": "hawdon2014"}
+    high = Site(
+        location={"latitude_deg": 47, "longitude_deg": 11, "altitude_m": 1500},
+        corrections={"intensity": intensity},
+    )
+    found = list(site_findings(high))
+    assert "incoming neutrons (scaling hawdon2014, k 1.0" in texts(found, "correction")[0]
+    assert "846 hPa are usual at 1500 m" in texts(found, "doubt")[0]
+
+
 @pytest.mark.parametrize(
     ("corners", "doubts"),
     [
