@@ -1,6 +1,8 @@
 """Soil cores and their mean: cores.py and core_mean.py."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -81,6 +83,22 @@ def test_the_revised_mean_agrees_with_an_independent_implementation():
         7.0, vwc, distances_m[profile], depth, profile, rhob=1.4, p=960.0, Hveg=0.5, tol=1e-11
     )
     assert mean_of_cores(cores, "revised", around).vwc == pytest.approx(theirs, abs=1e-8)
+
+
+def test_the_revised_mean_of_real_cores_agrees_with_an_independent_implementation():
+    cores = read_soil_cores(Path(__file__).parents[3] / "examples" / "station_kansas_cores.csv")
+    middles = [(core.top_cm + core.bottom_cm) / 2 for core in cores]
+    points = [replace(core, top_cm=at, bottom_cm=at) for core, at in zip(cores, middles, strict=True)]
+    vwc, distance_m = (np.array([getattr(core, name) for core in cores]) for name in ("vwc", "distance_m"))
+    profiles = np.array([core.profile for core in cores])
+    density = mean_of_cores(cores).bulk_density_gcm3
+    theirs, _ = crnpy.nrad_weight(
+        9.0, vwc, distance_m, np.array(middles), profiles, rhob=density, p=958.0, tol=1e-11
+    )
+    around = Surroundings(humidity_gm3=9.0, pressure_hpa=958.0)
+    assert mean_of_cores(points, "revised", around).vwc == pytest.approx(theirs, abs=1e-8)
+    assert theirs == pytest.approx(0.273, abs=5e-4)
+    assert mean_of_cores(cores, "revised", around).vwc == pytest.approx(0.296, abs=5e-4)  # whole layers
 
 
 def test_conventional_weights_are_those_of_the_formulas():
