@@ -95,8 +95,12 @@ def _prepare(out: Path, overwrite: bool) -> None:
         raise InputError("has the recording of a demo", "choose another folder, or give --overwrite", out)
     prepare_output(out, overwrite)
     if recorded:
+        from soilmoist_ros.reporting.output_folder import earlier_outputs, remove_earlier
+
         for name in ("bag", "configuration", "log"):
             shutil.rmtree(out / name, ignore_errors=True)
+        for saved in (out / "map", *out.glob("map_*/")):  # by the mappers
+            remove_earlier(saved, earlier_outputs(saved), ())
 
 
 @contextmanager

@@ -63,7 +63,7 @@ def confirmed(out: Path, held: str) -> bool:
 
 @contextmanager
 def reported_failure(out: Path) -> Iterator[None]:
-    """Write the report of a run without a map; its error goes on.
+    """Write the report of a run without a map, print why there is none, and exit with code 1.
 
     :param out: output folder
     """
@@ -76,4 +76,5 @@ def reported_failure(out: Path) -> Iterator[None]:
 
         for path in write_failed(out, error.failed):
             click.echo(f"wrote {path}")
-        raise
+        click.echo(f"error: {error}", err=True)
+        sys.exit(1)

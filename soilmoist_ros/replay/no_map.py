@@ -14,7 +14,9 @@ from soilmoist_ros.replay.properties import ReplayedProperty
 from soilmoist_ros.replay.recorded_place import why_nothing
 from soilmoist_ros.reporting.failed_run import FailedRun, NoMapError, Trouble
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of
+from soilmoist_ros.reporting.page.numbers import duration
 from soilmoist_ros.reporting.run import LossRow
+from soilmoist_ros.simulation.mission.result import MissionResult
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 MAX_TROUBLES = 12
@@ -53,7 +55,7 @@ def no_map(
     mistake = _mistake(first, troubles, bag, error)
     return NoMapError(
         FailedRun(
-            why=_sentence(mistake.message),
+            why=" ".join(filter(None, [_sentence(mistake.message), _end(mission)])),
             todo=[*filter(None, [_sentence(mistake.remedy)]), _REPLAY],
             created_utc=datetime.now(UTC),
             track=sorted(first.records, key=lambda record: record.stamp_s),
@@ -83,10 +85,20 @@ def _mistake(
         )
     if not first.states:
         return why_nothing(first.survey, first.records, bag).mistakes[0]
-    count = f"{len(first.states)} records make {len(first.survey.map.samples)} samples"
+    records, samples = len(first.states), len(first.survey.map.samples)
+    count = f"{records} record{'s' * (records != 1)} at {samples} place{'s' * (samples != 1)}"
     if isinstance(error, InputError):
-        return Mistake(f"{count}: {error.mistakes[0].message}", error.mistakes[0].remedy)
+        return Mistake(f"{count}: {error.mistakes[0].message}", "give the mission more time, or shorter stops")
     return Mistake(f"{count}: {error}", "try another variogram model or fit")
+
+
+def _end(mission: MissionResult | None) -> str:
+    """How the mission ended, in a sentence; empty without a mission."""
+    if mission is None or not mission.series:
+        return ""
+    end = mission.series[-1]
+    stops = f"{end.samples or 'no'} finished stop{'s' * (end.samples != 1)}"
+    return f"The mission ended after {duration(end.time_s)} with {stops}: {mission.ended}."
 
 
 def read_troubles(bag: Path) -> list[Trouble]:

@@ -47,6 +47,7 @@ def silent(tmp_path_factory):
 def test_a_mission_whose_sensor_was_silent(silent, tmp_path):
     failed = failure(silent)
     assert failed.why.startswith("The sensor sent no record that could be used")
+    assert "The mission ended after" in failed.why
     assert "soilmoist check --logger" in failed.todo[0]
     assert failed.mission is not None
     assert failed.mission.log
@@ -58,7 +59,7 @@ def test_a_mission_whose_sensor_was_silent(silent, tmp_path):
 
 def test_too_few_samples_are_the_cause():
     failed = failure(GOLDEN / "one_stop", ReplaySettings(fit="soft_l1"))
-    assert failed.why == "14 records make 1 samples: there are too few samples for a map."
+    assert failed.why == "14 records at 1 place: there are too few samples for a map."
     assert len(failed.track) == 14
 
 
