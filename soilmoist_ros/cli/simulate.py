@@ -49,7 +49,7 @@ def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
         for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
             click.echo(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
         if (plan := mission_efficiency(result)) is not None:
-            click.echo(f"efficiency {100 * plan.reached:.0f} % of the best possible plan in this time")
+            click.echo(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
     for path in written:
         click.echo(f"wrote {path}")
     if result.soil_map is None:

@@ -253,6 +253,7 @@ def _finals(data: CampaignData) -> Iterator[FinalRow]:
                 mean_sd_text(rows["distance_m"], most_decimals=0),
                 mean_sd_text(rows["samples"], most_decimals=1),
                 mean_sd_text(100 * rows["counting_share"], most_decimals=0),
+                mean_sd_text(100 * rows["efficiency"], most_decimals=0),
             )
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1

@@ -242,12 +242,13 @@ def _rate_map(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str,
     }
 
 
-def _efficiency(mission: MissionResult) -> dict[str, float] | None:
-    """Efficiency of the mission against any plan; variances of the smooth rate [(counts/s)^2]."""
+def _efficiency(mission: MissionResult) -> dict[str, float | bool] | None:
+    """Efficiency of the mission, see :class:`Efficiency`; variances of the smooth rate [(counts/s)^2]."""
     plan = mission_efficiency(mission)
     if plan is None:
         return None
-    return {"reached": plan.reached, "least_variance": plan.least, "left_variance": plan.left}
+    variances = {"least_variance": plan.least, "left_variance": plan.left}
+    return {"reached": plan.reached, **variances, "of_truth": plan.of_truth}
 
 
 def _correction(row: Any) -> dict[str, Any]:

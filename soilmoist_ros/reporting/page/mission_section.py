@@ -137,9 +137,13 @@ def _text(mission: MissionResult) -> str:
             )
     if (plan := mission_efficiency(mission)) is not None:
         sentences.append(
-            f"It reached {percent(plan.reached)} of what any plan could have done in this time: no division of it "
-            "among all places, even without driving, would leave less than this share of the map's mean variance"
+            f"Its efficiency is {percent(plan.reached)}: no division of the time among all places, even without "
+            "driving, leaves less than this share of the mean variance that its samples leave"
         )
+        if plan.of_truth:
+            sentences[-1] += " (with the variogram of the truth, so that missions on this field can be compared)"
+        else:
+            sentences[-1] += " (with the variogram of this map: not comparable with other missions)"
     if mission.ended:
         sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
     return ". ".join(sentences) + "."

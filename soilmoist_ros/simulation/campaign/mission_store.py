@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 import os
 import zipfile
 import zlib
@@ -22,6 +23,7 @@ from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
+from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
@@ -50,6 +52,7 @@ class StoredMission:
     :param version: version of the code
     :param field_title: name of the field for reports
     :param ended: reason for the end
+    :param efficiency: efficiency of its plan, see :class:`Efficiency`; NaN if it has none
     :param series: state over time
     :param visits: visits in order
     :param tracks: corner points of each robot's path, shape (p, 2) [m]
@@ -66,6 +69,7 @@ class StoredMission:
     version: str
     field_title: str
     ended: str
+    efficiency: float
     series: tuple[SeriesRow, ...]
     visits: tuple[Visit, ...]
     tracks: tuple[Array, ...]
@@ -89,7 +93,7 @@ def code_version() -> str:
 
 def pack(result: MissionResult, key: str) -> bytes:
     """Serialise a finished mission."""
-    soil_map = result.soil_map
+    soil_map, plan = result.soil_map, mission_efficiency(result)
     about = {
         "schema": SCHEMA,
         "key": key,
@@ -97,6 +101,7 @@ def pack(result: MissionResult, key: str) -> bytes:
         "settings": result.settings.as_dict(),
         "field_title": result.field_title,
         "ended": result.ended,
+        "efficiency": None if plan is None else plan.reached,
         "visits": [asdict(visit) for visit in result.visits],
     }
     empty: Array = np.empty(0)
@@ -143,6 +148,7 @@ def unpack(content: bytes) -> StoredMission:
             version=about["version"],
             field_title=about["field_title"],
             ended=about["ended"],
+            efficiency=math.nan if about.get("efficiency") is None else float(about["efficiency"]),
             series=tuple(map(_row, arrays["series"].astype(float).tolist())),
             visits=visits,
             tracks=_pieces(arrays["tracks"], arrays["track_lengths"]),

@@ -72,7 +72,8 @@ def missions_table(finished: Finished) -> pd.DataFrame:
     """One row per mission: settings, final metrics, and the reason for the end.
 
     ``border_share`` is the share of stops in the strip along the boundary that contains half of the field's area
-    (0.5 for uniformly distributed stops). ``end_s`` is the time at which the mission ended.
+    (0.5 for uniformly distributed stops). ``end_s`` is the time at which the mission ended, and ``efficiency`` that
+    of its plan (:class:`Efficiency`).
     """
     pandas = require_pandas()
     rows, finals = [], [metrics_at(stored, np.array([np.inf])) for _, stored in finished]
@@ -88,10 +89,11 @@ def missions_table(finished: Finished) -> pd.DataFrame:
                 **{name: values[0] for name, values in final.items()},
                 "border_share": border_share(stored),
                 "ended": stored.ended,
+                "efficiency": stored.efficiency,
             }
         )
     columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *_metric_names(finals)]
-    columns += ["border_share", "ended"]
+    columns += ["border_share", "ended", "efficiency"]
     return pandas.DataFrame(rows, columns=columns).astype({"cell_m": "float64"})
 
 

@@ -71,7 +71,7 @@ def crafted(mission, mse=None, distance=None, border=None):
     places = [outer] * outside + [inner] * (20 - outside)
     return StoredMission(
         settings=s, key=mission.key, version="v", field_title=f"The {s.field} field", ended="time is up",
-        series=series, visits=tuple(Visit("P", x, y, 0.0, 100.0, 300, "") for x, y in places),
+        efficiency=0.7, series=series, visits=tuple(Visit("P", x, y, 0.0, 100.0, 300, "") for x, y in places),
         tracks=(np.array([(0.0, 0.0), (5.0, 5.0)]),), x_m=axis, y_m=axis, rate=np.ones((20, 20)),
         rate_sd=np.ones((20, 20)), truth_rate=np.ones((20, 20)),
         outlines=(np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]),),

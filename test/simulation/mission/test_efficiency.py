@@ -1,9 +1,12 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.simulation.mission.efficiency import _variance_left, mission_efficiency
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -20,14 +23,51 @@ def mission(**changes):
     return simulate_mission(MissionSettings(**{**usual, "dwell": "optimal", "map_from": "records", **changes}))
 
 
+@pytest.fixture(scope="module")
+def published():
+    return mission(strategy="greedy", dwell="fmi:300", map_from="stops")
+
+
 @pytest.mark.slow
-def test_a_plan_that_weighs_time_reaches_more_than_the_published_one():
-    good, published = mission(), mission(strategy="greedy", dwell="fmi:300", map_from="stops")
-    best, other = mission_efficiency(good), mission_efficiency(published)
-    assert 0.6 < best.reached <= 1
-    assert other.reached < 0.75 * best.reached
+def test_a_plan_that_weighs_time_reaches_more_than_the_published_one(published):
+    best, other = mission_efficiency(mission()), mission_efficiency(published)
+    assert 0.8 < best.reached <= 1
+    assert 0.05 < other.reached < 0.5 * best.reached
     assert best.reached == pytest.approx(best.least / best.left)
+    assert best.least == other.least
+    assert best.of_truth
     assert not best.moisture
+
+
+@pytest.mark.slow
+def test_the_variogram_that_a_mission_fits_does_not_change_its_efficiency(published):
+    """It did: with a long range little variance is left, whatever was measured."""
+    mapped, found = published.properties[0], mission_efficiency(published)
+    for variogram in (Variogram("matern32", 0.0, 200.0, 0.01), Variogram("exponential", 0.3, 2.0, 3.0)):
+        other = replace(mapped, soil_map=replace(mapped.soil_map, variogram=variogram))
+        assert mission_efficiency(replace(published, properties=[other])) == found
+
+
+@pytest.mark.slow
+def test_without_a_truth_it_is_that_of_the_map(published):
+    unknown = replace(published.properties[0], truth_rate=np.full(published.truth_rate.shape, np.nan))
+    found = mission_efficiency(replace(published, properties=[unknown]))
+    assert not found.of_truth
+    assert found.reached != mission_efficiency(published).reached
+
+
+@pytest.mark.slow
+def test_the_variance_left_is_that_of_kriging_with_the_noise_of_the_true_rate(published):
+    samples = published.soil_map.samples
+    cells, variogram = published.soil_map.grid.cells[::7], Variogram("matern32", 0.0, 20.0, 0.5)
+    rate = np.linspace(2.5, 5.0, len(samples))
+    live = replace(samples, exposure_s=samples.exposure_s / 1.1)
+    smooth = variogram.covariance
+    ones = np.linalg.inv(smooth(cdist(live.xy, live.xy)) + np.diag(rate / live.exposure_s))
+    towards = smooth(cdist(live.xy, cells))
+    expected = variogram.sill - np.einsum("ig,ij,jg->g", towards, ones, towards)
+    expected += (1 - (ones @ towards).sum(axis=0)) ** 2 / ones.sum()
+    np.testing.assert_allclose(_variance_left(variogram, live, cells, rate), expected, rtol=1e-8)
 
 
 def test_without_a_map_there_is_no_figure():
