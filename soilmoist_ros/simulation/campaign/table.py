@@ -72,8 +72,8 @@ def missions_table(finished: Finished) -> pd.DataFrame:
     """One row per mission: settings, final metrics, and the reason for the end.
 
     ``border_share`` is the share of stops in the strip along the boundary that contains half of the field's area
-    (0.5 for uniformly distributed stops). ``end_s`` is the time at which the mission ended, and ``efficiency`` that
-    of its plan (:class:`Efficiency`).
+    (0.5 for uniformly distributed stops). ``end_s`` is the time at which the mission ended, and ``efficiency`` is
+    that of its plan (:class:`Efficiency`).
     """
     pandas = require_pandas()
     rows, finals = [], [metrics_at(stored, np.array([np.inf])) for _, stored in finished]
