@@ -188,4 +188,7 @@ def _points(x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> Sequence[Base
     from shapely import points
     from shapely.geometry import Point
 
-    return [points(x, y) if math.isfinite(x + y) else Point() for x, y in zip(x_m, y_m, strict=True)]
+    known = np.isfinite(x_m) & np.isfinite(y_m)
+    shapes = np.full(len(x_m), Point(), dtype=object)
+    shapes[known] = points(x_m[known], y_m[known])
+    return list(shapes)

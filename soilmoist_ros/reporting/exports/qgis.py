@@ -33,9 +33,8 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
     written = write_geopackage(source, folder, settings)
     for one in source.properties:
         name = f"map{one.suffix}"
-        original, copy = source.run.folder / f"{name}.tif", folder / f"{name}.tif"
-        if not (copy.exists() and copy.samefile(original)):
-            shutil.copyfile(original, copy)
+        copy = folder / f"{name}.tif"
+        shutil.copyfile(source.run.folder / copy.name, copy)
         style = folder / f"{name}.qml"
         style.write_text(map_style(one), encoding="utf-8")
         written += [copy, style]

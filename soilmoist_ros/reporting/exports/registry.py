@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -12,6 +14,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
+from soilmoist_ros.reporting.output_folder import SUMMARY
 
 Write = Callable[[RunSource, Path, ExportSettings], list[Path]]
 
@@ -109,12 +112,14 @@ def export_run(
 
     :param run: output folder of ``map``, ``simulate``, ``replay`` or ``demo``
     :param names: names of exports, see :data:`EXPORTS`
+    Files of earlier exports are replaced when all are complete.
+
     :param folder: folder for the files; made if missing; by default ``export`` in the folder of the run
     :param settings: settings; by default those of :class:`ExportSettings`
     :param note: is called with what the run lacks
     :returns: the files
     :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that
-        cannot be written
+        cannot be written or holds another run
     """
     kinds = [export_kind(name) for name in dict.fromkeys(names)]
     if not kinds:
@@ -123,9 +128,19 @@ def export_run(
     for text in source.notes:
         note(text)
     target = folder or source.run.folder / "export"
+    if (target / SUMMARY).is_file() and not target.samefile(source.run.folder):
+        raise InputError("holds another run", "choose another folder for the exports", target)
     try:
         target.mkdir(parents=True, exist_ok=True)
-        written = [path for kind in kinds for path in kind.write(source, target, settings or ExportSettings())]
+        workshop = Path(tempfile.mkdtemp(prefix=".writing-", dir=target))
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another folder", target) from None
-    return list(dict.fromkeys(written))
+    try:
+        chosen = settings or ExportSettings()
+        paths = dict.fromkeys(path for kind in kinds for path in kind.write(source, workshop, chosen))
+        written = [target / path.relative_to(workshop) for path in paths]
+        for path, final in zip(paths, written, strict=True):
+            path.replace(final)
+    finally:
+        shutil.rmtree(workshop, ignore_errors=True)
+    return written

@@ -74,9 +74,11 @@ def to_crs(shapes: Sequence[BaseGeometry], frame: LocalFrame, crs: CRS) -> NDArr
             x = frame.longitude_deg + (np.asarray(x) - frame.longitude_deg + 180) % 360 - 180
         return np.column_stack([x, y])
 
-    found = np.empty(len(shapes), object)
-    found[:] = [right_handed(transform(shape, moved)) for shape in shapes]
-    return found
+    several = np.empty(len(shapes), object)
+    several[:] = shapes
+    several = np.asarray(transform(several, moved), object)
+    several[:] = [right_handed(shape) for shape in several]
+    return several
 
 
 def write_layers(

@@ -37,6 +37,30 @@ def test_files_lie_in_the_folder_of_the_run_by_default(exported, tmp_path):
     assert export_run(folder, ["styled"], tmp_path / "a" / "b")[0] == tmp_path / "a" / "b" / "map_styled.tif"
 
 
+def test_another_run_is_not_overwritten(exported, tmp_path):
+    other = shutil.copytree(exported.folder, tmp_path / "run")
+    with pytest.raises(InputError, match="holds another run"):
+        export_run(exported.folder, ["qgis"], other)
+    before = (other / "map.tif").read_bytes()
+    assert len(export_run(other, ["qgis"], other)) == 6
+    assert (other / "map.tif").read_bytes() == before
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        export_run(other, ["kmz"], tmp_path / "file")
+
+
+def test_a_failure_leaves_earlier_files(exported, tmp_path, monkeypatch):
+    def fail(source, folder, settings):
+        (folder / "map.nc").write_text("half")
+        raise RuntimeError("no space left")
+
+    (tmp_path / "map.nc").write_text("whole")
+    monkeypatch.setitem(EXPORTS._objects(), "bad", Export(fail, "bad", "a test", ".nc"))
+    with pytest.raises(RuntimeError):
+        export_run(exported.folder, ["bad"], tmp_path)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("map.nc", "whole")]
+
+
 def older(folder):
     """Turn a run folder into one of an earlier release."""
     for path in folder.glob("records*.csv"):
