@@ -17,9 +17,11 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.reporting.mission_report import mission_run, write_mission
 from soilmoist_ros.reporting.page import report
-from soilmoist_ros.reporting.page.mission_section import course_chart, mission_part, trajectory_map
+from soilmoist_ros.reporting.page.irrigation import irrigation
+from soilmoist_ros.reporting.page.mission_section import course_charts, mission_part
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
+from soilmoist_ros.reporting.page.viewer.layers import viewer_data
 from soilmoist_ros.reporting.page.wording import facts, headline
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
@@ -59,8 +61,9 @@ def test_all_files(mission, tmp_path):
     with rasterio.open(paths[1]) as raster:
         assert raster.tags()["SOILMOIST_SIMULATED"] == "yes"
     html = paths[3].read_text(encoding="utf-8")
-    for anchor in ("trajectory", "course", "truth", "error", "mission"):
+    for anchor in ("course-error", "course-coverage", "course-distance", "mission"):
         assert f'id="{anchor}"' in html
+    assert 'value="truth"' in html
     assert "SIMULATED DATA" in html
     assert "series.csv" in html
     assert "https://" not in html
@@ -156,18 +159,11 @@ def test_counts_on_the_way_are_accounted_for(mission):
     assert loss.count >= 1
 
 
-def test_stops_are_numbered_in_order(mission):
-    axes = trajectory_map(mission_run(mission, NOW)).axes[0]
-    assert [text.get_text() for text in axes.texts if text.get_text().isdigit()] == [
-        str(number) for number in range(1, len(mission.visits) + 1)
-    ]
-
-
-def test_the_start_is_seen_where_the_robot_also_stopped(mission):
-    circles, *squares = reversed(list(trajectory_map(mission_run(mission, NOW)).axes[0].collections))
-    assert squares
-    assert all(square.get_zorder() > circles.get_zorder() for square in squares)
-    assert all(not len(square.get_facecolor()) for square in squares), "the number below can be read"
+def test_stops_of_the_map_are_in_order(mission):
+    run = mission_run(mission, NOW)
+    shown = viewer_data(run, irrigation(run))["visits"]
+    assert [row[2] for row in shown] == [visit.name for visit in mission.visits]
+    assert [row[4] for row in shown] == [visit.raw_counts for visit in mission.visits]
 
 
 @pytest.mark.slow
@@ -194,9 +190,7 @@ def with_n0(soil_map, n0_cps):
 
 def test_course_without_any_map():
     rows = [SeriesRow(t, t, 0, 0.0) for t in (0.0, 60.0)]
-    figure = course_chart(rows)
-    assert "no map" in figure.axes[0].texts[0].get_text()
-    assert np.isfinite(figure.axes[1].get_ylim()).all()
+    assert [chart.key for chart in course_charts(rows)] == ["course-distance"]
 
 
 @pytest.mark.slow
@@ -213,10 +207,6 @@ def test_without_a_truth_the_course_is_the_distance(mission):
     rows = [dataclasses.replace(row, errors=(MapErrors(),)) for row in mission.series]
     unknown = with_own(mission, truth_rate=np.full_like(mission.truth_rate, np.nan))
     unknown = dataclasses.replace(unknown, series=rows)
-    figure = course_chart(rows, has_truth=False)
-    (axes,) = figure.axes
-    assert axes.get_ylabel() == "Distance [m]"
-    assert not axes.texts
-    course = mission_part(mission_run(unknown, NOW)).sections[-1]
-    assert "95 %" not in str(course)
-    assert "The distance driven. Ticks" in str(course)
+    (chart,) = course_charts(rows, has_truth=False)
+    assert chart.y_label == "Distance [m]"
+    assert mission_part(mission_run(unknown, NOW)).charts[0].key == chart.key

@@ -15,7 +15,6 @@ from soilmoist_ros.reporting.campaign.data import (
     strategies_in,
 )
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text, strategy_traits
-from soilmoist_ros.reporting.page.maps import RATE, RATE_SD, colours
 from soilmoist_ros.reporting.page.style import (
     BLUE,
     FAINT,
@@ -23,8 +22,11 @@ from soilmoist_ros.reporting.page.style import (
     INK,
     NORMAL,
     ORANGE,
+    RATE,
     SMALL,
     SOFT,
+    UNCERTAIN,
+    colour_map,
     extension,
     label,
     new_figure,
@@ -181,13 +183,13 @@ def examples_figure(data: CampaignData, case: Case) -> Figure | None:
     low, high = robust_range(pooled, 0.98)
     variances = [_inside(stored.rate_sd, stored) ** 2 for _, stored in examples]
     most = robust_range(np.concatenate([v.ravel() for v in variances]), 0.98)[1]
-    image = _panel(cell(0, 0), first, truth, RATE.colours, (low, high), "Truth")
+    image = _panel(cell(0, 0), first, truth, RATE, (low, high), "Truth")
     for column, ((name, stored), variance) in enumerate(zip(examples, variances, strict=True), start=1):
         above = cell(0, column)
-        _panel(above, stored, _inside(stored.rate, stored), RATE.colours, (low, high), strategy_text(name))
+        _panel(above, stored, _inside(stored.rate, stored), RATE, (low, high), strategy_text(name))
         _path(above, stored)
         below = cell(1, column)
-        shade = _panel(below, stored, variance, RATE_SD.colours, (0.0, most), "")
+        shade = _panel(below, stored, variance, UNCERTAIN, (0.0, most), "")
         _stops(below, stored)
     corner = cell(1, 0)
     corner.set_axis_off()
@@ -330,7 +332,7 @@ def _panel(
     half = (stored.x_m[1] - stored.x_m[0]) / 2 if len(stored.x_m) > 1 else 0.5
     extent = (stored.x_m[0] - half, stored.x_m[-1] + half, stored.y_m[0] - half, stored.y_m[-1] + half)
     image = axes.imshow(
-        values, origin="lower", extent=extent, cmap=colours(cmap), vmin=limits[0], vmax=limits[1],
+        values, origin="lower", extent=extent, cmap=colour_map(cmap), vmin=limits[0], vmax=limits[1],
         interpolation="nearest", aspect="equal",
     )  # fmt: skip
     for ring in stored.outlines:

@@ -17,8 +17,7 @@ from soilmoist_ros.reporting.campaign.findings import Comparison, findings
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import length, number, plain
-from soilmoist_ros.reporting.page.section import Section
-from soilmoist_ros.reporting.page.style import picture
+from soilmoist_ros.reporting.page.style import Section, picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, stored_missions
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
 from soilmoist_ros.simulation.campaign.mission_store import code_version

@@ -6,11 +6,10 @@ from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import track_xy
 from soilmoist_ros.reporting.page import wording
+from soilmoist_ros.reporting.page.charts.chart import Chart
 from soilmoist_ros.reporting.page.charts.survey_charts import rate_chart
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.numbers import duration, length, number
-from soilmoist_ros.reporting.page.section import Section
-from soilmoist_ros.reporting.page.style import picture
 from soilmoist_ros.reporting.page.wording import Fact
 
 MAX_VISITS = 100
@@ -33,7 +32,7 @@ def render_failed(failed: FailedRun) -> str:
         visits=mission.visits[:MAX_VISITS] if mission else (),
         stops=len(mission.visits) if mission else 0,
         log=mission.log[:MAX_LINES] if mission else (),
-        chart=_rate(failed),
+        rate=_rate(failed),
     )
 
 
@@ -60,12 +59,9 @@ def failed_facts(failed: FailedRun) -> list[Fact]:
     return found
 
 
-def _rate(failed: FailedRun) -> Section | None:
+def _rate(failed: FailedRun) -> Chart | None:
     """The rate over time, ``None`` without at least two records that count."""
     good = [record for record in failed.good if record.effective_exposure_s > 0]
     if len({record.stamp_s for record in good}) < 2:
         return None
-    figure = picture(rate_chart(good), "Corrected count rate over time", True)
-    return Section(
-        "rate-series", "Rate over time", figure, "What the sensor counted, corrected for the atmosphere."
-    )
+    return rate_chart(good)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
+from soilmoist_ros.mapping.moisture_bands import common_rate_sd
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.page.numbers import area, percent, volume
 from soilmoist_ros.reporting.page.statistics import mean_moisture
@@ -22,6 +22,8 @@ RELATIVE = ("driest third", "middle third", "wettest third")
 BY_USER = ("dry", "medium", "moist")
 BY_PLANT = ("too dry", "enough water", "wet")
 FEW_PLACES = 10
+CERTAIN = 0.8
+"""Probability from which the zone of a place counts as certain."""
 SURE_ENOUGH = 0.5
 """Share of the area with a certain zone from which the map supports decisions zone by zone."""
 
@@ -35,7 +37,7 @@ class Zone:
     :param colour: colour on the map
     :param area_m2: its area [m^2]
     :param share: share of the field's area [0..1]
-    :param sure: share of its area whose 90 % interval lies inside the class [0..1], NaN if it is empty
+    :param sure: share of its area that belongs to it with a probability of 80 % or more [0..1], NaN if it is empty
     :param water_mm: mean water in the root zone [mm], NaN without a calibration
     :param missing_mm: mean water missing to field capacity [mm], NaN if that is unknown
     """
@@ -61,10 +63,10 @@ class Irrigation:
 
     :param zones: from dry to moist
     :param number: number of the zone of each cell, NaN outside the field, shape (ny, nx)
-    :param sure: whether the interval of a cell lies inside its zone, shape (ny, nx)
+    :param sure: whether a cell belongs to its zone with a probability of 80 % or more, shape (ny, nx)
     :param relative: whether the zones only compare places of this field
     :param basis: where the limits of the zones come from, as a sentence
-    :param water: water in the root zone of the mean of the field, as a sentence; empty without a calibration
+    :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
     :param level: what is known of the absolute moisture, as a sentence
     :param advice: what to do next, as a sentence
     """
@@ -87,12 +89,10 @@ class Irrigation:
 
 def irrigation(run: MapRun) -> Irrigation:
     """Zones, water and advice of a map; of its count rate if there is no calibration."""
-    values, low, high = _values(run)
+    values = _values(run)
     names, edges, basis = _edges(run, values)
     number = np.where(np.isfinite(values), np.searchsorted(edges, np.nan_to_num(values), side="right"), np.nan)
-    bounds = np.concatenate([[-np.inf], edges, [np.inf]])
-    own = np.nan_to_num(number).astype(int)
-    sure = np.isfinite(number) & (low >= bounds[own]) & (high <= bounds[own + 1])
+    sure = _probability(run, number, edges) >= CERTAIN
     zones = tuple(_zone(run, i, names[i], edges, values, number, sure) for i in range(3))
     found = Irrigation(zones, number, sure, names == RELATIVE, basis, _water(run), _level(run), "")
     return Irrigation(**{**vars(found), "advice": _advice(run, found)})
@@ -100,7 +100,7 @@ def irrigation(run: MapRun) -> Irrigation:
 
 def absolute_limits(run: MapRun) -> tuple[float, ...] | None:
     """Limits between dry, medium and moist [m^3/m^3]; ``None`` where zones only compare places of the field."""
-    names, edges, _ = _edges(run, _values(run)[0])
+    names, edges, _ = _edges(run, _values(run))
     return None if names == RELATIVE else tuple(edges.tolist())
 
 
@@ -115,29 +115,41 @@ def stress_point(limits: IrrigationLimits) -> float | None:
     return limits.field_capacity - limits.depletion * (limits.field_capacity - limits.wilting_point)
 
 
-def _absolute(run: MapRun) -> bool:
+def absolute(run: MapRun) -> bool:
     """Whether the map has moistures that limits can be compared with."""
     return run.calibrated and not (run.calibration is not None and run.calibration.illustrative)
 
 
-def _values(run: MapRun) -> tuple[Array, Array, Array]:
-    """Moisture with its interval, or minus the rate with its interval; more is moister. NaN outside the field."""
+def _values(run: MapRun) -> Array:
+    """Moisture, or minus the rate without a calibration: more is moister. NaN outside the field."""
     soil_map = run.soil_map
-    if run.calibrated:
-        bands = (soil_map.vwc, soil_map.vwc_p05, soil_map.vwc_p95)
-    else:
-        away = QUANTILE_SD * soil_map.rate_sd
-        bands = (-soil_map.rate, -soil_map.rate - away, -soil_map.rate + away)
-    value, low, high = (np.where(soil_map.grid.mask, band, np.nan) for band in bands)
-    return value, low, high
+    return np.where(soil_map.grid.mask, soil_map.vwc if run.calibrated else -soil_map.rate, np.nan)
+
+
+def _probability(run: MapRun, number: Array, edges: Array) -> Array:
+    """Probability that the true value lies in the zone of the estimate, 0 outside the field; rates are normal."""
+    from scipy.special import ndtr
+
+    soil_map, curve = run.soil_map, run.soil_map.curve
+    sd, limits = soil_map.rate_sd, -edges
+    if curve is not None:
+        common = common_rate_sd(curve, soil_map.rate)
+        sd = sd if common is None else np.hypot(sd, common)
+        limits = np.asarray(curve.rate_cps(np.maximum(edges, 0.0)), float)
+    highest = np.concatenate([[np.inf], limits])
+    lowest = np.concatenate([limits, [-np.inf]])
+    own = np.nan_to_num(number).astype(int)
+    with np.errstate(invalid="ignore"):
+        inside = ndtr((highest[own] - soil_map.rate) / sd) - ndtr((lowest[own] - soil_map.rate) / sd)
+    return np.where(np.isfinite(number), np.nan_to_num(inside), 0.0)
 
 
 def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
     """Names of the zones, the two limits between them, and their origin."""
     limits, stress = run.irrigation, stress_point(run.irrigation)
-    if _absolute(run) and limits.dry_below is not None and limits.moist_above is not None:
+    if absolute(run) and limits.dry_below is not None and limits.moist_above is not None:
         return BY_USER, np.array([limits.dry_below, limits.moist_above]), "The limits are those of the site file."
-    if _absolute(run) and stress is not None and limits.field_capacity is not None:
+    if absolute(run) and stress is not None and limits.field_capacity is not None:
         basis = (
             f"Plants lack water below {volume(stress)} %: there, {percent(limits.depletion)} of the water between "
             f"field capacity ({volume(limits.field_capacity)} %) and wilting point "
@@ -150,7 +162,7 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
         "The zones only compare places of this field: each is about a third of the area, however dry or wet it is."
     )
     given = stress is not None or limits.dry_below is not None
-    if given and not _absolute(run):
+    if given and not absolute(run):
         basis += " The limits of the site file need a calibrated sensor."
     elif not given:
         basis += (
@@ -167,9 +179,9 @@ def _zone(
     share = np.count_nonzero(chosen) / total
     depth, full = run.irrigation.root_depth_mm, run.irrigation.field_capacity
     water = missing = math.nan
-    if run.calibrated and chosen.any():
+    if absolute(run) and chosen.any():
         water = float(values[chosen].mean()) * depth
-        if full is not None and _absolute(run):
+        if full is not None:
             missing = float(np.maximum(full - values[chosen], 0).mean()) * depth
     size_m2 = share * float(field_polygon(run.soil_map).area)
     return Zone(
@@ -189,7 +201,7 @@ def _range_text(run: MapRun, index: int, edges: Array) -> str:
 
 def _water(run: MapRun) -> str:
     """Water in the root zone with its 90 % interval."""
-    mean = mean_moisture(run.soil_map)
+    mean = mean_moisture(run.soil_map) if absolute(run) else None
     if mean is None or not math.isfinite(mean.value):
         return ""
     depth = run.irrigation.root_depth_mm
@@ -204,7 +216,7 @@ def _water(run: MapRun) -> str:
 def _level(run: MapRun) -> str:
     if not run.calibrated:
         return "Not calibrated: the map shows where it is drier and wetter, but not how much water there is."
-    if not _absolute(run):
+    if not absolute(run):
         return (
             "Illustrative: the calibration is a guess. Trust where it is drier and wetter, but not the "
             "percentages and millimetres."
@@ -219,7 +231,7 @@ def _advice(run: MapRun, found: Irrigation) -> str:
     """The next step that helps most, as a sentence."""
     if not run.calibrated:
         return "Next: take soil cores and calibrate the sensor, so that the map shows water."
-    if not _absolute(run):
+    if not absolute(run):
         return "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
     samples = len(run.soil_map.samples)
     if samples < FEW_PLACES:

@@ -138,7 +138,9 @@ class _Kriging:
         from scipy.spatial.distance import cdist
 
         variogram = self.soil_map.variogram
-        return np.asarray(variogram.sill - variogram.semivariance(cdist(a, b)), float)
+        square = cdist(variogram.scaled(a), variogram.scaled(b), "sqeuclidean")
+        nugget = np.where(square == 0, variogram.nugget, 0.0)
+        return np.asarray(variogram.structured_sill * variogram.correlation_of_square(square) + nugget, float)
 
     def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Covariance between the samples and the places, shape (samples, places)."""

@@ -18,6 +18,9 @@ INK = "#22303c"
 SOFT = "#5d6b78"
 FAINT = "#d5dbe1"
 BLUE, ORANGE, GREEN, PURPLE, GOLD = "#0072b2", "#d55e00", "#009e73", "#8c4a8c", "#c9a000"
+WATER, RATE, UNCERTAIN, DIFFERENCE = "YlGnBu", "YlOrBr", "Purples", "PuOr"
+"""Colour maps that colour-blind readers can distinguish. Each quantity has its own in every report, dark for wet,
+for many counts and for uncertain."""
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.0
 PNG_DPI = 190
 LARGEST_SVG = 250_000
@@ -29,14 +32,34 @@ class Picture:
 
     :param uri: the image as a data URI
     :param alt: description in words
-    :param width_in: its natural width [in]
-    :param axes: position of the main axes in the image: left, top, width, height, all 0..1
     """
 
     uri: str
     alt: str
-    width_in: float
-    axes: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Section:
+    """One figure of a page with its texts.
+
+    :param key: anchor in the page
+    :param title: heading
+    :param picture: the figure
+    :param caption: what to see in it
+    """
+
+    key: str
+    title: str
+    picture: Picture
+    caption: str
+
+
+def colour_map(name: str) -> Any:
+    """A colour map without its palest end, which is invisible on white paper."""
+    from matplotlib import colormaps
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list(name, colormaps[name](np.linspace(0.06, 0.97, 256)))
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
@@ -105,15 +128,11 @@ def extension(values: ArrayLike, low: float, high: float) -> str:
 
 def picture(figure: Figure, alt: str, vector: bool = False) -> Picture:
     """Render as SVG if requested and small, else as PNG at twice the screen's resolution."""
-    width, _ = figure.get_size_inches()
-    figure.canvas.draw()
-    box = figure.axes[0].get_position()
-    axes = (float(box.x0), float(1 - box.y1), float(box.width), float(box.height))
     if vector:
         svg = _render(figure, "svg")
         if len(svg) <= LARGEST_SVG:
-            return Picture(_data_uri("image/svg+xml", svg), alt, float(width), axes)
-    return Picture(_data_uri("image/png", _render(figure, "png")), alt, float(width), axes)
+            return Picture(_data_uri("image/svg+xml", svg), alt)
+    return Picture(_data_uri("image/png", _render(figure, "png")), alt)
 
 
 def _render(figure: Figure, kind: str) -> bytes:

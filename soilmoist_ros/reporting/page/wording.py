@@ -153,3 +153,10 @@ def _certainty(run: MapRun) -> str:
     if common is None:
         return f"{text}; an error of the calibration, common to all places, is not included."
     return f"{text}, and the calibration may shift all of them together by ± {volume(common)} %."
+
+
+def datum(run: MapRun) -> str:
+    """Position of the origin of the local metres."""
+    lat, lon = run.frame.latitude_deg, run.frame.longitude_deg
+    north, east = "N" if lat >= 0 else "S", "E" if lon >= 0 else "W"
+    return f"Datum (0, 0): {abs(lat):.6f}° {north}, {abs(lon):.6f}° {east} (WGS-84)"

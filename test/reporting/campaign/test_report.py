@@ -285,7 +285,7 @@ def test_page_of_a_campaign(tmp_path, fake):
 @pytest.fixture
 def words_only(monkeypatch):
     """No figures."""
-    blank = Picture("data:image/png;base64,", "a figure", 5.0, (0.1, 0.1, 0.8, 0.8))
+    blank = Picture("data:image/png;base64,", "a figure")
     monkeypatch.setattr(campaign_report, "picture", lambda *_: blank)
     for name in ("strategies_figure", "intervals_figure", "coverage_figure", "examples_figure"):
         monkeypatch.setattr(campaign_figures, name, lambda *_: object())

@@ -45,7 +45,6 @@ class Dots:
     size_px: ArrayLike = 6.0
     hollow: bool = False
     error: ArrayLike | None = None
-    texts: Sequence[str] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,6 @@ class Path:
     d: str
     css: str
     width_px: float = 0.0
-    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -102,6 +100,7 @@ class Chart:
     :param height_px: height of the plot
     :param x_ticks: labels of the horizontal axis as (value, text); made from the limits by default
     :param y_ticks: labels of the vertical axis, likewise
+    :param top_ticks: labels above the plot as (value of x, text)
     """
 
     key: str
@@ -116,6 +115,7 @@ class Chart:
     height_px: int = 260
     x_ticks: Sequence[tuple[float, str]] | None = None
     y_ticks: Sequence[tuple[float, str]] | None = None
+    top_ticks: Sequence[tuple[float, str]] = ()
 
     @property
     def paths(self) -> list[Path]:
@@ -137,6 +137,12 @@ class Chart:
     def up(self) -> list[Tick]:
         """Labels of the vertical axis."""
         return self._ticks(self.y_ticks, self.y, 5)
+
+    @property
+    def top(self) -> list[Tick]:
+        """Labels above the plot; two of three are minor where there are many."""
+        ticks = self._ticks(self.top_ticks, self.x, 0)
+        return [Tick(t.percent, t.text, len(ticks) > 6 and i % 3 > 0) for i, t in enumerate(ticks)]
 
     def _ticks(self, given: Sequence[tuple[float, str]] | None, limits: Limits, count: int) -> list[Tick]:
         low, high = limits
@@ -169,10 +175,9 @@ class Chart:
         for size in np.unique(np.round(sizes, 1)):
             chosen = (np.round(sizes, 1) == size) & np.isfinite(points).all(axis=1)
             d = "".join(f"M{_xy(p)}h0" for p in points[chosen])
-            title = "; ".join(np.array(mark.texts)[chosen].tolist()) if len(mark.texts) else ""
-            yield Path(d, f"s-{mark.colour} dot", float(size), title)
+            yield Path(d, f"s-{mark.colour} dot", float(size))
             if mark.hollow:
-                yield Path(d, "s-mark dot", float(size) - 3, title)
+                yield Path(d, "s-mark dot", float(size) - 3)
 
     def _points(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Points in the SVG's units, shape (n, 2); far outside they are cut, which changes nothing visible."""

@@ -1,0 +1,242 @@
+"""Data of the map viewer: rasters with their meaning, and what lies on top of them, all in local metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.reporting.geometry import map_extent, rings
+from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
+from soilmoist_ros.reporting.page.irrigation import Irrigation, absolute
+from soilmoist_ros.reporting.page.numbers import plain
+from soilmoist_ros.reporting.page.style import DIFFERENCE, RATE, UNCERTAIN, WATER, colour_map, robust_range
+from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
+from soilmoist_ros.reporting.run import MapRun
+
+Array = NDArray[np.float64]
+
+STOPS = 24
+FIXED_VWC = (0.0, 50.0)
+"""Colour limits of moisture that make reports comparable [% by volume]."""
+ROBOTS = {"blue": "#0072b2", "orange": "#b34700", "green": "#00704f", "purple": "#7a3f7a", "gold": "#8a6d00"}
+"""Colours of the robots in order; further robots repeat them from the first."""
+MAX_PLACES = 4000
+PERCENT = "% by volume"
+
+
+def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
+    """Everything that the page's script draws, as plain JSON values."""
+    west, east, south, north = view(run)
+    return {
+        "view": [round(edge, 2) for edge in (west, east, south, north)],
+        "place": _place(run, (west + east) / 2, (south + north) / 2, max(east - west, north - south) / 2),
+        "rootDepth": run.irrigation.root_depth_mm if absolute(run) else 0,
+        "grids": [_grid(one) for one in run.properties],
+        "layers": list(_layers(run, found)),
+        "zones": [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in found.zones],
+        "edge": [rounded(ring) for ring in rings(run.soil_map)],
+        "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
+        "samples": _samples(run),
+        "robots": _robots(run),
+        "paths": [rounded(_thinned(track)) for track in run.tracks_xy if len(track) > 1],
+        "visits": _visits(run),
+        "quarantined": [
+            [round(record.x_m, 1), round(record.y_m, 1), record.quarantine.replace("_", " ")]
+            for record in run.quarantined
+            if math.isfinite(record.x_m)
+        ],
+    }
+
+
+def view(run: MapRun) -> tuple[float, float, float, float]:
+    """West, east, south, north [m] of the field, the samples and the track, with a margin."""
+    west, east, south, north = map_extent(run.soil_map)
+    points = np.vstack([[(west, south), (east, north)], run.soil_map.samples.xy, *run.tracks_xy])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.03 * float(max(high - low))
+    (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
+    return west, east, south, north
+
+
+def colours(name: str) -> list[str]:
+    """Stops of a colour map from low to high."""
+    from matplotlib.colors import to_hex
+
+    return [to_hex(colour) for colour in colour_map(name)(np.linspace(0, 1, STOPS))]
+
+
+def interval_width(run: MapRun) -> Array:
+    """Width of the 90 % interval of the moisture [% by volume]."""
+    return np.asarray(100 * (run.soil_map.vwc_p95 - run.soil_map.vwc_p05))
+
+
+def moisture_limits(run: MapRun) -> tuple[float, float]:
+    """Colour limits of the moisture [% by volume], within what the soil can hold."""
+    limits = run.soil_map.limits
+    within = None if limits is None else (100 * limits.dryness, max(100 * limits.saturation, 1.0))
+    return colour_limits(100 * run.soil_map.vwc, interval_width(run) / 3.3, within)
+
+
+def colour_limits(
+    values: Array, spread: Array | None = None, within: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Round colour limits: the middle 95 % of the values, at least a typical uncertainty to both sides.
+
+    :param values: values in the displayed unit
+    :param spread: their standard deviations, so that noise does not look like a pattern
+    :param within: limits that the colours never leave
+    """
+    low, high = robust_range(values)
+    if spread is not None and np.isfinite(spread).any():
+        middle, typical = (low + high) / 2, float(np.nanmedian(spread))
+        away = max((high - low) / 2, min(typical, abs(high)))
+        low, high = middle - away, middle + away
+    step = round_step((high - low) / 6)
+    low, high = step * math.floor(low / step + 1e-6), step * math.ceil(high / step - 1e-6)
+    if within is not None:
+        low, high = max(low, within[0]), min(high, within[1])
+    return (low, high) if high > low else (low, low + step)
+
+
+def _grid(run: MapRun) -> dict[str, Any]:
+    grid = run.soil_map.grid
+    step = thinning(grid.mask.shape)
+    shape = grid.mask[::step, ::step].shape
+    return {
+        "x0": float(grid.x_m[0]), "y0": float(grid.y_m[0]), "cell": float(grid.cell_m * step),
+        "nx": shape[1], "ny": shape[0],
+    }  # fmt: skip
+
+
+def _layers(run: MapRun, found: Irrigation) -> Iterator[dict[str, Any]]:
+    """The layers in the order of the choice; those without a title are only read."""
+    for index, one in enumerate(run.properties):
+        first, *more = _of_property(one, index, f"{one.label or one.name}: " if index else "")
+        yield first
+        if index == 0:
+            yield _zones(one, found)
+        yield from more
+        if one.truth_rate is not None:
+            yield from _truth(one, np.asarray(one.truth_rate, float), index)
+
+
+def _zones(run: MapRun, found: Irrigation) -> dict[str, Any]:
+    unsure = np.isfinite(found.number) & ~found.sure
+    return {
+        **_raster(run, 0, "zone", found.number), "title": "Irrigation zones", "kind": "zones",
+        "hatch": pack_bits(_cells(run, unsure)), "hatchText": "zone not certain",
+        "about": "Zones as in the table above. Hatched: the probability of the zone is below 80 %.",
+    }  # fmt: skip
+
+
+def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]:
+    soil_map = run.soil_map
+    suffix = f"{index}" if index else ""
+    if run.calibrated:
+        vwc, low, high = 100 * soil_map.vwc, 100 * soil_map.vwc_p05, 100 * soil_map.vwc_p95
+        inside = soil_map.beyond_limits & soil_map.grid.mask
+        yield {
+            **_raster(run, index, f"vwc{suffix}", vwc),
+            **_shown(f"{name}Soil moisture", PERCENT, 1, WATER, moisture_limits(run)),
+            "low": f"p05{suffix}", "high": f"p95{suffix}", "fixed": FIXED_VWC,
+            "hatch": pack_bits(_cells(run, inside)),
+            "hatchText": "very unsure: the interval reaches a limit of the soil",
+            "about": "Pale is dry, dark blue is wet. Hatched: the interval reaches dry or saturated soil.",
+        }  # fmt: skip
+        yield _raster(run, index, f"p05{suffix}", low)
+        yield _raster(run, index, f"p95{suffix}", high)
+        yield {
+            **_shown(f"{name}How sure", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(interval_width(run))[1])),
+            "grid": index, "key": f"width{suffix}", "minus": [f"p95{suffix}", f"p05{suffix}"],
+            "name": "Width of the 90 % interval",
+            "about": "Width of the 90 % interval of the moisture: dark is unsure. Measure there next.",
+        }  # fmt: skip
+    rate, sd = soil_map.rate, soil_map.rate_sd
+    yield {
+        **_raster(run, index, f"rate{suffix}", rate),
+        **_shown(f"{name}Neutron rate", "counts/s", 2, RATE, colour_limits(rate, sd)), "sd": f"rate_sd{suffix}",
+        "about": "What was measured, corrected for the atmosphere. More neutrons mean drier soil.",
+    }  # fmt: skip
+    yield {
+        **_raster(run, index, f"rate_sd{suffix}", sd),
+        **_shown(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1])),
+        "about": "One standard deviation of the true rate, given all counts.",
+    }  # fmt: skip
+
+
+def _truth(run: MapRun, truth: Array, index: int) -> Iterator[dict[str, Any]]:
+    """The known truth of a simulation and the error of the map."""
+    soil_map, end = run.soil_map, f"{index}" if index else ""
+    name = f"{run.label or run.name}: " if index else ""
+    most = colour_limits(np.abs(soil_map.rate - truth))[1]
+    yield {
+        **_raster(run, index, f"truth{end}", truth),
+        **_shown(f"{name}True rate", "counts/s", 2, RATE, colour_limits(soil_map.rate, soil_map.rate_sd)),
+        "about": "What the map of the rate should show, in the same colours.",
+    }  # fmt: skip
+    yield {
+        **_shown(f"{name}Error", "counts/s", 2, DIFFERENCE, (-most, most)), "grid": index, "key": f"error{end}",
+        "minus": [f"rate{end}", f"truth{end}"], "name": "Map minus truth",
+        "about": "Estimate minus truth: purple where the map is too dry, orange where it is too wet.",
+    }  # fmt: skip
+
+
+def _shown(title: str, unit: str, digits: int, colour_map: str, limits: tuple[float, float]) -> dict[str, Any]:
+    low, high = limits
+    ticks = [value for value, _ in round_ticks(low, high, 5)]
+    return {
+        "title": title, "unit": unit, "digits": digits, "colours": colours(colour_map), "from": low, "to": high,
+        "ticks": ticks,
+    }  # fmt: skip
+
+
+def _cells(run: MapRun, values: Any) -> Any:
+    step = thinning(run.soil_map.grid.mask.shape)
+    return values[::step, ::step]
+
+
+def _raster(run: MapRun, index: int, key: str, values: Array) -> dict[str, Any]:
+    """A raster of the field's cells."""
+    inside = np.where(run.soil_map.grid.mask, values, np.nan)
+    return {"key": key, "grid": index, **pack(_cells(run, inside))}
+
+
+def _place(run: MapRun, x_m: float, y_m: float, reach_m: float) -> dict[str, Any]:
+    """Latitude and longitude as quadratic polynomials of local kilometres about the middle of the view."""
+    steps = np.linspace(-reach_m, reach_m, 5)
+    dx, dy = (axis.ravel() / 1000 for axis in np.meshgrid(steps, steps))
+    places = run.frame.to_geographic(np.column_stack([x_m + 1000 * dx, y_m + 1000 * dy]))
+    terms = np.column_stack([np.ones_like(dx), dx, dy, dx * dx, dx * dy, dy * dy])
+    weights = np.linalg.lstsq(terms, places, rcond=None)[0]
+    return {"x": x_m, "y": y_m, "latitude": weights[:, 0].tolist(), "longitude": weights[:, 1].tolist()}
+
+
+def _samples(run: MapRun) -> list[list[float]]:
+    """East, north [m], counts, effective exposure [s] of the samples."""
+    samples = run.soil_map.samples
+    rows = np.column_stack([samples.xy, samples.counts, samples.exposure_s])
+    return [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(rows).tolist()]
+
+
+def _robots(run: MapRun) -> list[dict[str, str]]:
+    """Name and colour of each robot; empty for a single one."""
+    count, known = len(run.tracks_xy), list(ROBOTS.items())
+    shown = [known[number % len(known)] for number in range(count if count > 1 else 0)]
+    return [{"name": f"robot {i} {name}", "colour": colour} for i, (name, colour) in enumerate(shown, start=1)]
+
+
+def _thinned(rows: Array) -> Array:
+    return rows[:: max(1, -(-len(rows) // MAX_PLACES))]
+
+
+def _visits(run: MapRun) -> list[list[Any]]:
+    """East, north [m], name, dwell [s], counts, robot of the stops in order."""
+    visits: Sequence[Any] = () if run.mission is None else run.mission.visits
+    return [
+        [round(v.x_m, 1), round(v.y_m, 1), plain(v.name), round(v.dwell_s, 1), v.raw_counts, v.robot]
+        for v in visits
+    ]
