@@ -12,7 +12,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
 from soilmoist_ros.reporting.page import style
 from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.footprint import SensedSoil
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
@@ -21,7 +21,7 @@ OUTLINE = [(-20.0, -15.0), (20.0, -15.0), (20.0, 10.0), (5.0, 15.0), (-20.0, 15.
 HOLE = [(-4.0, -4.0), (4.0, -4.0), (4.0, 3.0), (-4.0, 3.0)]
 
 
-def soil_map(curve: CalibrationCurve | None = CURVE, n: int = 12, **grid: Any) -> SoilMap:
+def soil_map(curve: MoistureCurve | None = CURVE, n: int = 12, **grid: Any) -> SoilMap:
     rng = np.random.default_rng(5)
     xy = np.column_stack([rng.uniform(-19, 19, n), rng.uniform(-14, 9, n)])
     exposure = rng.uniform(200, 400, n)

@@ -21,6 +21,7 @@ from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.viewer.packing import unpack
 from soilmoist_ros.reporting.run import InputFile, LossRow, Note, NoteCode
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
 VOID = {"meta", "img", "input", "br", "link", "path"}
 MIN_TEXT_PX = 12
@@ -157,6 +158,14 @@ def test_key_numbers_are_there(page, the_map):
 
 def test_the_page_says_how_deep_the_sensor_sees(page):
     assert "to a depth of about 19 cm (16 cm in the wettest to 24 cm in the driest soil)" in page.text
+    assert "19 (16 to 24)" in page.text
+    assert "Desilets et al. (2010)" in page.text
+
+
+@pytest.mark.usefixtures("words_only")
+def test_the_curve_is_named(make_run, map_of):
+    run = make_run(soil_map=map_of(curve=UniversalCurve(7.0, 1.4, humidity_gm3=8.0)))
+    assert "Köhli et al. (2021), mcnp_drf, at 8 g/m³ of humidity" in Page(render_report(run)).text
 
 
 def test_embedded_map_is_the_map(html, the_map):
