@@ -247,14 +247,26 @@ def contradictions(
                 yield Finding("together", f"{inside} of {count} records lie inside the field {field.name!r}")
                 if 2 * inside < count:
                     yield _doubt(f"only {inside} of {count} records lie inside: is it the right field?")
-    if location is not None and len(places):
-        frame = LocalFrame(location.latitude_deg, location.longitude_deg)
-        target = f"the place of the site {site.name!r}" if site else ""
-        about = replace(source, field_file=None, target=target, target_keys="'location' in the site file")
-        try:
-            require_near(Field(target, frame, _SQUARE), places, MAX_FROM_SITE_M, about)
-        except InputError as error:
-            yield from error.mistakes
+    if site is not None:
+        yield from far_from_site(site, places, source)
+
+
+def far_from_site(site: Site, places: NDArray[np.float64], source: PositionSource) -> tuple[Mistake, ...]:
+    """The contradiction between the place of a site and records that all lie elsewhere; empty if there is none.
+
+    :param places: latitude and longitude of the records, shape (n, 2) [deg]
+    :param source: where the places come from
+    """
+    if site.location is None:
+        return ()
+    frame = LocalFrame(site.location.latitude_deg, site.location.longitude_deg)
+    target = f"the place of the site {site.name!r}"
+    about = replace(source, field_file=None, target=target, target_keys="'location' in the site file")
+    try:
+        require_near(Field(target, frame, _SQUARE), places, MAX_FROM_SITE_M, about)
+    except InputError as error:
+        return error.mistakes
+    return ()
 
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -21,6 +22,7 @@ from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
+from soilmoist_ros.replay.file_facts import far_from_site
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun, Note, NoteCode
@@ -36,6 +38,8 @@ from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs
 MAX_GAP_S = 60.0
 """Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
 
+MAX_EXTENT_M = 300_000.0
+"""Extent of a track beyond which some of its positions are wrong [m]."""
 Progress = Callable[[str, float], None]
 """Called with the current step and its finished share [0..1]."""
 
@@ -103,11 +107,11 @@ def map_logs(
     require_crs(settings.crs, field.frame if field else None)
     logs = read_logs(paths, settings.logger, site, progress)
     track, track_problems = read_track(settings.nmea)
-    placement = None
+    placement, places = None, log_positions(logs, track, site)
+    source = position_source(logs, settings.nmea, site, settings.field)
     if field is not None:
-        source = position_source(logs, settings.nmea, site, settings.field)
         reach_m = max(field.extent_m, site.footprint_radius_m)  # no variogram yet
-        placement = require_near(field, log_positions(logs, track, site), reach_m, source)
+        placement = require_near(field, places, reach_m, source)
     progress("correcting and placing records", 0.0)
     survey = process_logs(logs, site, field.frame if field else None, track)
     require_crs(settings.crs, survey.frame)
@@ -158,7 +162,10 @@ def map_logs(
         logger_format=logs[0].format_title,
         losses=[*loss_rows([*survey.problems, *track_problems]), *loss_rows_of(field_map.snapshot())],
         simulated=any(log.simulated for log in logs),
-        notes=count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
+        notes=[
+            *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(site, places, source)),
+            *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
+        ],
     )
 
 
@@ -231,6 +238,10 @@ def read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
 def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float | None) -> FieldGrid:
     if field is not None:
         return field.grid(cell_m, site.footprint_radius_m)
+    extent_m = float(np.ptp(survey.xy_m, axis=0).max())
+    if extent_m > MAX_EXTENT_M:
+        message = f"the records lie up to {distance_text(extent_m)} apart, further than a survey goes"
+        raise InputError(message, "correct the positions, or say which field to map: --field")
     try:
         return FieldGrid.from_track(survey.xy_m, site.footprint_radius_m, cell_m)
     except ValueError as error:

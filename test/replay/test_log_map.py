@@ -10,6 +10,7 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.replay import MapSettings, map_logs
 from soilmoist_ros.replay.log_map import loss_rows
+from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
@@ -128,3 +129,22 @@ def test_records_of_the_example_lie_inside(survey):
     run = map_logs([survey / "survey.log"], settings(survey, cell_m=10.0))
     inside, placed = run.inside
     assert inside == placed == len(run.track)
+
+
+def test_positions_that_span_a_country_are_refused_without_a_field(roving_record, tmp_path):
+    lines = roving_record.read_text().splitlines()
+    placed = [number for number, line in enumerate(lines) if "38.7" in line]
+    for number in placed[:60]:
+        lines[number] = lines[number].replace("38.7", "28.7")
+    (tmp_path / "log.KSU").write_text("\n".join(lines) + "\n")
+    said = refusal(tmp_path / "log.KSU", site=config_folder() / "sites" / "gypsum_transect.yaml")
+    assert "the records lie up to 1,11" in said
+    assert "--field" in said
+
+
+def test_a_site_of_another_place_is_noted(survey, tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_text((survey / "site.yaml").read_text() + "location: {latitude_deg: 53.268, longitude_deg: 3.5}\n")
+    run = map_logs([survey / "survey.log"], settings(survey, site=site, cell_m=10.0))
+    (note,) = [note for note in run.notes if note.code is NoteCode.FAR_FROM_SITE]
+    assert "of the place of the site" in note.message
