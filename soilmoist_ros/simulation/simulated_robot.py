@@ -105,7 +105,7 @@ class SimulatedRobot:
             )
             for kind, one in enumerate(fields)
         )
-        self.logger = VirtualLogger(first, start_s, tubes)
+        self.logger = VirtualLogger(first, start_s, tubes, scenario.sensor)
         self._further = [
             (wanted.name, sensor, rng)
             for wanted, sensor, rng in zip(settings.properties, others, places, strict=True)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-PRIOR_COUNTS = 3.0
-"""Weight of equal shares, as counts of each tube: tubes of one sensor may differ by a factor of two or three."""
+PRIOR_COUNTS = 10.0
+"""Weight of equal shares, as counts of each tube: tubes of one sensor may differ by a factor of two."""
 LEARNED_COUNTS = 300.0
 """Weight of shares that are known from the whole log, likewise."""
 MEMORY_RECORDS = 1000.0

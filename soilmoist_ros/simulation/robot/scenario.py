@@ -1,4 +1,4 @@
-"""Scenarios: faults of navigation, loggers and receivers in a simulated mission."""
+"""Scenarios: faults of navigation, sensors, loggers and receivers in a simulated mission."""
 
 from __future__ import annotations
 
@@ -135,6 +135,49 @@ class GnssFaults(LinkFaults):
     """Periods with wrong places."""
 
 
+class TubeFault(Span):
+    """A period during which a tube does not count as it should."""
+
+    tube: Number
+    """Number of the tube, counted from 1."""
+    kind: Literal["factor", "noise", "stuck"]
+    """``factor``: it counts ``value`` times its share; ``noise``: it counts ``value`` noise counts per second in
+    addition; ``stuck``: it repeats the count ``value``."""
+    value: Duration | Literal[0]
+    """Factor [-], noise [counts/s] or number of counts."""
+
+
+class CountFault(Occasion):
+    """A count that a tube sends instead of its own."""
+
+    tube: Number = 1
+    """Number of the tube, counted from 1."""
+    counts: Annotated[int, Field(ge=0)]
+    """What it sends."""
+
+
+class WeatherFault(Span):
+    """A period during which a weather sensor is wrong."""
+
+    quantity: Literal["pressure_hpa", "temperature_degc", "relative_humidity"]
+    """Which sensor."""
+    value: float | None = None
+    """What it reads, in the unit of the quantity; without it, it repeats its last value."""
+
+
+class SensorFaults(Section):
+    """Faults of the neutron sensor itself; none by default."""
+
+    tubes: tuple[TubeFault, ...] = ()
+    """Periods of bad tubes."""
+    counts: tuple[CountFault, ...] = ()
+    """Single wrong counts, by number of the record."""
+    weather: tuple[WeatherFault, ...] = ()
+    """Periods of bad weather sensors."""
+    clock_drift: float = 0.0
+    """Drift of the logger's clock [s/s]: 0.001 is 3.6 s in an hour."""
+
+
 class Scenario(Section):
     """Faults in a mission; none by default."""
 
@@ -142,6 +185,8 @@ class Scenario(Section):
     """Title for the log."""
     navigation: NavigationFaults = NavigationFaults()
     """Behaviour of the navigation."""
+    sensor: SensorFaults = SensorFaults()
+    """Faults of the neutron sensor."""
     logger: LinkFaults = LinkFaults()
     """Faults of the connection to the neutron logger."""
     gnss: GnssFaults = GnssFaults()

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.sensing.formats.robot_logger import RECORDS_PER_HEADER, TUBES, format_header, format_record
 from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.simulation.robot.scenario import SensorFaults
+from soilmoist_ros.simulation.robot.sensor_faults import NO_FAULTS, FaultySensor
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 from soilmoist_ros.simulation.robot.weather import neutral_weather, warming_morning
 
@@ -27,15 +29,19 @@ class VirtualLogger:
     :param sensor: the sensor
     :param start_s: time at which the simulation begins [s since 1970 UTC]
     :param rng: source of randomness for the tubes
+    :param faults: faults of the sensor
     """
 
-    def __init__(self, sensor: VirtualSensor, start_s: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, sensor: VirtualSensor, start_s: float, rng: np.random.Generator, faults: SensorFaults = NO_FAULTS
+    ) -> None:
         self._sensor = sensor
         self._start_s = start_s
         self._rng = rng
         self._shares = rng.dirichlet(np.full(TUBES, 400.0))
         self._weather = warming_morning if sensor.weather else neutral_weather
         self._records = 0
+        self._faulty = FaultySensor(faults, np.random.default_rng(0))
 
     @property
     def header(self) -> list[str]:
@@ -51,7 +57,7 @@ class VirtualLogger:
         counts = self._sensor.record(elapsed_s, path_xy, _NOWHERE).raw_counts
         weather = self._weather(elapsed_s)
         self._records += 1
-        return LoggerRecord(
+        record = LoggerRecord(
             stamp_s=self._start_s + elapsed_s,
             tube_counts=tuple(float(count) for count in self._rng.multinomial(counts, self._shares)),
             tube_live_s=(self._sensor.cadence_s,) * TUBES,
@@ -60,6 +66,7 @@ class VirtualLogger:
             relative_humidity=weather.relative_humidity,
             record_number=self._records,
         )
+        return self._faulty.spoil(record, elapsed_s)
 
     def lines(self, record: LoggerRecord) -> list[str]:
         """Lines of a record; the header is repeated every :data:`RECORDS_PER_HEADER` records."""

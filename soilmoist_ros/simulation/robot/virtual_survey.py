@@ -20,6 +20,8 @@ from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.robot.scenario import SensorFaults
+from soilmoist_ros.simulation.robot.sensor_faults import NO_FAULTS, FaultySensor
 from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences
 from soilmoist_ros.simulation.robot.weather import warming_morning
 
@@ -82,7 +84,11 @@ def serpentine(polygon: NDArray[np.float64], spacing_m: float) -> NDArray[np.flo
 
 
 def simulate_log(
-    field: SurrogateField, trajectory: Trajectory, rng: np.random.Generator, position_sd_m: float = 0.02
+    field: SurrogateField,
+    trajectory: Trajectory,
+    rng: np.random.Generator,
+    position_sd_m: float = 0.02,
+    faults: SensorFaults = NO_FAULTS,
 ) -> VirtualLog:
     """Count along a trajectory in changing weather.
 
@@ -93,7 +99,9 @@ def simulate_log(
     :param trajectory: position of the robot over time
     :param rng: source of all randomness
     :param position_sd_m: GNSS noise of each coordinate [m]
+    :param faults: faults of the sensor
     """
+    faulty = FaultySensor(faults, np.random.default_rng(0))
     corrections = Corrections()
     shares = rng.dirichlet(np.full(TUBES, 400.0))
     ends = np.arange(RECORD_PERIOD_S, trajectory.elapsed_s[-1] + 1e-9, RECORD_PERIOD_S)
@@ -104,17 +112,16 @@ def simulate_log(
         weather = warming_morning(float(end))
         factor = math.prod(weather.factors(corrections))
         counts = rng.poisson(shares * rate / factor * RECORD_PERIOD_S)
-        records.append(
-            LoggerRecord(
-                stamp_s=START_S + float(end),
-                tube_counts=tuple(float(count) for count in counts),
-                tube_live_s=(RECORD_PERIOD_S,) * TUBES,
-                pressure_hpa=weather.pressure_hpa,
-                temperature_degc=weather.temperature_degc,
-                relative_humidity=weather.relative_humidity,
-                record_number=number,
-            )
+        record = LoggerRecord(
+            stamp_s=START_S + float(end),
+            tube_counts=tuple(float(count) for count in counts),
+            tube_live_s=(RECORD_PERIOD_S,) * TUBES,
+            pressure_hpa=weather.pressure_hpa,
+            temperature_degc=weather.temperature_degc,
+            relative_humidity=weather.relative_humidity,
+            record_number=number,
         )
+        records.append(faulty.spoil(record, float(end)))
     lines = []
     for index, record in enumerate(records):
         if index % HEADER_EVERY == 0:
