@@ -14,6 +14,7 @@
 | 8 | ``clock_drift`` | logger clock drifts against GNSS time |
 | 9 | ``overdispersed`` | counts scatter more than counting statistics |
 | 10 | ``unexpected_count`` | the map does not expect these counts |
+| 11 | ``rate_jump`` | count unlike the records before |
 
 0 and other numbers are unknown reasons.
 """

@@ -67,6 +67,7 @@ class Kind(enum.StrEnum):
     PLACE_JUMP = "place_jump", "jump of place", Severity.WARNING
     CLOCK_DRIFT = "clock_drift", "logger clock drifts against GNSS time", Severity.WARNING
     OVERDISPERSED = "overdispersed", "counts scatter more than counting statistics", Severity.WARNING
+    RATE_JUMP = "rate_jump", "count unlike the records before", Severity.WARNING
     UNEXPECTED_COUNT = "unexpected_count", "unexpected count", Severity.WARNING
 
     text: str

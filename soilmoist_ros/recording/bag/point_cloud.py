@@ -32,6 +32,7 @@ REASONS: Final[Mapping[int, str]] = MappingProxyType(
         8: Kind.CLOCK_DRIFT.value,
         9: Kind.OVERDISPERSED.value,
         10: Kind.UNEXPECTED_COUNT.value,
+        11: Kind.RATE_JUMP.value,
     }
 )
 """Reason codes by number. Bags hold the numbers: they never change, new ones are added at the end."""

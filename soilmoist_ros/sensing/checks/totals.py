@@ -133,7 +133,7 @@ class TotalChecks:
             message = (
                 f"{record.corrected_rate:.2f} counts/s after {expected_cps:.2f} counts/s in {len(near)} records"
             )
-            return [Finding(Kind.UNEXPECTED_COUNT, message, "check the detector and its supply", bad=True)]
+            return [Finding(Kind.RATE_JUMP, message, "check the detector and its supply", bad=True)]
         if chance < level:  # so many agree that the records before were wrong
             self._recent.clear()
             self._stop.clear()
