@@ -1,8 +1,7 @@
 """How good the tests of counts are: false alarms in days of good records, and maps with faults against clean ones.
 
 ``python scripts/count_checks.py alarms --days 10``: false alarms in a day of good records, for several sensors.
-``python scripts/count_checks.py faults --seeds 5``: error of the map with each fault, as a multiple of that of clean
-data.
+``python scripts/count_checks.py faults --seeds 5``: error of the map with each fault, by that of clean data.
 
 Both tables depend on nothing but their seeds.
 """
@@ -181,10 +180,8 @@ def main() -> None:
                 found, lost = alarms(sensor, days, driving, seed=1)
                 share = lost / (days * DAY_S / sensor.period_s * sensor.tubes)
                 where = "driving" if driving else "standing"
-                print(
-                    f"{sensor.name:30} {where:9} {days:7.0f} {found.total() / days:13.3f} {share:18.1e}  {dict(found)}",
-                    flush=True,
-                )
+                rate = found.total() / days
+                print(f"{sensor.name:30} {where:9} {days:7.0f} {rate:13.3f} {share:18.1e}  {dict(found)}", flush=True)
         return
     clean = np.array([map_error(simulated(SensorFaults(), seed))[0] for seed in range(chosen.seeds)])
     print(f"clean: error {clean.mean():.4f} counts/s over {chosen.seeds} seeds")

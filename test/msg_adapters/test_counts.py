@@ -106,7 +106,8 @@ def test_quarantined_records_keep_their_values_and_reasons(many, reason):
 def test_the_numbers_of_reasons_stay():
     assert NUMBERS == {
         "noisy_tube": 1, "dead_tube": 2, "stuck_tube": 3, "impossible_count": 4, "impossible_weather": 5,
-        "frozen_pressure": 6, "place_jump": 7, "clock_drift": 8, "overdispersed": 9, "unexpected_count": 10, "rate_jump": 11,
+        "frozen_pressure": 6, "place_jump": 7, "clock_drift": 8, "overdispersed": 9, "unexpected_count": 10,
+        "rate_jump": 11,
     }  # fmt: skip
     assert set(NUMBERS) <= set(Kind)
 
