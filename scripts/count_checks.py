@@ -181,7 +181,9 @@ def main() -> None:
                 share = lost / (days * DAY_S / sensor.period_s * sensor.tubes)
                 where = "driving" if driving else "standing"
                 rate = found.total() / days
-                print(f"{sensor.name:30} {where:9} {days:7.0f} {rate:13.3f} {share:18.1e}  {dict(found)}", flush=True)
+                print(
+                    f"{sensor.name:30} {where:9} {days:7.0f} {rate:13.3f} {share:18.1e}  {dict(found)}", flush=True
+                )
         return
     clean = np.array([map_error(simulated(SensorFaults(), seed))[0] for seed in range(chosen.seeds)])
     print(f"clean: error {clean.mean():.4f} counts/s over {chosen.seeds} seeds")
