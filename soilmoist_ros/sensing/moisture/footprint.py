@@ -11,12 +11,12 @@ probe times ``exp(-r / l)``, and ``l`` is so that 86 % of the counts come from w
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 Term = tuple[float, float]
@@ -148,11 +148,11 @@ class Footprint:
         """Decay that the shield adds, per rescaled distance [1/m]."""
         if self._radius(0.0) <= self.shield_radius_m:
             return 0.0
-        return float(brentq(lambda decay: self._radius(decay) - self.shield_radius_m, 0.0, 1e4, rtol=1e-10))
+        return _root(lambda decay: self._radius(decay) - self.shield_radius_m)
 
     def _radius(self, taper: float) -> float:
         goal = SHARE * self._share(math.inf, taper)
-        return float(brentq(lambda r: self._share(r, taper) - goal, 0.0, 1e4, xtol=1e-9)) * self._scale
+        return _root(lambda scaled_m: self._share(scaled_m, taper) - goal) * self._scale
 
     def _share(self, scaled_m: float, taper: float) -> float:
         """Counts from within a rescaled distance, any unit."""
@@ -161,6 +161,12 @@ class Footprint:
         below -= _integral(near, 0.0, min(scaled_m, _NEAR_M), taper + _SCREEN)
         middle = _integral(near, _NEAR_M, min(scaled_m, _FAR_M), taper)
         return below + middle + _integral(far, _FAR_M, scaled_m, taper)
+
+
+def _root(function: Callable[[float], float]) -> float:
+    from scipy.optimize import brentq  # slow to import, and needed at the end of a survey only
+
+    return float(brentq(function, 0.0, 1e4, xtol=1e-9, rtol=1e-10))
 
 
 def _integral(terms: tuple[Term, Term], start_m: float, end_m: float, taper: float) -> float:
