@@ -95,6 +95,9 @@ def test_a_map_that_grows_equals_one_made_at_once():
     at_once.set_samples(growing.samples)
     np.testing.assert_array_equal(grown.rate, at_once.update().rate)
     np.testing.assert_array_equal(grown.noise_variance, grown.fit.local_rate(samples.xy) / samples.exposure_s)
+    planner = FieldMap(grid, FieldMapSettings(for_planning=True))  # has the samples and the fit of the mapper
+    planner.set_samples(growing.samples, grown.fit)
+    np.testing.assert_allclose(planner.update().variance, grown.variance, rtol=1e-9)
     published = FieldMap(grid, FieldMapSettings(noise="mean"))
     published.set_samples(samples)
     np.testing.assert_allclose(published.update().noise_variance, samples.mean_rate_cps / samples.exposure_s)
