@@ -33,7 +33,7 @@ def write_kmz(source: RunSource, folder: Path, settings: ExportSettings) -> list
 def _write(source: RunSource, one: PropertyMap, path: Path) -> Path:
     picture, box = _overlay(one)
     document = ET.Element("Document")
-    _texts(document, name=_title(source, one), description=_about(source))
+    _texts(document, name=_title(source, one), description=_about(source, one))
     _span(document, source.survey)
     style = _into(document, "Style", id="field")
     _texts(_into(style, "LineStyle"), color="ff3c3022", width="2")
@@ -70,12 +70,15 @@ def _title(source: RunSource, one: PropertyMap) -> str:
     return f"{source.title}{label}: {one.quantity.title.lower()}"
 
 
-def _about(source: RunSource) -> str:
-    begin_end = source.survey
-    when = (
-        "" if begin_end is None else f"Survey {begin_end[0]:%Y-%m-%d %H:%M} to {begin_end[1]:%Y-%m-%d %H:%M} UTC. "
-    )
-    return f"{when}{'Simulated counts. ' if source.simulated else ''}Made by soilmoist_ros."
+def _about(source: RunSource, one: PropertyMap) -> str:
+    """Date and colours in words: programs on phones show no legend."""
+    low, high = shown_range(one.values)
+    sentences = ["Simulated counts."] if source.simulated else []
+    if source.survey is not None:
+        begin, end = (f"{time:%Y-%m-%d %H:%M}" for time in source.survey)
+        sentences.append(f"Survey {begin} to {end} UTC.")
+    sentences.append(f"Colours from {low:.3g} (pale) to {high:.3g} {one.quantity.unit} (dark).")
+    return " ".join([*sentences, "Made by soilmoist_ros."])
 
 
 def _overlay(one: PropertyMap) -> tuple[bytes, dict[str, float]]:

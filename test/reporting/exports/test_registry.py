@@ -88,6 +88,7 @@ def older(folder):
                 raster.set_band_description(number, name)
 
 
+@pytest.mark.slow
 def test_folders_of_earlier_releases_export_what_they_have(exported, tmp_path):
     folder = shutil.copytree(exported.folder, tmp_path / "run")
     older(folder)

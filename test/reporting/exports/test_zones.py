@@ -49,7 +49,7 @@ def star(radii):
     classes=st.integers(1, 5),
     share=st.floats(0, 0.2),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_zones_partition_the_field(seed, radii, smooth, classes, share):
     field = star(np.array(radii))
     noise = gaussian_filter(np.random.default_rng(seed).normal(size=(SIZE, SIZE)), smooth)
@@ -86,6 +86,17 @@ def test_a_spot_smaller_than_the_smallest_zone_joins_its_surroundings():
     values[10:15, 10:15] = 0.4
     for smallest, count in ((40.0, 2), (400.0, 1)):
         assert len(management_zones(a_map(values, field), field, 3, smallest, [25.0])) == count
+
+
+def test_a_field_of_two_parts_has_zones_in_both():
+    field = shapely.union_all([shapely.box(-28, -28, 10, 28), shapely.box(20, -4, 28, 4)])
+    rows = np.broadcast_to(np.where(np.arange(SIZE) < SIZE / 2, 0.12, 0.30)[:, None], (SIZE, SIZE))
+    zones = management_zones(a_map(rows, field), field, min_area_m2=50.0, limits=[20.0])
+    assert sum(zone.shape.area for zone in zones) == pytest.approx(field.area)
+    assert shapely.union_all([zone.shape for zone in zones]).equals(field)
+    small = [zone for zone in zones if zone.shape.centroid.x > 20]
+    assert len(small) == 1, "halves of 32 m2 are one zone"
+    assert len(zones) == 3
 
 
 def test_a_field_of_one_value_is_one_zone():
