@@ -49,7 +49,7 @@ def render_report(run: MapRun) -> str:
         notes=notes(run),
         irrigation=found,
         series=_series(run),
-        map_data=viewer_data(run, found),
+        map_data=None if at_one_place(run) else viewer_data(run, found),
         pictures=list(pictures(run)),
         mission=mission_part(run),
         variograms=[chart for chart, _ in variograms],

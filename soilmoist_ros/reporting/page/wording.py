@@ -7,8 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
+from soilmoist_ros.mapping.moisture_bands import Bands
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import field_polygon
+from soilmoist_ros.reporting.moisture_series import at_one_place, mean_moisture, moisture_series
 from soilmoist_ros.reporting.page.numbers import area, duration, length, percent, volume
 from soilmoist_ros.reporting.page.statistics import (
     band_statistics,
@@ -63,6 +65,8 @@ def _day(when: datetime) -> str:
 
 def facts(run: MapRun) -> list[Fact]:
     """The figures of the headline, the most important first."""
+    if at_one_place(run):
+        return _facts_of_place(run)
     soil_map = run.soil_map
     share = percent(uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share))
     text: Callable[[float | None], str]
@@ -84,6 +88,20 @@ def facts(run: MapRun) -> list[Fact]:
         Fact(share, "", f"of the area less sure than {limit}"),
         _area_fact(run),
         *_effort_facts(run),
+    ]
+
+
+def _facts_of_place(run: MapRun) -> list[Fact]:
+    mean, series = mean_moisture(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
+    counting = _effort_facts(run)[1:2]
+    if not run.calibrated:
+        return [Fact(f"{mean.rate:.3f} ± {mean.rate_sd:.3f}", "counts/s", "mean corrected count rate"), *counting]
+    low, high = volume(series.bands.vwc.min()), volume(series.bands.vwc.max())
+    return [
+        Fact(volume(float(mean.vwc)), "% vol.", "mean soil water content"),
+        Fact(_interval(mean), "% vol.", "90 % interval of the mean"),
+        Fact(f"{low} to {high}", "% vol.", f"lowest to highest of {duration(series.step_s)}"),
+        *counting,
     ]
 
 
@@ -111,6 +129,8 @@ def _effort_facts(run: MapRun) -> list[Fact]:
 
 def headline(run: MapRun) -> list[str]:
     """The result in plain sentences."""
+    if at_one_place(run):
+        return _headline_of_place(run)
     soil_map = run.soil_map
     value, unit = area(float(field_polygon(soil_map).area))
     if not run.calibrated:
@@ -143,6 +163,25 @@ def headline(run: MapRun) -> list[str]:
             "saturated soil there."
         )
     return sentences
+
+
+def _headline_of_place(run: MapRun) -> list[str]:
+    mean, series = mean_moisture(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
+    if not run.calibrated:
+        return [
+            f"The count rate at this place was {mean.rate:.3f} counts/s on average. More neutrons mean drier "
+            "soil, but without a calibration the rate cannot be turned into water content."
+        ]
+    water = f"{volume(float(mean.vwc))} litres of water (90 % interval {_interval(mean)})"
+    low, high = volume(series.bands.vwc.min()), volume(series.bands.vwc.max())
+    return [
+        f"On average, 100 litres of soil at this place held {water}.",
+        f"Over time, in means of {duration(series.step_s)}, they held {low} to {high} litres.",
+    ]
+
+
+def _interval(bands: Bands) -> str:
+    return f"{volume(float(bands.vwc_p05))} to {volume(float(bands.vwc_p95))}"
 
 
 def _certainty(run: MapRun) -> str:
