@@ -27,9 +27,10 @@ def bag_info_command(bag: Path) -> None:
     from soilmoist_ros.recording.bag.info import bag_info
     from soilmoist_ros.recording.bag.tables import info_table, print_plain
     from soilmoist_ros.recording.run_folder import bag_of
+    from soilmoist_ros.recording.stored_counts import quarantine_reasons
 
     info = bag_info(bag_of(bag))
-    print_plain(Console(), info_table(info))
+    print_plain(Console(), info_table(info, quarantine_reasons(info)))
     if not info.whole:
         sys.exit(1)
 

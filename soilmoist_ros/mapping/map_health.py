@@ -20,6 +20,7 @@ def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
         "records": str(state.records),
         "records skipped": str(sum(entry.count for entry in field_map.skipped.values())),
         **{f"skipped: {reason.value}": str(entry.count) for reason, entry in field_map.skipped.items()},
+        **{f"last skipped: {reason.value}": entry.example for reason, entry in field_map.skipped.items()},
         "records not yet in the map": str(max(state.records - mapped.records, 0)),
         "age of the map [s]": f"{now_s - mapped.stamp_s:.1f}" if mapped.records else "no map yet",
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Collection
 from functools import cache
 from pathlib import Path
@@ -10,8 +11,10 @@ from typing import Any, Final
 
 from rosbags.typesys import Stores, get_typestore
 
+from soilmoist_ros.recording.bag.info import BagInfo
 from soilmoist_ros.recording.bag.mcap_scan import McapScan
-from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
+from soilmoist_ros.recording.bag.point_cloud import QUARANTINED, count_records, quarantined_topic
+from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import mcap_files
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -27,7 +30,7 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
 
     :param bag: folder of an MCAP bag; only read
     :param topics: full names of topics with counts
-    :param frame: frame of the records; messages of others are skipped
+    :param frame: frame of the records; messages of others are skipped; empty for any frame
     :raises InputError: if there is no MCAP file
     :raises OSError: if a file cannot be read
     """
@@ -39,11 +42,34 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
                 continue
             try:
                 cloud = _store().deserialize_cdr(message.data, CLOUD)
-                if cloud.header.frame_id == frame:
+                if frame in ("", cloud.header.frame_id):
                     records += count_records(cloud)
             except ValueError as error:
                 _log.warning("%s: a message of %s is skipped: %s", path, message.topic.name, error)
     return records
+
+
+def quarantine_reasons(info: BagInfo) -> dict[str, dict[str, int]]:
+    """Number of quarantined records of a bag, by topic and code of the reason, the most frequent first.
+
+    :raises InputError: as :func:`stored_counts`
+    """
+    names = [
+        topic.name
+        for topic in info.topics
+        if topic.name.rpartition("/")[2] == QUARANTINED and topic.type_name == CLOUD
+    ]
+    return {
+        name: dict(Counter(record.quarantine for record in _all_counts(info, name)).most_common())
+        for name in names
+    }
+
+
+def _all_counts(info: BagInfo, topic: str) -> list[CountRecord]:
+    if info.storage == "mcap":
+        return stored_counts(info.path, [topic], frame="")
+    with BagReader(info.path) as reader:
+        return [record for _, record in reader.read_counts_of([topic])]
 
 
 @cache

@@ -21,6 +21,7 @@ from msg_adapters.soil_map import soil_map_from_message
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission, LiveRobot
+from soilmoist_ros.sensing.survey.driver_health import logger_fault
 from soilmoist_ros.simulation.robot.waiting_clock import CLOCK_PART, WAITS_FOR
 
 
@@ -67,7 +68,11 @@ class Monitor(Node):
             robot.xy = (float(x_m), float(y_m))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for health in diagnostics_from_message(message):
+        parts = diagnostics_from_message(message)
+        for robot in self._live.robots:
+            fault = logger_fault(parts, f"/{robot.namespace}")
+            robot.sensor_fault = robot.sensor_fault if fault is None else fault
+        for health in parts:
             if health.name.endswith(f": {CLOCK_PART}"):
                 self._live.clock_waits_for = health.values.get(WAITS_FOR, "")
 

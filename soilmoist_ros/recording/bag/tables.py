@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Final
 
@@ -12,12 +13,16 @@ from rich.text import Text
 from soilmoist_ros.recording.bag.info import BagInfo, TopicInfo
 from soilmoist_ros.recording.bag.metadata import Extent
 from soilmoist_ros.recording.bag.recovery import RecoveredBag
+from soilmoist_ros.sensing.problems import reason_text
 
 _PLAIN_WIDTH: Final = 240
 
 
-def info_table(info: BagInfo) -> RenderableType:
-    """The result of :func:`bag_info` as a table."""
+def info_table(info: BagInfo, quarantined: Mapping[str, Mapping[str, int]] | None = None) -> RenderableType:
+    """The result of :func:`bag_info` as a table.
+
+    :param quarantined: number of quarantined records, by topic and code of the reason
+    """
     head = Text(
         f"{info.path}  {info.storage}, {size_text(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
     )
@@ -33,13 +38,17 @@ def info_table(info: BagInfo) -> RenderableType:
             size_text(topic.size_bytes),
             _gaps_text(topic),
         )
+    bad = [
+        Text(f"{name}: quarantined records: {_reasons_text(reasons)}", style="yellow")
+        for name, reasons in (quarantined or {}).items()
+    ]
     if info.recording:
         verdict = Text("being recorded now", style="yellow")
     elif info.whole:
         verdict = Text("whole", style="green")
     else:
         verdict = Text("\n".join(info.problems) + f"\n-> {info.remedy}", style="red")
-    return Group(head, table, verdict)
+    return Group(head, table, *bad, verdict)
 
 
 def recovery_table(bag: RecoveredBag) -> RenderableType:
@@ -71,6 +80,10 @@ def size_text(size_bytes: int) -> str:
             return f"{size:.3g} {unit}"
         size /= 1000
     return f"{size:.3g} GB"
+
+
+def _reasons_text(reasons: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {reason_text(code)}" for code, count in reasons.items())
 
 
 def _extent_text(extent: Extent) -> str:

@@ -62,6 +62,8 @@ class LiveRobot:
         self.namespace = namespace
         self.status: Mapping[str, str] = {}
         self.xy: tuple[float, float] | None = None
+        self.sensor_fault = ""
+        """What is wrong with the records of its sensor; empty if nothing is."""
 
     @property
     def state(self) -> str:
@@ -105,6 +107,8 @@ class LiveMission:
             facts[several or "state"] = robot.state
             if status and status["target"] and not several:
                 facts["target"] = _counted(status)
+            if robot.sensor_fault:
+                facts[f"{several} sensor".lstrip()] = robot.sensor_fault
         if self.clock_waits_for:
             facts["clock"] = f"waits for {self.clock_waits_for}"
         known = [status for status in statuses if status]

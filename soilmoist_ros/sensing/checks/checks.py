@@ -39,6 +39,8 @@ class RecordChecks:
     def __init__(self, altitude_m: float = NAN, n0_cps: float = NAN) -> None:
         self.totals = TotalChecks(n0_cps)
         """Record against record, for corrected and placed records."""
+        self.masked: dict[int, Kind] = {}
+        """Tubes that were left out of the last record, by index, and why."""
         self._altitude_m = altitude_m
         self._weather = WeatherChecks(altitude_m)
         self._tubes: TubeChecks | None = None
@@ -74,6 +76,7 @@ class RecordChecks:
         wild = present & (counts > MAX_TUBE_RATE_CPS * live_s)
         bad = [BadTube(int(tube), Kind.IMPOSSIBLE_COUNT, counts[tube], NAN) for tube in np.flatnonzero(wild)]
         bad += self._tubes.check(record, present & ~wild)
+        self.masked = {one.tube: one.kind for one in bad}
         if not bad:
             return Checked(record, tuple(findings))
         none_left = len(bad) == present.sum()

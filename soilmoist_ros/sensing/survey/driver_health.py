@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.problems import Kind, reason_text
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
 CLOCK_TOLERANCE_S = 5.0
@@ -22,6 +22,9 @@ NO_RECORD_S = 30.0
 """Time from the first byte of a logger to its first record after which faulty lines are an error [s]."""
 MAX_LOSSES = 1
 """Maximum number of recently lost records without a warning."""
+
+MIN_JUDGED = 3
+"""Number of records from which more than half in quarantine are an error."""
 
 _LINK_LEVELS = {
     LinkState.CONNECTED: Level.OK,
@@ -73,13 +76,19 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         "records without a position": str(stream.records_without_position),
         "records per minute": _number(60 * stream.record_rate_hz, 2),
         "records and lines lost": str(problems.losses),
+        "records quarantined": str(stream.quarantined.total()),
+        "masked tubes": _masked(stream) or "none",
         "logger clock minus ours [s]": _number(difference_s, 1),
         **_by_kind("dropped", problems.lost),
         **_by_kind("noted", problems.noted),
+        **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},
     }
     if problems.last_loss is not None:
         values["last loss"] = str(problems.last_loss)
+    if problems.last_quarantined is not None:
+        values["last quarantine"] = str(problems.last_quarantined)
     values |= stream.faulty.examples
+    doubt = _doubt(stream)
     level, message = Level.OK, "counting"
     none_yet = not (stream.records_out or stream.survey.waiting)
     if last is None or (none_yet and stream.faulty.lost):
@@ -89,14 +98,16 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         silent_s = now_s + offset_s - last.stamp_s
         values["age of the last record [s]"] = f"{silent_s:.1f}"
         if silent_s > MAX_SILENT_PERIODS * (stream.parser.period_s or math.inf):
-            level, message = (
-                Level.ERROR,
-                f"no record for {silent_s:.0f} s: {_faults(stream) or 'check the logger'}",
-            )
+            faults = _faults(stream) or "check the logger"
+            level, message = Level.ERROR, f"no record for {silent_s:.0f} s: {faults}"
+        elif doubt is not None and doubt[0] is Level.ERROR:
+            level, message = doubt
         elif stream.recent_losses > MAX_LOSSES:
             example = problems.last_loss.mistake.message if problems.last_loss else ""
             message = f"{stream.recent_losses} of the last {LAST_RECORDS} records are lost ({example})"
             level = Level.WARN
+        elif doubt is not None:
+            level, message = doubt
         elif abs(offset_s) > CLOCK_TOLERANCE_S:
             level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
     return Health("records", level, message, values)
@@ -112,6 +123,24 @@ def _no_record_yet(stream: SensorStream, n_bytes: int, heard_s: float) -> tuple[
     remedy = faults or stream.faulty.remedy(stream.parser.format)
     came = f"{n_bytes} bytes in {heard_s:.0f} s"
     return Level.ERROR, f"the logger has not sent one valid record ({came}): {remedy}"
+
+
+def _masked(stream: SensorStream) -> str:
+    """Tubes that are masked now, with the reasons; empty if none is."""
+    masked = stream.survey.checks.masked
+    return ", ".join(f"tube {tube + 1} ({kind.text})" for tube, kind in sorted(masked.items()))
+
+
+def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
+    """What speaks against the counts of the last records, ``None`` if nothing does."""
+    bad, recent = stream.recent_quarantined
+    masked, last = _masked(stream), stream.logger_problems.last_quarantined
+    if not bad:
+        return (Level.WARN, f"not used: {masked}; check its high voltage and its cable") if masked else None
+    reason = f" ({last})" if last is not None else ""
+    message = f"{bad} of the last {recent} records are quarantined{reason}"
+    grave = recent >= MIN_JUDGED and 2 * bad > recent
+    return (Level.ERROR, f"the counts cannot be trusted: {message}") if grave else (Level.WARN, message)
 
 
 def _faults(stream: SensorStream) -> str:

@@ -30,6 +30,7 @@ class ProblemCount:
         """Dropped data by kind of problem; a duplicate record is dropped, too, but is no loss."""
         self.noted: Counter[Kind] = Counter()
         self.last_loss: Problem | None = None
+        self.last_quarantined: Problem | None = None
 
     def __repr__(self) -> str:
         return f"ProblemCount({self.losses} losses, {self.noted.total()} noted)"
@@ -39,6 +40,8 @@ class ProblemCount:
         (self.lost if problem.lost else self.noted)[problem.kind] += 1
         if problem.severity is Severity.ERROR:
             self.last_loss = problem
+        if problem.quarantined:
+            self.last_quarantined = problem
 
     @property
     def losses(self) -> int:
@@ -83,6 +86,9 @@ class SensorStream:
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None
         self.records_out = 0
+        self.quarantined: Counter[str] = Counter()
+        """Number of records of each reason of quarantine."""
+        self._bad: deque[bool] = deque(maxlen=LAST_RECORDS)
         self.faulty = FaultyLines()
         """Lines since the last record that could be corrected."""
         self._nmea = NmeaParser(reference_stamp_s=reference_stamp_s, on_problem=self.gnss_problems.add)
@@ -144,6 +150,8 @@ class SensorStream:
         """
         ready = self.survey.take_ready(now_s)
         self.records_out += len(ready)
+        self.quarantined.update(record.quarantine for record in ready if record.quarantine)
+        self._bad.extend(bool(record.quarantine) for record in ready)
         if ready:
             self.faulty = FaultyLines()
         self._good.extend([True] * len(ready))
@@ -172,6 +180,11 @@ class SensorStream:
         """Recent records per second of the logger's time, NaN with fewer than two records."""
         spent_s = self._stamps[-1] - self._stamps[0] if self._stamps else 0.0
         return (len(self._stamps) - 1) / spent_s if spent_s > 0 else NAN
+
+    @property
+    def recent_quarantined(self) -> tuple[int, int]:
+        """Number of recent records that are quarantined, and number of recent records."""
+        return self._bad.count(True), len(self._bad)
 
     @property
     def recent_losses(self) -> int:

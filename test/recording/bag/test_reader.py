@@ -1,9 +1,11 @@
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bags import NOTES, START_NS, STORE, make_topic, text_message
 from numpy.lib.recfunctions import append_fields
+from rich.console import Console
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from ruamel.yaml import YAML
 
@@ -11,8 +13,9 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.point_cloud import count_records, points
 from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.tables import info_table
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.stored_counts import stored_counts
+from soilmoist_ros.recording.stored_counts import quarantine_reasons, stored_counts
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 COUNTS = np.dtype(
@@ -97,6 +100,12 @@ def test_quarantined_records_are_read_with_the_others_and_their_reasons(tmp_path
         found = reader.read_counts_of(["/r/counts"])
     assert [name for name, _ in found] == ["/r/counts"] * 4
     assert [record.quarantine for _, record in found] == ["", "", "impossible_count", "unknown_reason"]
+    info = bag_info(tmp_path / "bag")
+    reasons = quarantine_reasons(info)
+    assert reasons == {"/r/quarantined_counts": {"impossible_count": 1, "unknown_reason": 1}}
+    console = Console(file=io.StringIO(), width=200)
+    console.print(info_table(info, reasons))
+    assert "/r/quarantined_counts: quarantined records: 1 impossible count" in console.file.getvalue()
     stored = stored_counts(tmp_path / "bag", ["/r/counts"], "map")
     assert [record.quarantine for record in stored] == [record.quarantine for _, record in found]
 

@@ -63,6 +63,8 @@ def test_several_robots_have_a_line_each():
         "map": "11 stops, 0 samples with those on the way",
     }
     assert (live.view().robots_xy, live.view().targets_xy) == ([(1.0, 2.0)], [(12.5, 3.0)])
+    live.robots[1].sensor_fault = "not used: tube 3 (tube counts too much)"
+    assert live.view().facts["robot 2 sensor"] == live.robots[1].sensor_fault
     live.clock_waits_for = "the next plan of robot_1"
     assert live.view().facts["clock"] == "waits for the next plan of robot_1"
 

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -24,8 +25,12 @@ def survey():
     return SensorStream(site, LocalFrame(50.0, 10.0), "thorvald_crs")
 
 
+def counted(number):
+    return tuple(np.random.default_rng(number).poisson(5.0, 12).astype(float))
+
+
 def count(survey, number, late_s=0.0):
-    record = LoggerRecord(T0 + 10 * number, (5.0,) * 12, (10.0,) * 12, record_number=number)
+    record = LoggerRecord(T0 + 10 * number, counted(number), (10.0,) * 12, record_number=number)
     survey.take_logger_line(format_record(record).encode(), 0.0)
     survey.compare_clocks(record.stamp_s, record.stamp_s + late_s)
 
@@ -66,6 +71,32 @@ def test_damaged_lines_are_counted_by_kind_and_the_warning_ends(survey):
         count(survey, number)
         survey.take_ready(math.inf)
     assert records_health(survey, T0 + 290).level is Level.OK
+
+
+def test_quarantined_records_and_masked_tubes_are_named(survey):
+    for number in range(1, 60):
+        first = () if number < 40 else (9000.0 + number,)
+        take(survey, number, (*first, *counted(number)[len(first) :]))
+    part = records_health(survey, T0 + 590)
+    assert (part.level, part.values["masked tubes"]) == (Level.WARN, "tube 1 (tube counts too much)")
+    assert part.message.startswith("not used: tube 1 (tube counts too much)")
+    take(survey, 60, (90_000.0,) * 12)
+    part = records_health(survey, T0 + 600)
+    assert part.level is Level.WARN
+    assert "1 of the last 20 records are quarantined (line" in part.message
+    assert part.values["quarantined: impossible count"] == part.values["records quarantined"] == "1"
+    for number in range(61, 75):
+        take(survey, number, (90_000.0,) * 12)
+    part = records_health(survey, T0 + 740)
+    assert part.level is Level.ERROR
+    assert part.message.startswith("the counts cannot be trusted: 15 of the last 20 records are quarantined")
+
+
+def take(survey, number, counts):
+    record = LoggerRecord(T0 + 10 * number, counts, (10.0,) * 12, record_number=number)
+    survey.take_logger_line(format_record(record).encode(), 0.0)
+    survey.compare_clocks(record.stamp_s, record.stamp_s)
+    survey.take_ready(math.inf)
 
 
 def test_a_difference_of_the_clocks_is_a_warning_and_not_silence(survey):
