@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
     from soilmoist_ros.mapping.variogram.fit import fit_variogram
     from soilmoist_ros.mapping.variogram.model import Variogram
-    from soilmoist_ros.replay.bag_map import ReplaySettings, replay_bag
+    from soilmoist_ros.replay.bag_map import replay_bag
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
+    from soilmoist_ros.replay.replay_settings import ReplaySettings
     from soilmoist_ros.reporting.opened_run import open_run
     from soilmoist_ros.sensing.formats.logger_reader import read_log
     from soilmoist_ros.simulation.mission.settings import MissionSettings

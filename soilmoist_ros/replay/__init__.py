@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation.lazy import load_on_use
 
 if TYPE_CHECKING:
-    from soilmoist_ros.replay.bag_map import Replay, ReplaySettings, replay_bag
+    from soilmoist_ros.replay.bag_map import Replay, replay_bag
     from soilmoist_ros.replay.comparison import Comparison
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
+    from soilmoist_ros.replay.replay_settings import ReplaySettings
 
 __all__ = ["Comparison", "MapSettings", "Replay", "ReplaySettings", "map_logs", "replay_bag"]
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
 
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
-from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
-from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
@@ -27,58 +23,18 @@ from soilmoist_ros.replay.properties import (
 )
 from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
 from soilmoist_ros.replay.recorded_place import recorded_places
+from soilmoist_ros.replay.replay_settings import ReplaySettings, property_survey, robot_survey
 from soilmoist_ros.replay.statuses import last_mission, read_statuses
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
-from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
+from soilmoist_ros.reporting.field_survey import FieldSurvey
 from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 Progress = Callable[[str, float], None]
-Source = Literal["counts", "raw"]
-
-_OPTIONS = ("cell_m", "model", "fit", "noise", "keep_nugget", "merge_radius_m")
-
-
-@dataclass(frozen=True)
-class ReplaySettings:
-    """Choices of a replay; ``None`` keeps the mapper's setting.
-
-    :param field: field file, or name of a shipped one
-    :param site: site file, or name of a shipped one; other corrections need the source ``raw``
-    :param properties: names of the properties to map; empty for all in the bag
-    :param truths: surrogate fields to compare with, by name of the property or its index in the list of
-        properties, from 0; built-in names, or field files with a truth
-    :param model: variogram model
-    :param fit: how the variogram is fitted
-    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
-    :param merge_radius_m: records closer together than this become one sample [m]
-    :param cell_m: cell size of the map [m]
-    :param counts_topic: topic with the records
-    :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
-        places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
-    :param logger: format of the raw lines of the logger; detected from their header if ``None``
-    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
-    """
-
-    field: str | None = None
-    site: str | None = None
-    properties: Sequence[str] = ()
-    truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
-    model: str | None = None
-    fit: str | None = None
-    noise: str | None = None
-    keep_nugget: bool | None = None
-    merge_radius_m: float | None = None
-    cell_m: float | None = None
-    counts_topic: str = "counts"
-    source: Source = "counts"
-    logger: str | None = None
-    crs: str | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,7 +80,7 @@ def replay_bag(
     progress("reading the bag", 0.0)
     with BagReader(bag) as reader:
         configuration = configuration_of(bag)
-        survey, remarks = _survey(bag, configuration, chosen)
+        survey, remarks = robot_survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
         content = _read(reader, survey, chosen, configuration, remarks)
     first, raw = content.properties[0], content.raw
@@ -179,45 +135,6 @@ def _compared(one: ReplayedProperty, from_raw: bool, several: bool) -> Compariso
     return one.compared(several)
 
 
-def _survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
-    """The map of the robot's own records, still without records, and remarks for the user."""
-    had = read_parameters(configuration, "mapper")
-    survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
-    if chosen.source == "raw" or not chosen.site or not had.get("site"):
-        return survey, []
-    recorded = load_site(had["site"]).corrections
-    if recorded == survey.site.corrections:
-        return survey, []
-    corrected = survey.site.model_copy(update={"corrections": recorded})
-    message = "The counts are corrected as on the robot, not as this site file says: that needs the raw lines."
-    return replace(survey, site=corrected), [Note(NoteCode.OTHER_CORRECTIONS, message)]
-
-
-def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> FieldSurvey:
-    """A map without records: the mapper's settings, overridden by the user's choices.
-
-    :param had: parameters of the mapper
-    """
-    field_file = chosen.field or had.get("field")
-    if not field_file:
-        raise InputError("does not say which field it is of", "give the field file with --field", bag)
-    options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
-    if had:
-        options.setdefault("noise", "mean")  # mappers of earlier versions had no choice
-    options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
-    for name, known in (
-        ("model", VARIOGRAM_MODELS.names()),
-        ("fit", get_args(FitMethod)),
-        ("noise", get_args(NoiseModel)),
-    ):
-        if options.get(name, known[0]) not in known:
-            raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
-    try:
-        return open_survey(field_file, site, **options)
-    except ValueError as error:
-        raise InputError(str(error), "change this setting") from None
-
-
 def _read(
     reader: BagReader,
     survey: FieldSurvey,
@@ -263,7 +180,7 @@ def _read(
             continue
         if not its and not own:
             continue
-        mapped = survey if own else _open_of(one, reader.path, configuration, chosen)
+        mapped = survey if own else property_survey(one, reader.path, configuration, chosen)
         truth = truths.get(one.name)
         states = [mapped.map.state for record in its if mapped.map.add(record) is None]
         published = read_published_map(_mapper_topics(one, robots, own))
@@ -288,17 +205,6 @@ def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -
     if len(robots) > 1:
         return RunTopics(robot.reader, one.counts[0].removeprefix(f"/{robot.namespace[:-1]}"), alone=False)
     return robot if own else RunTopics(robot.reader, one.counts[0], alone=False)
-
-
-def _open_of(one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings) -> FieldSurvey:
-    """The map of a property with its mapper's settings, without records.
-
-    If the bag lacks the mapper's parameters, the settings of the robot's own map apply, but without the site: a
-    calibration belongs to one sensor.
-    """
-    had = read_parameters(configuration, one.mapper)
-    had = had or {**read_parameters(configuration, "mapper"), "site": ""}
-    return _open(bag, had, chosen, had.get("site", ""))
 
 
 def _files(bag: Path) -> list[Path]:

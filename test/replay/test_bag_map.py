@@ -1,4 +1,4 @@
-"""Bags, mapped again: bag_map.py with mission.py, comparison.py, raw.py, statuses.py and topics.py."""
+"""Bags, mapped again: bag_map.py, replay_settings.py, mission.py, comparison.py, raw.py, statuses.py, topics.py."""
 
 from __future__ import annotations
 
