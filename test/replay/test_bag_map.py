@@ -1,4 +1,5 @@
-"""Bags, mapped again: bag_map.py, replay_settings.py, mission.py, comparison.py, raw.py, statuses.py, topics.py."""
+"""Bags, mapped again: bag_map.py, replay_settings.py, mission.py, comparison.py, raw.py, statuses.py,
+topics.py."""
 
 from __future__ import annotations
 
