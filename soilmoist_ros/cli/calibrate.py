@@ -96,9 +96,9 @@ def command(
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
     counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
     around = _surroundings(known, soil, counted)
-    mean = mean_of_cores(sampled, weighting, around)
     rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
     try:
+        mean = mean_of_cores(sampled, weighting, around)
         unit_curve = moisture_curve(unit, soil, known.reference_humidity_gm3)
         estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:

@@ -16,6 +16,8 @@ from soilmoist_ros.sensing.moisture.footprint import Footprint
 Array = NDArray[np.float64]
 Weighting = Literal["revised", "conventional", "equal"]
 _CONVENTIONAL_REACH_M = 127.0
+_NEAREST_M = 0.5
+"""Least distance of the published weights [m]; a ring of no radius has no weight."""
 _MAX_ITERATIONS = 200
 _TOLERANCE_VWC = 1e-8
 
@@ -73,7 +75,7 @@ def mean_of_cores(
     * ``equal``: the weights of the user alone.
 
     :param around: conditions of the calibration; standard air and a bare probe if ``None``
-    :raises ValueError: without cores, or if all weights are zero
+    :raises ValueError: if no core has a weight
     """
     around = around or Surroundings()
     density = _mean_density(cores)
@@ -83,9 +85,9 @@ def mean_of_cores(
         water = vwc + (density or 1.0) * around.bound_water
         weights = [_weights(group, weighting, around, water, density) for group in groups]
         means = np.array([_average(group, within) for group, (_, within) in zip(groups, weights, strict=True)])
-        across = np.array([weight for weight, _ in weights])
+        across = np.array([weight if within.any() else 0.0 for weight, within in weights])
         if not across.sum() > 0:
-            raise ValueError("all weights are zero")
+            raise ValueError("no core has a weight: all are too deep or too far away")
         share = across / across.sum()
         previous, vwc = vwc, float(share @ means)
         if abs(vwc - previous) < _TOLERANCE_VWC:
@@ -106,7 +108,7 @@ def _mean_density(cores: Sequence[SoilCore]) -> float | None:
 
 def _average(group: Sequence[SoilCore], weights: Array) -> float:
     if not weights.sum() > 0:
-        return 0.0  # the profile has no weight either
+        return 0.0  # all of its cores lie too deep
     return float(weights @ [core.vwc for core in group] / weights.sum())
 
 
@@ -122,7 +124,9 @@ def _weights(
     footprint = _footprint(around, water)
     if not math.isnan(distance_m):
         conventional = math.exp(-distance_m / _CONVENTIONAL_REACH_M)
-        across *= conventional if weighting == "conventional" else float(footprint.weight(distance_m))
+        across *= (
+            conventional if weighting == "conventional" else float(footprint.weight(max(distance_m, _NEAREST_M)))
+        )
     if math.isnan(group[0].top_cm):
         return across, own
     top, bottom = (np.array([getattr(core, name) for core in group]) for name in ("top_cm", "bottom_cm"))

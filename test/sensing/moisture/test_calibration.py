@@ -35,14 +35,14 @@ def test_uncertainty_of_n0_is_that_of_repeated_calibrations(unit_curve):
     true = replace(unit_curve, n0_cps=6.0)
     vwc, vwc_sd, exposure = 0.22, 0.01, 3600.0
     rate = float(true.rate_cps(vwc))
-    counts = rng.poisson(rate * exposure, 4000)
-    moistures = rng.normal(vwc, vwc_sd, 4000)
+    counts = rng.poisson(rate * exposure, 1000)
+    moistures = rng.normal(vwc, vwc_sd, 1000)
     repeated = [
         estimate_n0(n / exposure, 0.0, m, 0.0, unit_curve).n0_cps for n, m in zip(counts, moistures, strict=True)
     ]
     estimate = estimate_n0(rate, math.sqrt(rate / exposure), vwc, vwc_sd, unit_curve)
     assert estimate.n0_cps == pytest.approx(6.0)
-    assert estimate.n0_sd_cps == pytest.approx(np.std(repeated), rel=0.05)
+    assert estimate.n0_sd_cps == pytest.approx(np.std(repeated), rel=0.07)
 
 
 def test_writing_keeps_comments_and_other_settings(tmp_path):

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from crnpy import crnpy
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.moisture.core_mean import Surroundings, franz_depth_cm, mean_of_cores
@@ -129,6 +131,32 @@ def test_a_shielded_probe_sees_the_near_cores():
     assert shielded > bare + 0.01
 
 
+def test_a_profile_below_the_reach_of_conventional_weights_does_not_count():
+    cores = [SoilCore(0.2, 1.4, 1.0, "a", 5.0, 5.0, 5.0), SoilCore(0.4, 1.4, 1.0, "b", 5.0, 90.0, 90.0)]
+    assert mean_of_cores(cores, "conventional").vwc == pytest.approx(0.2)
+
+
+def test_a_core_at_the_probe_weighs_as_one_at_half_a_metre():
+    rows = [[SoilCore(0.2, distance_m=near), SoilCore(0.4, distance_m=9.0)] for near in (0.0, 0.5)]
+    assert mean_of_cores(rows[0]).vwc == mean_of_cores(rows[1]).vwc
+
+
+@settings(max_examples=15)
+@given(
+    st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 300), st.floats(0, 60)), min_size=1, max_size=8),
+    st.sampled_from(["revised", "conventional", "equal"]),
+    st.sampled_from([math.inf, 10.0]),
+)
+def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
+    cores = [SoilCore(vwc, 1.3, 1.0, str(n), at, depth, depth) for n, (vwc, at, depth) in enumerate(rows)]
+    around = Surroundings(footprint_radius_m=radius_m)
+    if weighting == "conventional":
+        assume(min(depth for *_, depth in rows) < 5.8 / (0.6 + 0.0829))
+    mean = mean_of_cores(cores, weighting, around).vwc
+    moistures = [vwc for vwc, *_ in rows]
+    assert min(moistures) - 1e-9 <= mean <= max(moistures) + 1e-9
+
+
 def test_all_weights_zero_is_an_error():
-    with pytest.raises(ValueError, match="zero"):
+    with pytest.raises(ValueError, match="no core has a weight"):
         mean_of_cores([SoilCore(0.2, weight=0.0)])
