@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.moisture_bands import common_rate_sd
 from soilmoist_ros.reporting.geometry import field_polygon
+from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.numbers import area, percent, volume
 from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.reporting.run import IrrigationLimits, MapRun
@@ -201,6 +202,8 @@ def _range_text(run: MapRun, index: int, edges: Array) -> str:
 
 def _water(run: MapRun) -> str:
     """Water in the root zone with its 90 % interval."""
+    if absolute(run) and at_one_place(run):
+        return _water_at_the_end(run)
     mean = mean_moisture(run.soil_map) if absolute(run) else None
     if mean is None or not math.isfinite(mean.value):
         return ""
@@ -211,6 +214,16 @@ def _water(run: MapRun) -> str:
         "sensor is as moist as above"
     )
     return f"{text}." if mean.common_sd > 0 else f"{text}. An error of the calibration is not included."
+
+
+def _water_at_the_end(run: MapRun) -> str:
+    """Water in the root zone in the last step of a series at one place."""
+    bands, depth = moisture_series(run.track, run.soil_map.curve).bands, run.irrigation.root_depth_mm
+    low, middle, high = (float(band[-1]) * depth for band in (bands.vwc_p05, bands.vwc, bands.vwc_p95))
+    return (
+        f"At the end the upper {depth:g} mm of the soil held {middle:.0f} mm of water (90 % interval {low:.0f} to "
+        f"{high:.0f} mm), if the soil below the reach of the sensor was as moist as above."
+    )
 
 
 def _level(run: MapRun) -> str:
@@ -233,6 +246,10 @@ def _advice(run: MapRun, found: Irrigation) -> str:
         return "Next: take soil cores and calibrate the sensor, so that the map shows water."
     if not absolute(run):
         return "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
+    if at_one_place(run):
+        return (
+            "Next: for a map of the surroundings, drive the sensor over the field or move it from place to place."
+        )
     samples = len(run.soil_map.samples)
     if samples < FEW_PLACES:
         return f"Next: measure at more places; {samples} are too few to know how sure the map is."

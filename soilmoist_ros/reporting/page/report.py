@@ -50,7 +50,7 @@ def render_report(run: MapRun) -> str:
         irrigation=found,
         series=_series(run),
         map_data=None if at_one_place(run) else viewer_data(run, found),
-        pictures=list(pictures(run)),
+        pictures=() if at_one_place(run) else list(pictures(run)),
         mission=mission_part(run),
         variograms=[chart for chart, _ in variograms],
         classes=[classes for _, classes in variograms],
@@ -74,7 +74,8 @@ def _charts(run: MapRun) -> Iterator[Chart]:
     loo = leave_one_out(run.soil_map)
     if loo is not None:
         yield survey_charts.cross_validation_chart(loo)
-    yield survey_charts.histogram_chart(run)
+    if not at_one_place(run):
+        yield survey_charts.histogram_chart(run)
     if len({record.stamp_s for record in run.track}) > 1:
         yield survey_charts.rate_chart(run.track)
         yield survey_charts.factor_chart(run.track)

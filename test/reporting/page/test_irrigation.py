@@ -9,6 +9,7 @@ import pytest
 
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, BY_USER, RELATIVE, irrigation, stress_point
 from soilmoist_ros.reporting.run import CalibrationInfo, IrrigationLimits
+from soilmoist_ros.sensing.records import CountRecord
 
 
 def names(found):
@@ -88,3 +89,10 @@ def test_water_of_the_root_zone_has_an_interval(make_run, the_map):
 def test_advice_names_where_the_map_is_least_sure(make_run, map_of):
     assert "more places" in irrigation(make_run(soil_map=map_of(n=4))).advice
     assert irrigation(make_run()).advice.startswith("Next: ")
+
+
+def test_a_probe_at_one_place_tells_its_water_at_the_end(make_run, map_of):
+    track = [CountRecord(1.7e9 + 900 * i, 0.0, 0.0, 0.0, 4300 - 20 * i, 900.0, 900.0) for i in range(40)]
+    found = irrigation(make_run(soil_map=map_of(n=1), track=track))
+    assert found.water.startswith("At the end the upper 300 mm of the soil held ")
+    assert "drive the sensor over the field" in found.advice

@@ -45,4 +45,10 @@ def test_units_fit_the_size():
     assert area(120) == ("120", "m²")
     assert length(369.4) == ("369", "m")
     assert length(12_900) == ("12.9", "km")
-    assert [duration(s) for s in (50, 600, 7200, 7380)] == ["50 s", "10 min", "2 h 00 min", "2 h 03 min"]
+    assert [duration(s) for s in (50, 600, 7200, 7380, 950400)] == [
+        "50 s",
+        "10 min",
+        "2 h 00 min",
+        "2 h 03 min",
+        "11.0 days",
+    ]

@@ -162,7 +162,7 @@ def test_the_page_says_how_deep_the_sensor_sees(page):
     assert "Desilets et al. (2010)" in page.text
 
 
-@pytest.mark.usefixtures("words_only")
+@pytest.mark.usefixtures("no_pictures")
 def test_the_curve_is_named(make_run, map_of):
     run = make_run(soil_map=map_of(curve=UniversalCurve(7.0, 1.4, humidity_gm3=8.0)))
     assert "Köhli et al. (2021), mcnp_drf, at 8 g/m³ of humidity" in Page(render_report(run)).text

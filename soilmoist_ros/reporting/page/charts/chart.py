@@ -232,5 +232,6 @@ def limits_of(*values: ArrayLike, margin: float = 0.06, zero: bool = False) -> L
     low, high = float(finite.min()), float(finite.max())
     if zero:
         low, high = min(low, 0.0), max(high, 0.0)
-    gap = margin * (high - low) or 0.05 * max(abs(high), 1e-3)
+    flat = high - low <= 1e-6 * max(abs(low), abs(high))
+    gap = 0.05 * max(abs(high), 1e-3) if flat else margin * (high - low)
     return (low if zero and low == 0 else low - gap), high + gap

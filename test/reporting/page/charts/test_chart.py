@@ -70,4 +70,5 @@ def test_limits_include_zero_without_a_margin_below():
     assert limits_of([np.nan]) == (0.0, 1.0)
     low, high = limits_of([3.0, 3.0])
     assert low < 3 < high
+    assert limits_of([3.0, 3.0 + 1e-15]) == pytest.approx((low, high))
     assert round_step(0.3) == 0.5
