@@ -32,8 +32,8 @@ def field_layer(source: RunSource) -> Layer:
         "name": texts([source.title]),
         "site": texts([str(about.get("site") or "")]),
         "area_ha": np.array([source.boundary.area / 1e4]),
-        "start": times([begin]),
-        "end": times([end]),
+        "start_utc": times([begin]),
+        "end_utc": times([end]),
         "simulated": np.array([int(source.simulated)], np.int32),
         "software": texts([f"soilmoist_ros {about.get('version', '')}".strip()]),
     }
@@ -65,8 +65,8 @@ def visits_layer(source: RunSource) -> Layer:
         columns[one.name] = (
             texts([str(value) for value in values]) if numbers is None else np.array(values, numbers)
         )
-    columns["arrival"] = times(_dated(columns["arrival_stamp_s"]))
-    columns["end"] = times(_dated(columns["end_stamp_s"]))
+    columns["arrival_utc"] = times(_dated(columns["arrival_stamp_s"]))
+    columns["end_utc"] = times(_dated(columns["end_stamp_s"]))
     return Layer("visits", "Point", _points(columns["x_m"], columns["y_m"]), columns, "Stops of the robot")
 
 
@@ -74,7 +74,7 @@ def samples_layer(source: RunSource, one: PropertyMap) -> Layer:
     """Merged samples with counts, exposure, moisture and its interval; with times where the clock has a date."""
     columns = dict(one.samples)
     longitude, latitude = columns.pop("longitude_deg"), columns.pop("latitude_deg")
-    for stamp, name in (("first_stamp_s", "start"), ("last_stamp_s", "end")):
+    for stamp, name in (("first_stamp_s", "start_utc"), ("last_stamp_s", "end_utc")):
         if stamp in columns:
             columns[name] = times(_dated(columns[stamp]))
     for name in ("raw_counts", "n_records"):
@@ -95,7 +95,7 @@ def records_layers(one: PropertyMap) -> list[Layer]:
     reason = texts(columns.pop("quarantine").tolist())
     shapes = _points(columns.pop("x_m"), columns.pop("y_m"))
     columns = {
-        "time": times(_dated(columns["stamp_s"])),
+        "time_utc": times(_dated(columns["stamp_s"])),
         **columns,
         "raw_counts": columns["raw_counts"].astype(np.int32),
         "rate_cps": columns["raw_counts"] / columns["effective_exposure_s"],

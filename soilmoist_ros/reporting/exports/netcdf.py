@@ -48,7 +48,7 @@ def _about(file: netcdf_file, source: RunSource, one: PropertyMap) -> None:
     file.institution = str(about.get("site") or "unknown")
     file.source = f"{simulated}: cosmic-ray neutron counts, Poisson kriging by soilmoist_ros {__version__}"
     file.history = f"{about.get('created_utc', '')} soilmoist_ros {about.get('version', '')}: map made".strip()
-    file.references = "Pulido Fentanes et al. 2020; Monestiez et al. 2006, Ecological Modelling 193:615-628"
+    file.references = "Monestiez et al. 2006, Ecological Modelling 193:615-628"
     comment = one.tags.get("SOILMOIST_INTERVAL")
     if comment:
         file.comment = comment

@@ -56,8 +56,8 @@ def test_samples_have_their_places_values_and_times(gpkg, exported):
     np.testing.assert_allclose(columns["vwc"], exported.run.soil_map.curve.vwc(samples.rate_cps), rtol=1e-9)
     assert (columns["vwc_p05"] < columns["vwc_p95"]).all()
     first = exported.run.track[0]
-    assert columns["end"][0] == np.datetime64("2023-11-14T22:13:20", "ms")
-    assert (columns["end"][0] - columns["start"][0]) / np.timedelta64(1, "ms") == pytest.approx(
+    assert columns["end_utc"][0] == np.datetime64("2023-11-14T22:13:20", "ms")
+    assert (columns["end_utc"][0] - columns["start_utc"][0]) / np.timedelta64(1, "ms") == pytest.approx(
         1000 * first.exposure_s, abs=1
     )
 
@@ -79,7 +79,7 @@ def test_field_and_no_go_area(gpkg, exported):
     expected = field_polygon(exported.run.soil_map)
     assert columns["area_ha"][0] == pytest.approx(expected.area / 1e4, rel=1e-3)
     assert local(exported, field, "EPSG:32630").symmetric_difference(expected).area < 0.01 * expected.length
-    assert columns["start"][0] == np.datetime64("2023-11-14T22:07:37", "ms")
+    assert columns["start_utc"][0] == np.datetime64("2023-11-14T22:07:37", "ms")
     _, (no_go,), _ = read(gpkg, "no_go")
     assert field.intersection(no_go).area < 1.0
     assert no_go.area == pytest.approx(56.0, rel=2e-3)
@@ -92,8 +92,8 @@ def test_visits_and_track(gpkg):
         "largest variance",
         300,
     )
-    assert columns["arrival"][0] == np.datetime64("2023-11-14T22:13:20", "ms")
-    assert np.isnat(columns["end"][0])
+    assert columns["arrival_utc"][0] == np.datetime64("2023-11-14T22:13:20", "ms")
+    assert np.isnat(columns["end_utc"][0])
     _, (line,), columns = read(gpkg, "track")
     assert line.length == pytest.approx(columns["length_m"][0], rel=2e-3)
 
