@@ -87,6 +87,26 @@ def test_values_of_the_place_are_in_the_report(run) -> None:
     assert site.corrections_parameters.beta_per_hpa == pytest.approx(pressure.parameters["beta [1/hPa]"], abs=1e-6)
 
 
+def test_the_neutron_monitor_its_scaling_and_its_gaps_are_in_the_report(tmp_path) -> None:
+    hours = np.arange("2021-10-17T00", "2021-10-30T00", dtype="datetime64[h]")
+    rows = [
+        f"{str(hour).replace('T', ' ')}:00:00;150.0\n" for hour in hours if not 20 <= hour.astype(int) % 24 < 24
+    ]
+    head = "#        STATION: JUNG\n#      AVERAGING: Yes / 1 hour\n  start_date_time   RCORR_E\n"
+    (tmp_path / "jung.txt").write_text(head + "".join(rows))
+    text = resource("sites", "station_kansas").read_text()
+    intensity = "{reference: 160, file: jung.txt, monitor: JUNG, scaling: hawdon2014, gaps: hold}"
+    site = tmp_path / "site.yaml"
+    site.write_text(text.replace("intensity: null", f"intensity: {intensity}"))
+    run = map_logs([STATION], MapSettings(site=site))
+    (row,) = [row for row in run.corrections if row.name == "incoming neutrons"]
+    assert row.formula == "1 / (1 + k (C / C0 - 1))"
+    k = row.parameters["k"]
+    assert k == pytest.approx(1 - 0.075 * (2.94 - 4.58), abs=2e-3)
+    assert row.mean_factor == pytest.approx(1 / (1 - k / 16), rel=1e-4)
+    assert row.remark == "C of JUNG from jung.txt, scaled as in hawdon2014; gaps up to 4.0 h held"
+
+
 def record(end_s: float, counts: int, exposure_s: float = 900.0) -> CountRecord:
     return CountRecord(end_s, 0.0, 0.0, 0.0, counts, exposure_s, exposure_s)
 

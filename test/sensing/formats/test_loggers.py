@@ -45,6 +45,22 @@ def test_finapp_integration_time(tmp_path) -> None:
     assert kinds(log.problems) == [Kind.SENTINEL]
 
 
+def test_hourly_table_of_a_network(tmp_path) -> None:
+    header = (
+        "DateTime_utc,NeutronCount_Epithermal_Cum1h,NeutronCount_Slow_Cum1h,AirTemperature,AirHumidity_Relative,"
+    )
+    header += "AirPressure,Precipitation,AirTemperature_Sensor2,AirHumidity_Relative_Sensor2\n"
+    rows = "2014-01-09 11:00:00+00:00,655.0,431.0,9.5,,996.2,,8.9,93.9\n"
+    rows += "2014-01-09 12:00:00+00:00,,,,,994.3,,,\n"
+    path = write(tmp_path, (header + rows).encode())
+    assert detect_format(path) == load_logger_format("cosmos_europe")
+    log = read_log(path)
+    (record,) = log.records
+    assert (record.stamp_s, record.tube_counts, record.tube_live_s) == (1389265200.0, (655,), (3600,))
+    assert (record.temperature_degc, record.pressure_hpa) == (8.9, 996.2)
+    assert kinds(log.problems) == [Kind.NO_COUNTS]
+
+
 def styx_row(stamp: int, cps: float, internal: str = "100100.5", external: str = "*") -> str:
     probes = "\t".join(["15000.00", "4.00", "5.50", "21.00"] * 3)
     air = f"13.4\t30.1\t{internal}\t31.0\t21.5\t{external}\t55.0"
