@@ -22,9 +22,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc, gammaln, ndtri
+from scipy.special import betainc, ndtri
 
 from soilmoist_ros.sensing.checks.alarms import alarm_probability, alarm_threshold
+from soilmoist_ros.sensing.checks.charts import FACTORS, Run, ShareCharts, share_ratios
 from soilmoist_ros.sensing.checks.shares import LEARNED_COUNTS, PRIOR_COUNTS, GoodShares
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord
@@ -34,12 +35,6 @@ Mask = NDArray[np.bool_]
 
 TOLERANCE = 1.2
 """Factor by which the odds of a tube may change without a fault: temperature, age, small differences in energy."""
-FACTORS = (0.0, 0.5, 2.0)
-"""Shares of a bad tube that the cumulative sums look for, as multiples of its good share."""
-MIN_LEARNED_COUNTS = 300.0
-"""Counts behind a share from which half and twice the share can be told from an unknown share."""
-RECOVERY = math.log(1000.0)
-"""Logarithm of the likelihood ratio from which a masked tube counts again."""
 MAX_CHANGE = math.log(3.0)
 """Highest change of the rate between neighbouring records, as a logarithm."""
 LAST_RATES = 31
@@ -74,19 +69,6 @@ class BadSpan:
     end_s: float = math.inf
 
 
-class _Charts:
-    """Cumulative sums of one sensor, shape (factors, tubes)."""
-
-    def __init__(self, tubes: int) -> None:
-        self.sums = np.zeros((len(FACTORS), tubes))
-        self.begin_s = np.zeros((len(FACTORS), tubes))
-        self.recovery = np.zeros(tubes)
-        self.recovered_s = np.zeros(tubes)
-
-    def clear(self) -> None:
-        self.sums[:] = 0.0
-
-
 class TubeChecks:
     """Compares the tubes of one probe, record by record.
 
@@ -109,10 +91,10 @@ class TubeChecks:
         self._known = tuple(spans)
         start = np.full(tubes, 1 / tubes) if shares is None else shares
         self._good = GoodShares(start, PRIOR_COUNTS if shares is None else LEARNED_COUNTS)
-        self._charts = _Charts(tubes)
+        self._charts = ShareCharts(tubes)
         self._masked: dict[int, Kind] = {}
         self._rates: deque[float] = deque([] if math.isnan(rate_cps) else [rate_cps], maxlen=LAST_RATES)
-        self._runs = [_Run() for _ in range(tubes)]
+        self._runs = [Run() for _ in range(tubes)]
         self._counted: deque[tuple[float, Array, Array]] = deque(maxlen=LAST_COUNTED)
 
     @property
@@ -256,21 +238,15 @@ class TubeChecks:
         if self.tubes == 2:
             self._counted.append((stamp_s, counts, weights))
         charts, limit = self._charts, alarm_threshold(period_s, len(FACTORS) * self.tubes)
-        ratios = self._ratios(counts, weights, use, good)
-        charts.begin_s[charts.sums <= 0] = stamp_s
-        charts.sums = np.maximum(charts.sums + np.where(good, ratios, 0.0), 0.0)
-        for tube in [tube for tube in self._masked if use[tube]]:
-            against = FACTORS.index(2.0 if self._masked[tube] is Kind.NOISY_TUBE else 0.5)
-            if charts.recovery[tube] <= 0:
-                charts.recovered_s[tube] = stamp_s
-            charts.recovery[tube] = max(charts.recovery[tube] - ratios[against, tube], 0.0)
-            if charts.recovery[tube] > RECOVERY:
-                self._close(tube, self._masked.pop(tube), float(charts.recovered_s[tube]))
-                charts.clear()
+        ratios = share_ratios(counts, weights, use, good, self._good.counts)
+        charts.add(stamp_s, ratios, good)
+        for tube, kind in [(tube, kind) for tube, kind in self._masked.items() if use[tube]]:
+            recovered_s = charts.recovered_s(stamp_s, tube, ratios, kind is Kind.NOISY_TUBE)
+            if recovered_s is not None:
+                self._close(tube, self._masked.pop(tube), recovered_s)
+                charts.clear(tube)
         while good.sum() > 1 and (charts.sums > limit).any():
-            row, tube = (int(index) for index in np.unravel_index(charts.sums.argmax(), charts.sums.shape))
-            begin_s = float(charts.begin_s[row, tube])
-            too_many = FACTORS[row] > 1
+            tube, too_many, begin_s = charts.worst()
             if good.sum() == 2 and not self._is_guilty(tube, good, begin_s):
                 tube, too_many = next(int(each) for each in np.flatnonzero(good) if each != tube), not too_many
             self._mask(tube, Kind.NOISY_TUBE if too_many else Kind.DEAD_TUBE, begin_s)
@@ -280,8 +256,7 @@ class TubeChecks:
     def _mask(self, tube: int, kind: Kind, begin_s: float) -> None:
         self._masked[tube] = kind
         self.spans.append(BadSpan(tube, kind, begin_s))
-        self._charts.clear()  # the bad tube's counts were part of every total
-        self._charts.recovery[tube] = 0.0
+        self._charts.clear(tube)
 
     def _is_guilty(self, tube: int, good: Mask, begin_s: float) -> bool:
         """Whether a tube of two, rather than the other one, counts otherwise than before.
@@ -295,45 +270,6 @@ class TubeChecks:
         rates = [np.maximum(sum(c for c, _ in part), 0.5) / sum(w for _, w in part) for part in (before, after)]
         changes = np.abs(np.log(rates[1] / rates[0]))
         return bool(changes[tube] >= changes[good].max())
-
-    def _ratios(self, counts: Array, weights: Array, use: Mask, good: Mask) -> Array:
-        """Log-likelihood ratios of bad shares against the good share, shape (factors, tubes).
-
-        The total of a record is that of the good tubes and the tube itself.
-        """
-        number, weight = np.where(good, 0.0, counts), np.where(good, 0.0, weights)
-        total, whole = counts[good].sum() + number, weights[good].sum() + weight
-        compared = use & (weights < whole * (1 - 1e-9))  # with another tube
-        share = np.where(compared, weights / np.where(compared, whole, 1.0), 0.0)
-        learned = compared & (self._good.counts >= MIN_LEARNED_COUNTS)
-        ratios = np.empty((len(FACTORS), self.tubes))
-        for row, factor in enumerate(FACTORS):
-            against = total * np.log1p(share * (factor - 1))
-            if factor == 0:
-                ratios[row] = np.where(counts > 0, -math.inf, np.where(compared, -against, 0.0))
-            else:
-                ratios[row] = np.where(learned, counts * math.log(factor) - against, 0.0)
-        return ratios
-
-
-@dataclass
-class _Run:
-    """How often a tube has repeated a number."""
-
-    value: float = math.nan
-    begin_s: float = math.nan
-    surprise: float = 0.0
-    step: int = 0
-
-    def add(self, value: float, stamp_s: float) -> None:
-        """Continue with the next count; ``surprise`` is minus the logarithm of the run's highest probability."""
-        if value == self.value:
-            likeliest = value * math.log(value) - value - float(gammaln(value + 1)) if value > 0 else 0.0
-            self.surprise += max(-likeliest - math.log(max(self.step, 1)), 0.0)
-            return
-        if not math.isnan(self.value):  # counts of some loggers are multiples of a number
-            self.step = math.gcd(self.step, round(abs(value - self.value)))
-        self.value, self.begin_s, self.surprise = value, stamp_s, 0.0
 
 
 def _smallest(p_values: Array) -> float:

@@ -1,4 +1,4 @@
-"""Tube against tube: bad tubes are found soon, good tubes keep counting (tubes.py, shares.py)."""
+"""Tube against tube: bad tubes are found soon, good tubes keep counting (tubes.py, charts.py, shares.py)."""
 
 import math
 from collections import Counter
