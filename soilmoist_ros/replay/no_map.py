@@ -16,6 +16,7 @@ from soilmoist_ros.reporting.failed_run import FailedRun, NoMapError, Trouble
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of
 from soilmoist_ros.reporting.page.numbers import duration
 from soilmoist_ros.reporting.run import LossRow
+from soilmoist_ros.sensing.problems import reason_text
 from soilmoist_ros.simulation.mission.result import MissionResult
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -82,6 +83,13 @@ def _mistake(
         return Mistake(
             f"The sensor sent no record that could be used, the counts have no messages{said}",
             "check that the driver ran, the link to the neutron logger and its format: soilmoist check --logger",
+        )
+    if all(record.quarantine for record in first.records):
+        kinds = Counter(reason_text(record.quarantine) for record in first.records)
+        causes = ", ".join(f"{text} ({count})" for text, count in kinds.most_common())
+        return Mistake(
+            f"All {len(first.records)} records are quarantined: {causes}",
+            "check the tubes of the detector, its high voltage and its weather sensors",
         )
     if not first.states:
         return why_nothing(first.survey, first.records, bag).mistakes[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,8 +13,11 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.replay import ReplaySettings, no_map, replay_bag
+from soilmoist_ros.replay.properties import ReplayedProperty
 from soilmoist_ros.reporting.failed_outputs import write_failed
 from soilmoist_ros.reporting.failed_run import NoMapError
+from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.sensing.records import CountRecord
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 
@@ -61,6 +65,16 @@ def test_too_few_samples_are_the_cause():
     failed = failure(GOLDEN / "one_stop", ReplaySettings(fit="soft_l1"))
     assert failed.why == "14 records at 1 place: there are too few samples for a map."
     assert len(failed.track) == 14
+
+
+def test_quarantined_records_are_the_cause():
+    bad = dataclasses.replace(CountRecord(1.78e9, 1.0, 2.0, 0.0, 900, 10.0, 9.0), quarantine="noisy_tube")
+    worse = dataclasses.replace(bad, quarantine="impossible_count")
+    survey = open_survey(str(GOLDEN / "one_stop" / "configuration" / "field.yaml"))
+    first = ReplayedProperty("moisture", 1.0, survey, [bad, worse, bad], [], None, None)
+    failed = no_map.no_map(GOLDEN / "one_stop" / "bag", [], first, [], None).failed
+    assert failed.why == "All 3 records are quarantined: tube counts too much (2), impossible count (1)."
+    assert failed.quarantined == {"noisy_tube": 2, "impossible_count": 1}
 
 
 def test_records_of_another_place_are_the_cause(tmp_path):
