@@ -43,7 +43,7 @@ SIMULATOR = {
     "speed": ("60", "simulated time per wall time"),
     "seed": ("1", "seed of all randomness"),
     "robots": ("1", "number of robots, in the namespaces robot_1, robot_2, ... if there are several"),
-    "scenario": ("", "faults of navigation and links: a name or a file; empty for none"),
+    "scenario": ("", "faults of navigation, links and sensor: a name or a file; empty for none"),
     "logger_port": ("4001", "TCP port on which the logger is simulated, two higher for each further robot"),
     "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated, two higher for each further robot"),
 }

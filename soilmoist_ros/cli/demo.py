@@ -37,7 +37,9 @@ DEMO_HOURS = 1.0
 @click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
               help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
 @click.option(
-    "--scenario", default="", help="Simulated faults: thorvald, nav2, bad_link, or a file. Default: none."
+    "--scenario",
+    default="",
+    help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, or a file. Default: none.",
 )
 @output_options("Folder for the run; made if missing.")
 @report_errors

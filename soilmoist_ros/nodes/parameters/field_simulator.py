@@ -41,7 +41,7 @@ PARAMETERS = (
     of_setting("position_sd_m"),
     of_setting("footprint_m"),
     of_setting("weather"),
-    Parameter(name="scenario", default="", description="faults of navigation and links: a name or a file; "
+    Parameter(name="scenario", default="", description="faults of navigation, links and sensor: a name or a file; "
         "empty for none"),
     Parameter(name="field_file", default="",
               description="file to which the field is written without its truth; empty for none"),
