@@ -19,7 +19,9 @@ def test_an_empty_name_means_no_faults():
 
 
 def test_an_unknown_name_lists_the_known_ones():
-    with pytest.raises(InputError, match=r"bad_link, bad_sensor, lost_sensor, nav2, thorvald.*did you mean 'thorvald'"):
+    with pytest.raises(
+        InputError, match=r"bad_link, bad_sensor, lost_sensor, nav2, thorvald.*did you mean 'thorvald'"
+    ):
         load_scenario("torvald")
 
 
