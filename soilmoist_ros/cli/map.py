@@ -116,6 +116,7 @@ def _print_summary(run: MapRun) -> None:
 
     from soilmoist_ros.foundation.places import place_text
     from soilmoist_ros.reporting.moisture_series import at_one_place
+    from soilmoist_ros.reporting.page.statistics import mean_moisture
 
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
@@ -133,9 +134,9 @@ def _print_summary(run: MapRun) -> None:
         click.echo("moisture   not mapped: the site file has no soil properties or calibration")
     else:
         low, high = np.nanquantile(soil_map.vwc, [0.05, 0.95])
-        click.echo(
-            f"moisture   mean {np.nanmean(soil_map.vwc):.3f} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}"
-        )
+        mean, known = np.nanmean(soil_map.vwc), mean_moisture(soil_map)
+        interval = "" if known is None else f" ({known.p05:.3f} to {known.p95:.3f})"
+        click.echo(f"moisture   mean {mean:.3f}{interval} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}")
     if soil_map.accuracy is not None:
         click.echo(f"kriging    {soil_map.accuracy}")
     _print_notes(run)

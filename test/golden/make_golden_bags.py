@@ -104,7 +104,7 @@ def configure(run: Path, seed: int = 1) -> None:
     write_site_file(field, folder / "site.yaml")
     # These paths do not exist: a replay finds the files in the configuration folder, wherever the folder is.
     files = {"field": "/run/configuration/field.yaml", "site": "/run/configuration/site.yaml"}
-    write_parameters(run, "mapper", {**files, "cell_m": CELL_M, "simulated": True})
+    write_parameters(run, "mapper", {**files, "cell_m": CELL_M, "noise": "local", "simulated": True})
 
 
 def write_bag(run: Path, events: Iterable[Event]) -> None:
@@ -164,7 +164,7 @@ def mission(seed: int = 1) -> tuple[list[Event], MissionResult]:
     """Events that the nodes publish in a mission, and the result."""
     settings = MissionSettings(
         field=FIELD, hours=0.3, seed=seed, dwell="fmi:60", cell_m=CELL_M, map_from="records", model="matern32",
-        fit="reml", preset="paper",
+        fit="reml", noise="local", preset="paper",
     )  # fmt: skip
     simulation = _Recorded(settings)
     result = simulation.run(lambda share: None)
