@@ -111,6 +111,8 @@ def site_findings(site: Site) -> Iterator[Finding]:
         f"incoming neutrons (scaling {settings.intensity.scaling}, k {parameters.intensity_scale:.3f})"
         if settings.intensity
         else "no incoming neutrons",
+        *([f"plants (factor {settings.f_biomass:.3f})"] if settings.biomass else []),
+        *([f"road (factor {settings.f_road:.3f})"] if settings.road else []),
     ]
     yield Finding("correction", ", ".join(applied))
     curve = site.curve
@@ -123,7 +125,7 @@ def site_findings(site: Site) -> Iterator[Finding]:
     guessed = " (illustrative)" if site.calibration is not None and site.calibration.illustrative else ""
     yield Finding(
         "moisture",
-        f"N0 {curve.n0_cps:g} counts/s{guessed}: {dry:.2f} counts/s on dry soil ({_DRY:.2f} m3/m3), {wet:.2f} on "
+        f"N0 {curve.n0_cps:g} counts/s{guessed}, {curve.parameters['curve']} curve: {dry:.2f} counts/s on dry soil ({_DRY:.2f} m3/m3), {wet:.2f} on "
         f"wet soil ({min(_WET, limits.saturation):.2f}); the pores hold {limits.saturation:.2f}",
     )
 
