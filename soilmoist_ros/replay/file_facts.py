@@ -125,8 +125,9 @@ def site_findings(site: Site) -> Iterator[Finding]:
     guessed = " (illustrative)" if site.calibration is not None and site.calibration.illustrative else ""
     yield Finding(
         "moisture",
-        f"N0 {curve.n0_cps:g} counts/s{guessed}, {curve.parameters['curve']} curve: {dry:.2f} counts/s on dry soil ({_DRY:.2f} m3/m3), {wet:.2f} on "
-        f"wet soil ({min(_WET, limits.saturation):.2f}); the pores hold {limits.saturation:.2f}",
+        f"N0 {curve.n0_cps:g} counts/s{guessed}, {curve.parameters['curve']} curve: {dry:.2f} counts/s on dry "
+        f"soil ({_DRY:.2f} m3/m3), {wet:.2f} on wet soil ({min(_WET, limits.saturation):.2f}); "
+        f"the pores hold {limits.saturation:.2f}",
     )
 
 

@@ -81,7 +81,9 @@ def test_plants_and_road_are_among_the_corrections():
 
 def test_a_site_has_the_moisture_of_its_calibration():
     (moisture,) = texts(site_findings(KANSAS), "moisture")
-    assert moisture.startswith("N0 9 counts/s (illustrative), desilets curve: 7.25 counts/s on dry soil (0.05 m3/m3), ")
+    assert moisture.startswith(
+        "N0 9 counts/s (illustrative), desilets curve: 7.25 counts/s on dry soil (0.05 m3/m3), "
+    )
     assert "4.94 on wet soil" in moisture
     curve = KANSAS.curve
     assert curve.vwc([7.25, 4.94]) == pytest.approx([0.05, 0.40], abs=0.002)
