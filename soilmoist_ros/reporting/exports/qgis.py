@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 
 from soilmoist_ros.reporting.exports.qml import VERSION, map_style, raster_elements, style_elements
 from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource, transformed
-from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_geopackage
+from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_package
 from soilmoist_ros.reporting.exports.vectors import Layer
 
 if TYPE_CHECKING:
@@ -30,7 +30,8 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
 
     :raises InputError: if pyogrio is not installed, or the settings are out of range
     """
-    written = write_geopackage(source, folder, settings)
+    layers = run_layers(source, settings)
+    written = [write_package(source, folder, layers)]
     for one in source.properties:
         name = f"map{one.suffix}"
         copy = folder / f"{name}.tif"
@@ -38,7 +39,7 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
         style = folder / f"{name}.qml"
         style.write_text(map_style(one), encoding="utf-8")
         written += [copy, style]
-    project = ET.tostring(_project(source, run_layers(source, settings)), encoding="unicode")
+    project = ET.tostring(_project(source, layers), encoding="unicode")
     path = folder / f"{PROJECT}.qgz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(

@@ -45,10 +45,17 @@ def write_geopackage(source: RunSource, folder: Path, settings: ExportSettings) 
 
     :raises InputError: if pyogrio is not installed, or the settings are out of range
     """
-    layers = run_layers(source, settings)
+    return [write_package(source, folder, run_layers(source, settings))]
+
+
+def write_package(source: RunSource, folder: Path, layers: list[Layer]) -> Path:
+    """Write layers with their styles into ``soilmoist.gpkg``.
+
+    :raises InputError: if pyogrio is not installed
+    """
     crs = source.properties[0].crs
     # Version 1.3 is read by older programs too.
-    return [write_layers(folder / FILE, [*layers, _styles(layers)], source.frame, crs, "GPKG", {"VERSION": "1.3"})]
+    return write_layers(folder / FILE, [*layers, _styles(layers)], source.frame, crs, "GPKG", {"VERSION": "1.3"})
 
 
 def write_contours(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:

@@ -76,7 +76,7 @@ def management_zones(
     :param classes: number of classes of equal area, where no limits are given
     :param min_area_m2: area from which a part is a zone of its own [m^2]; by default 5 % of the field
     :param limits: limits between the classes in the unit for readers
-    :raises InputError: for a number of classes, an area or limits out of range
+    :raises InputError: for a number of classes, an area or limits out of range, or an old shapely
     """
     if not 1 <= classes <= 20:
         raise InputError(f"{classes} zones are not possible", "choose from 1 to 20")
@@ -174,8 +174,10 @@ def _dissolved(
 
 def _simplified(shapes: list[BaseGeometry], tolerance_m: float) -> list[BaseGeometry]:
     """Common borders with fewer corners; the boundary of the field stays as it is."""
-    from shapely import coverage_simplify
-
+    try:
+        from shapely import coverage_simplify
+    except ImportError:
+        raise InputError("zones need shapely 2.1", 'pip install "soilmoist_ros[gis]"') from None
     return list(coverage_simplify(shapes, tolerance_m, simplify_boundary=False))
 
 
