@@ -152,6 +152,7 @@ def _surroundings(site: Site, soil: Soil, counted: CalibrationCounts) -> Surroun
         reference_hpa if math.isnan(counted.pressure_hpa) else counted.pressure_hpa,
         site.vegetation_height_m,
         soil.lattice_water + soil.organic_water,
+        soil.bulk_density_gcm3,
         site.footprint_radius_m,
     )
 

@@ -30,6 +30,7 @@ class Surroundings:
     :param pressure_hpa: air pressure during the calibration [hPa]
     :param vegetation_m: height of the vegetation [m]
     :param bound_water: lattice and organic water [g/g]
+    :param bulk_density_gcm3: dry bulk density where the cores have none [g/cm^3]
     :param footprint_radius_m: radius of the probe's footprint [m]; without effect if a bare probe sees less
     """
 
@@ -37,6 +38,7 @@ class Surroundings:
     pressure_hpa: float = 1013.25
     vegetation_m: float = 0.0
     bound_water: float = 0.0
+    bulk_density_gcm3: float = 1.43
     footprint_radius_m: float = math.inf
 
 
@@ -78,11 +80,12 @@ def mean_of_cores(
     :raises ValueError: if no core has a weight
     """
     around = around or Surroundings()
-    density = _mean_density(cores)
+    known = _mean_density(cores)
+    density = known or around.bulk_density_gcm3
     groups = profiles_of(cores)
     vwc = float(np.mean([core.vwc for core in cores])) if cores else math.nan
     for _ in range(_MAX_ITERATIONS):
-        water = vwc + (density or 1.0) * around.bound_water
+        water = vwc + density * around.bound_water
         weights = [_weights(group, weighting, around, water, density) for group in groups]
         means = np.array([_average(group, within) for group, (_, within) in zip(groups, weights, strict=True)])
         across = np.array([weight if within.any() else 0.0 for weight, within in weights])
@@ -97,7 +100,7 @@ def mean_of_cores(
     error = math.sqrt(spread / (effective - 1)) if effective > 1 + 1e-9 else math.nan
     has_depth = any(not math.isnan(core.top_cm) for core in cores)
     depth = _depth_cm(weighting, around, vwc, density) if has_depth else math.nan
-    return CoreMean(vwc, error, density, len(cores), len(groups), depth)
+    return CoreMean(vwc, error, known, len(cores), len(groups), depth)
 
 
 def _mean_density(cores: Sequence[SoilCore]) -> float | None:
@@ -113,7 +116,7 @@ def _average(group: Sequence[SoilCore], weights: Array) -> float:
 
 
 def _weights(
-    group: Sequence[SoilCore], weighting: Weighting, around: Surroundings, water: float, density: float | None
+    group: Sequence[SoilCore], weighting: Weighting, around: Surroundings, water: float, density: float
 ) -> tuple[float, Array]:
     """Weight of a profile, and weights of its cores."""
     own = np.array([core.weight for core in group])
@@ -134,7 +137,7 @@ def _weights(
         reach_cm = franz_depth_cm(water)
         return across, own * np.maximum(1 - (top + bottom) / 2 / reach_cm, 0.0)
     from_m = 0.0 if math.isnan(distance_m) else distance_m
-    reach_cm = float(footprint.depth_at_cm(from_m, density or 1.43))
+    reach_cm = float(footprint.depth_at_cm(from_m, density))
     return across, own * _seen(top, bottom, reach_cm)
 
 
@@ -159,8 +162,8 @@ def _footprint(around: Surroundings, water: float) -> Footprint:
     )
 
 
-def _depth_cm(weighting: Weighting, around: Surroundings, vwc: float, density: float | None) -> float:
-    water = vwc + (density or 1.0) * around.bound_water
+def _depth_cm(weighting: Weighting, around: Surroundings, vwc: float, density: float) -> float:
+    water = vwc + density * around.bound_water
     if weighting == "conventional":
         return franz_depth_cm(water)
-    return _footprint(around, water).depth_cm(density or 1.43)
+    return _footprint(around, water).depth_cm(density)
