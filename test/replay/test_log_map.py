@@ -10,8 +10,11 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.replay import MapSettings, map_logs
 from soilmoist_ros.replay.log_map import loss_rows
+from soilmoist_ros.reporting.files.summary import summary
+from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.simulation.robot.scenario import SensorFaults
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
 
@@ -48,6 +51,31 @@ def test_a_file_of_positions_without_a_fix_is_refused(survey, tmp_path):
     (tmp_path / "none.nmea").write_text("$GPGGA,120000.00,,,,,0,00,,,M,,M,,*4B\r\n" * 3)
     with pytest.raises(InputError, match="holds no position"):
         map_logs([survey / "survey.log"], settings(survey, nmea=(tmp_path / "none.nmea",)))
+
+
+def test_bad_counts_are_listed_and_not_mapped(survey, tmp_path):
+    wild = [{"tube": tube, "nth": 20, "counts": 100_000} for tube in range(1, 13)]
+    weather = {"quantity": "pressure_hpa", "value": 300, "at_s": 100, "for_s": 30}
+    dead = {"tube": 3, "kind": "factor", "value": 0, "at_s": 250, "for_s": 1e9}
+    faults = SensorFaults.model_validate({"counts": wild, "weather": [weather], "tubes": [dead]})
+    write_survey(tmp_path, seed=2, spacing_m=30.0, dwell_s=60.0, faults=faults)
+    good = map_logs([survey / "survey.log"], settings(survey))
+    run = map_logs([tmp_path / "survey.log"], settings(survey))
+    assert not good.quarantined
+    assert [(record.quarantine, record.raw_counts) for record in run.quarantined] == [
+        ("impossible_count", 1_200_000)
+    ]
+    assert len(run.track) + 1 == len(good.track) == len(run.all_records)
+    rows = {row.kind: row for row in run.losses}
+    assert rows["impossible count"].consequence == "quarantined"
+    assert "100000 counts in 10 s" in rows["impossible count"].example
+    assert rows["impossible weather"].consequence == rows["tube counts too little"].consequence == "kept"
+    assert all(row.remedy for row in rows.values())
+    codes = [note.code for note in notes(run)]
+    assert NoteCode.QUARANTINED in codes
+    assert NoteCode.BAD_TUBES in codes
+    assert np.nanmean(run.soil_map.rate) == pytest.approx(np.nanmean(good.soil_map.rate), rel=0.02)
+    assert summary(run)["n_quarantined"] == {"impossible_count": 1}
 
 
 def test_losses_come_first_and_the_most_frequent_of_them():

@@ -75,13 +75,16 @@ class RecordChecks:
         present[list(unused_tubes)] = False
         wild = present & (counts > MAX_TUBE_RATE_CPS * live_s)
         bad = [BadTube(int(tube), Kind.IMPOSSIBLE_COUNT, counts[tube], NAN) for tube in np.flatnonzero(wild)]
+        known = len(self._tubes.spans)
         bad += self._tubes.check(record, present & ~wild)
         self.masked = {one.tube: one.kind for one in bad}
         if not bad:
             return Checked(record, tuple(findings))
         none_left = len(bad) == present.sum()
         findings += [_finding(one, float(live_s[one.tube]), none_left) for one in bad]
-        return Checked(record if none_left else _masked(record, [one.tube for one in bad]), tuple(findings))
+        since_s = {span.tube: span.begin_s for span in self._tubes.spans[known:]}
+        masked = record if none_left else _masked(record, [one.tube for one in bad])
+        return Checked(masked, tuple(findings), since_s)
 
 
 def _masked(record: LoggerRecord, tubes: Collection[int]) -> LoggerRecord:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord
@@ -30,10 +31,12 @@ class Checked:
 
     :param record: the record; impossible weather and the counts of bad tubes are NaN, unless no tube is left
     :param findings: its faults
+    :param bad_since_s: tubes that have just been found bad: index -> stamp of the first bad record [s since 1970]
     """
 
     record: LoggerRecord
     findings: tuple[Finding, ...] = ()
+    bad_since_s: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def quarantine(self) -> str:

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +119,17 @@ class RunningShares:
         if len(set(used)) > 1 or any(math.isnan(live_s) for live_s in used):
             self._shares = self._estimate(tubes, unused)
         return self._shares
+
+    def mask(self, tube: int, since_s: float) -> None:
+        """Leave out what a bad tube has counted.
+
+        :param tube: index of the tube
+        :param since_s: first stamp of a bad record [s since 1970 UTC]
+        """
+        for index, record in enumerate(self._records):
+            if record.stamp_s >= since_s:
+                counts = tuple(NAN if each == tube else count for each, count in enumerate(record.tube_counts))
+                self._records[index] = replace(record, tube_counts=counts)
 
     def _estimate(self, tubes: int, unused: Collection[int]) -> NDArray[np.float64]:
         used = [tube not in unused for tube in range(tubes)]

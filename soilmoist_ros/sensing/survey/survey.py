@@ -161,6 +161,8 @@ class Survey:
         record = checked.record
         if self._grows:
             self._learn(record)
+            for tube, since_s in checked.bad_since_s.items():
+                self._running_shares.mask(tube, since_s)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
         findings = checked.findings

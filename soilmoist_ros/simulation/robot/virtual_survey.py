@@ -140,17 +140,20 @@ def _nmea(field: SurrogateField, trajectory: Trajectory, rng: np.random.Generato
     return lines
 
 
-def write_survey(folder: Path, seed: int, spacing_m: float = 10.0, dwell_s: float = 120.0) -> SurrogateField:
+def write_survey(
+    folder: Path, seed: int, spacing_m: float = 10.0, dwell_s: float = 120.0, faults: SensorFaults = NO_FAULTS
+) -> SurrogateField:
     """Survey the half-wet field and write the log, the NMEA and the files that ``soilmoist map`` needs.
 
     :param folder: folder to write to; created if missing
     :param seed: seed of all randomness
     :param spacing_m: distance between stops and between lines [m]
     :param dwell_s: time at each stop [s]
+    :param faults: faults of the sensor
     """
     field = half_wet_field()
     trajectory = stop_and_go(serpentine(field.polygon, spacing_m), dwell_s)
-    log = simulate_log(field, trajectory, np.random.default_rng(seed))
+    log = simulate_log(field, trajectory, np.random.default_rng(seed), faults=faults)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "survey.log").write_text("\n".join(log.logger_lines) + "\n", encoding="ascii")
     (folder / "survey.nmea").write_text("\r\n".join(log.nmea_lines) + "\r\n", encoding="ascii", newline="")

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,3 +129,14 @@ def test_a_new_number_of_tubes_starts_the_shares_again() -> None:
 
 def test_a_tube_that_is_left_out_on_purpose_has_no_share() -> None:
     assert RunningShares().update(record([5, 5, NAN], (10.0, 10.0, NAN)), {2}).tolist() == [0.5, 0.5, 0.0]
+
+
+def test_what_a_bad_tube_counted_before_it_was_found_is_taken_back() -> None:
+    good, poisoned = RunningShares(), RunningShares()
+    for number in range(60):
+        counts = [40.0, 40.0, 40.0 if number < 50 else 4000.0]
+        good.update(replace(record([*counts[:2], 40.0 if number < 50 else NAN]), stamp_s=float(number)))
+        poisoned.update(replace(record(counts), stamp_s=float(number)))
+    poisoned.mask(2, since_s=50.0)
+    last = record([40.0, 40.0, NAN])
+    np.testing.assert_allclose(poisoned.update(last), good.update(last), rtol=1e-6)
