@@ -183,7 +183,7 @@ def open_run(folder: Path | str) -> OpenedRun:
     ...     _ = write_mission(Path(folder), result)
     ...     run = open_run(folder)
     ...     len(run.visits) == len(result.visits), sorted(run.bands())
-    (True, ['rate', 'rate_sd', 'vwc', 'vwc_sd'])
+    (True, ['rate', 'rate_sd', 'vwc', 'vwc_p05', 'vwc_p95', 'vwc_sd'])
     """
     run = OpenedRun(Path(folder))
     if not (run.folder / "summary.json").is_file():
