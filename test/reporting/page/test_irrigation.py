@@ -91,7 +91,7 @@ def test_advice_names_where_the_map_is_least_sure(make_run, map_of):
     assert irrigation(make_run()).advice.startswith("Next: ")
 
 
-def test_a_probe_at_one_place_tells_its_water_at_the_end(make_run, map_of):
+def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
     track = [CountRecord(1.7e9 + 900 * i, 0.0, 0.0, 0.0, 4300 - 20 * i, 900.0, 900.0) for i in range(40)]
     found = irrigation(make_run(soil_map=map_of(n=1), track=track))
     assert found.water.startswith("At the end the upper 300 mm of the soil held ")

@@ -112,7 +112,7 @@
     draw();
   }
   function resize() {
-    var v = data.view, was = width;
+    var v = data.view, was = width, factor = whole ? scale / whole : 1, kept = centre;
     width = box.clientWidth;
     height = Math.round(Math.min(Math.max(width * (v[3] - v[2]) / (v[1] - v[0]), 0.6 * width), 1.15 * width,
       Math.max(0.8 * window.innerHeight, 300)));
@@ -120,7 +120,10 @@
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);
     canvas.style.height = height + "px";
-    if (was !== width) { fit(); }
+    if (was !== width) {
+      fit();
+      if (was) { scale = whole * factor; centre = kept; }
+    }
     keepInside();
     draw();
   }

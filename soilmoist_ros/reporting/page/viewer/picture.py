@@ -65,7 +65,7 @@ def _picture(
 ) -> Picture:  # fmt: skip
     where = run.field_name or "the field"
     hatched = ", hatched where the interval reaches what the soil cannot hold" if hatch is not None else ""
-    figure = draw(run, values, colours, limits, label + of, hatch)
+    figure = draw(run, values, colours, limits, label, hatch)
     return picture(figure, f"Map{of}: {label} in {where}, with the samples{hatched}")
 
 
