@@ -157,7 +157,7 @@ def map_logs(
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
-        title=settings.title,
+        title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
         inputs=_inputs(logs, settings),
         logger_format=logs[0].format_title,
         losses=[*loss_rows([*survey.problems, *track_problems]), *loss_rows_of(field_map.snapshot())],

@@ -38,6 +38,7 @@ def test_the_corrections_agree_with_crnpy() -> None:
 
 def test_one_place_gives_a_series_and_says_so(run) -> None:
     assert at_one_place(run)
+    assert run.title == "Soil moisture over time"
     assert len(run.track) == 263
     assert not run.quarantined
     # Tube 2 twice has half as many counts again as tube 1 expects.

@@ -61,6 +61,12 @@ class NeutronMonitor:
             return None
         return float(np.interp(stamp_s, self.stamp_s, self.rate))
 
+    @property
+    def coverage(self) -> str:
+        """The time of the series, in words."""
+        first, last = (datetime.fromtimestamp(float(stamp), UTC) for stamp in (self.stamp_s[0], self.stamp_s[-1]))
+        return f"the neutron monitor, {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC,"
+
     def longest_gap_s(self, start_s: float, end_s: float) -> float:
         """Longest time without a rate between two times, the ends of the series included [s]."""
         inside = self.stamp_s[(self.stamp_s > start_s) & (self.stamp_s < end_s)]

@@ -84,7 +84,12 @@ def correct_record(
     except ValueError as error:
         raise UnusableRecordError(Kind.NO_COUNTS, str(error), "check the detector") from None
     if isinstance(intensity, NeutronMonitor):
-        intensity = intensity.at(record.stamp_s)
+        rate = intensity.at(record.stamp_s)
+        if rate is None:
+            remedy = "export the whole time of the survey, or raise 'max_gap_hours' under 'intensity'"
+            message = f"cannot be corrected: {intensity.coverage} has no rate at this time"
+            raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
+        intensity = rate
     try:
         parameters = site.corrections_parameters
         factors = correction_factors(air, intensity, site.corrections, parameters)

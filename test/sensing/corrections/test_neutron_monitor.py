@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing import LoggerRecord, Site
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
+from soilmoist_ros.sensing.corrections.weather import Weather
+from soilmoist_ros.sensing.survey.correction import UnusableRecordError, correct_record
 
 NOON = datetime(2018, 5, 1, 12, tzinfo=UTC).timestamp()
 HOUR = 3600.0
@@ -112,6 +115,14 @@ def test_gaps_are_bridged_up_to_their_limit() -> None:
     assert held.at(NOON + 2 * HOUR + 1) is None
     assert held.at(NOON + 9 * HOUR) == 164.0
     assert held.at(NOON - 1) is None
+
+
+def test_a_record_outside_the_file_says_what_the_file_covers(tmp_path) -> None:
+    monitor = read_neutron_monitor(write(tmp_path, HEAD + ROWS))
+    site = Site(corrections={"intensity": {"reference": 150, "constant": 150}})
+    record = LoggerRecord(NOON + 9 * HOUR, (700.0,), (HOUR,), 980.0, 20.0, 0.5)
+    with pytest.raises(UnusableRecordError, match="2018-05-01 12:30 to 2018-05-01 14:30 UTC, has no rate at this"):
+        correct_record(record, Weather(980.0, 20.0, 0.5), site, monitor, np.ones(1))
 
 
 def test_the_longest_gap_within_a_survey() -> None:
