@@ -42,7 +42,8 @@ class RecordChecks:
         self.masked: dict[int, Kind] = {}
         """Tubes that were left out of the last record, by index, and why."""
         self._altitude_m = altitude_m
-        self._weather = WeatherChecks(altitude_m)
+        self.weather = WeatherChecks(altitude_m)
+        """Pressure, temperature and humidity."""
         self._tubes: TubeChecks | None = None
 
     def learn(self, records: Sequence[LoggerRecord]) -> list[Checked]:
@@ -69,7 +70,7 @@ class RecordChecks:
         tubes = len(record.tube_counts)
         if self._tubes is None or self._tubes.tubes != tubes:
             self._tubes = TubeChecks(tubes)
-        record, findings = self._weather.check(record)
+        record, findings = self.weather.check(record)
         counts, live_s = np.array(record.tube_counts, float), np.array(record.tube_live_s, float)
         present = np.isfinite(counts) & (live_s > 0)
         present[list(unused_tubes)] = False

@@ -61,7 +61,9 @@ class WeatherChecks:
     """
 
     def __init__(self, altitude_m: float = NAN) -> None:
-        self._altitude_m = altitude_m
+        self.altitude_m = altitude_m
+        """Altitude of the probe now [m], NaN if unknown."""
+        self._moves = math.isnan(altitude_m)
         self._last: tuple[float, float] | None = None  # time and pressure
         self._jumps = 0
         self._frozen = _FrozenPressure()
@@ -70,7 +72,7 @@ class WeatherChecks:
         """The record without impossible values, which become NaN, and its faults."""
         own_m = record.position.altitude_m if record.position is not None else NAN
         limits = {
-            "pressure_hpa": (pressure_limits_hpa(own_m if math.isfinite(own_m) else self._altitude_m), "hPa", 1.0),
+            "pressure_hpa": (pressure_limits_hpa(own_m if math.isfinite(own_m) else self.altitude_m), "hPa", 1.0),
             "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0),
             "relative_humidity": (HUMIDITIES, "%", 100.0),
         }
@@ -112,7 +114,7 @@ class WeatherChecks:
             return 0.0
         if self._last is not None:
             since_s, change_hpa = abs(stamp_s - self._last[0]), pressure_hpa - self._last[1]
-            fastest = WEATHER_HPA_PER_S if math.isfinite(self._altitude_m) else CLIMB_HPA_PER_S
+            fastest = CLIMB_HPA_PER_S if self._moves else WEATHER_HPA_PER_S
             if abs(change_hpa) > JUMP_HPA + fastest * since_s and self._jumps < JUMPS_TO_BELIEVE:
                 self._jumps += 1
                 return change_hpa

@@ -18,7 +18,7 @@ from soilmoist_ros.sensing.checks.checks import RecordChecks
 from soilmoist_ros.sensing.checks.finding import Finding
 from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
-from soilmoist_ros.sensing.gnss import Fix
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import Track
@@ -186,6 +186,8 @@ class Survey:
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
         self._places.take_fix(fix)
+        if fix.status is not FixStatus.NO_FIX and math.isfinite(fix.position.altitude_m):
+            self.checks.weather.altitude_m = fix.position.altitude_m
 
     def take_intensity(self, rate: float) -> bool:
         """Set the current incoming intensity; returns whether it is used.

@@ -7,6 +7,7 @@ import numpy as np
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.checks import RecordChecks
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
@@ -79,3 +80,18 @@ def test_a_file_is_masked_from_where_a_tube_went_wrong_and_its_shares_are_those_
     assert abs(rate - 4.0) < 4 * np.sqrt(4.0 / 6000)
     assert {problem.kind for problem in problems} == {Kind.DEAD_TUBE, Kind.NOISY_TUBE}
     assert not survey.checks.totals.used.is_high
+
+
+def test_the_receiver_has_the_altitude_that_decides_which_pressure_is_possible():
+    high = replace(GOOD, pressure_hpa=700.0, position=None)
+    survey = Survey(Site(), LocalFrame(50.0, 10.0))
+    survey.take_record(high)
+    survey.take_fix(Fix(GOOD.stamp_s + 5, Position(50.0, 10.0, 30.0), FixStatus.RTK))
+    survey.take_record(replace(high, stamp_s=GOOD.stamp_s + 10, tube_counts=(41.0,)))
+    assert survey.checks.weather.altitude_m == 30.0
+    first, second = survey.take_ready()
+    assert first.f_pressure == second.f_pressure < 0.1
+    wrong = Survey(Site(), LocalFrame(50.0, 10.0))
+    wrong.take_fix(Fix(GOOD.stamp_s - 5, Position(50.0, 10.0, 30.0), FixStatus.RTK))
+    wrong.take_record(high)
+    assert [record.quarantine for record in wrong.take_ready()] == ["impossible_weather"]
