@@ -15,7 +15,7 @@ from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
-from soilmoist_ros.reporting.page.irrigation import absolute_limits
+from soilmoist_ros.reporting.page.irrigation import absolute_limits, irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
     TruthScore,
@@ -81,7 +81,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "properties": [_property_run(one) for one in run.properties],
         "corrections": [_correction(row) for row in run.corrections],
         "calibration": _calibration(run),
-        "irrigation": {"root_depth_mm": run.irrigation.root_depth_mm, "zone_limits_vwc": absolute_limits(run)},
+        "irrigation": _irrigation(run),
         "warnings": [note.message for note in found],
         "warning_codes": [note.code for note in found],
         "settings": dict(run.settings),
@@ -249,6 +249,20 @@ def _efficiency(mission: MissionResult) -> dict[str, float | bool] | None:
         return None
     variances = {"least_variance": plan.least, "left_variance": plan.left}
     return {"reached": plan.reached, **variances, "of_truth": plan.of_truth}
+
+
+def _irrigation(run: MapRun) -> dict[str, Any]:
+    """Zones of the field as in the report; they are relative without ``zone_limits_vwc``."""
+    found = irrigation(run)
+    zones = [
+        {
+            "name": zone.name, "area_m2": zone.area_m2, "share": zone.share, "certain_share": zone.sure,
+            "water_mm": zone.water_mm, "missing_mm": zone.missing_mm,
+        }
+        for zone in found.zones
+    ]  # fmt: skip
+    limits, depth_mm = absolute_limits(run), run.irrigation.root_depth_mm
+    return {"root_depth_mm": depth_mm, "zone_limits_vwc": limits, "zones": zones, "advice": found.advice}
 
 
 def _correction(row: Any) -> dict[str, Any]:

@@ -32,6 +32,13 @@ def test_numbers(make_run, the_map):
     assert found["map"]["rate_sd_cps"]["p95"] == pytest.approx(np.nanpercentile(the_map.rate_sd, 95))
     assert found["map"]["undefined_vwc_share"] == 0
     assert found["calibration"]["n0_sd_cps"] == 0.1
+    assert [zone["name"] for zone in found["irrigation"]["zones"]] == [
+        "driest third",
+        "middle third",
+        "wettest third",
+    ]
+    assert sum(zone["area_m2"] for zone in found["irrigation"]["zones"]) == pytest.approx(1106.5)
+    assert found["irrigation"]["zone_limits_vwc"] is None
     assert found["outputs"] == ["map.tif"]
     assert dict(zip(found["warning_codes"], found["warnings"], strict=True))["not_mapped"] == "salt is not mapped"
     assert not found["simulated"]
