@@ -1,10 +1,8 @@
-"""Round values for contours and legends, limits of zones, and colours."""
+"""Round values for contours, limits of zones, and colours."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -80,16 +78,3 @@ def shown_range(values: ArrayLike) -> tuple[float, float]:
     finite = finite[np.isfinite(finite)]
     low, high = np.quantile(finite, [0.02, 0.98]).tolist() if finite.size else (0.0, 1.0)
     return (low, high) if high - low > 1e-6 else (low - 0.5, high + 0.5)
-
-
-def class_texts(limits: Sequence[float] | Array, unit: str) -> list[str]:
-    """Range of each class in words.
-
-    >>> class_texts([12.34, 20.0], "%")
-    ['below 12.3 %', '12.3 to 20 %', 'above 20 %']
-    """
-    text = [f"{limit:.3g}" for limit in limits]
-    if not text:
-        return ["all"]
-    between = [f"{low} to {high} {unit}" for low, high in pairwise(text)]
-    return [f"below {text[0]} {unit}", *between, f"above {text[-1]} {unit}"]

@@ -20,7 +20,6 @@ STANDARD_NAME = "volume_fraction_of_condensed_water_in_soil"
 NAMES = {"vwc": STANDARD_NAME, "vwc_sd": f"{STANDARD_NAME} standard_error"}
 """Standard names of the CF table; count rates have none."""
 UNITS = {"m3/m3": "1", "counts/s": "s-1"}
-_SHARED = ("grid_mapping_name", "semi_major_axis", "inverse_flattening")
 
 
 def write_netcdf(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from soilmoist_ros.reporting.exports.qml import VERSION, map_style, raster_elements, style_elements
+from soilmoist_ros.reporting.exports.qml import VERSION, map_pipe, map_style, style_elements
 from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource, transformed
 from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_package
 from soilmoist_ros.reporting.exports.vectors import Layer
@@ -69,7 +69,7 @@ def _project(source: RunSource, layers: Sequence[Layer]) -> ET.Element:
         _entry(tree, key, number == 0, "gdal", f"./map{one.suffix}.tif", name)
         element = _layer(maps, key, name, f"./map{one.suffix}.tif", "gdal", one.crs)
         element.set("type", "raster")
-        element.extend(raster_elements(one))
+        element.append(map_pipe(one))
     properties = ET.SubElement(root, "properties")
     reference = ET.SubElement(properties, "SpatialRefSys")
     ET.SubElement(reference, "ProjectionsEnabled", type="int").text = "1"

@@ -21,7 +21,7 @@ _Colour = tuple[int, int, int]
 
 def map_style(one: PropertyMap) -> str:
     """Style of ``map.tif``: its first band in colours, with a legend in the unit of the band."""
-    return _document(_pipe(one))
+    return _document(map_pipe(one))
 
 
 def layer_style(layer: Layer) -> str:
@@ -59,7 +59,7 @@ def style_elements(layer: Layer) -> list[ET.Element]:
     return [_graduated(layer, quantity)] if kind == "samples" else []
 
 
-def _pipe(one: PropertyMap) -> ET.Element:
+def map_pipe(one: PropertyMap) -> ET.Element:
     """Colours of the first band between the quantiles 0.02 and 0.98, interpolated."""
     low, high = (edge / one.quantity.scale for edge in shown_range(one.values))
     pipe, band = ET.Element("pipe"), 1 + list(one.bands).index(one.quantity.band)
@@ -77,11 +77,6 @@ def _pipe(one: PropertyMap) -> ET.Element:
         ET.SubElement(shader, "item", value=repr(value), color=_hex(colour), alpha="255", label=label)
     ET.SubElement(pipe, "rasterresampler", maxOversampling="2")
     return pipe
-
-
-def raster_elements(one: PropertyMap) -> list[ET.Element]:
-    """Style of a map, for a project."""
-    return [_pipe(one)]
 
 
 def _zones(layer: Layer, quantity: Quantity) -> ET.Element:
