@@ -68,7 +68,7 @@ def test_records_in_quarantine_have_a_layer_with_the_reason(gpkg, exported):
     assert columns["raw_counts"].tolist() == [99999]
     np.testing.assert_allclose(shapely.get_coordinates(local(exported, shapes, "EPSG:32630")), [(3, 4)], atol=1e-6)
     _, shapes, columns = read(gpkg, "records")
-    assert len(shapes) == len(exported.run.track) - 1
+    assert len(shapes) == len(exported.run.track)
     assert "reason" not in columns
     _, shapes, _ = read(gpkg, "records_salt")
     assert sum(shape.is_empty for shape in shapes) == 1, "a record without a place is kept"
@@ -119,7 +119,7 @@ def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
     np.testing.assert_allclose(columns["AREA_HA"], areas, atol=6e-5)
     assert sum(areas) == pytest.approx(field_polygon(exported.run.soil_map).area / 1e4, rel=1e-3)
     np.testing.assert_allclose(columns["WATER_MM"], 5 * columns["VWC_PCT"], atol=0.06)
-    assert set(columns["DATE"]) == {np.datetime64("2023-11-15")}
+    assert set(columns["DATE"]) == {np.datetime64("2023-11-14")}
     mean = np.average(columns["VWC_PCT"], weights=areas)
     assert mean == pytest.approx(100 * np.nanmean(exported.run.soil_map.vwc), rel=0.02)
     _, _, columns = read(paths[1])
