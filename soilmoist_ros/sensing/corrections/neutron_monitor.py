@@ -205,4 +205,7 @@ def _stamp(text: str) -> float | None:
         time = datetime.fromisoformat(text.replace("Z", "+00:00").replace("/", "-"))
     except ValueError:
         return None
+    # Neutron monitors exist since 1951.
+    if not 1950 <= time.year < 2100:
+        return None
     return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()

@@ -13,7 +13,7 @@ from soilmoist_ros.sensing.formats.logger_reader import Kind, RecordParser, Seve
 
 FORMATS = {
     name: load_logger_format(name)
-    for name in ("hydroinnova_rover", "hydroinnova_crs1000", "thorvald_crs", "finapp", "styx")
+    for name in ("hydroinnova_rover", "hydroinnova_crs1000", "thorvald_crs", "finapp", "styx", "toa5")
 }
 ROVER_HEADER = b"""\
 //Hydroinnova CRS Probe Filename: 1.KSU
