@@ -133,7 +133,7 @@ def test_zones_keep_the_limits_of_the_site(exported, tmp_path):
     assert summary["irrigation"]["root_depth_mm"] == 300.0
     assert summary["irrigation"]["zone_limits_vwc"] is None
     middle = float(np.nanmedian(exported.source.properties[0].bands["vwc"]))
-    summary["irrigation"] = {"root_depth_mm": 200.0, "zone_limits_vwc": [middle]}
+    summary["irrigation"] |= {"root_depth_mm": 200.0, "zone_limits_vwc": [middle]}
     (folder / "summary.json").write_text(json.dumps(summary))
     path = export_run(folder, ["zones"])[0]
     about, _, _, columns = pyogrio.raw.read(path)
