@@ -13,7 +13,8 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent.parent
 SVG = "{http://www.w3.org/2000/svg}"
 TOPICS = {
-    "counts": "PointCloud2", "fix": "NavSatFix", "pressure": "FluidPressure", "temperature": "Temperature",
+    "counts": "PointCloud2", "quarantined_counts": "PointCloud2", "fix": "NavSatFix",
+    "pressure": "FluidPressure", "temperature": "Temperature",
     "relative_humidity": "RelativeHumidity", "samples": "PointCloud2", "soil_map": "PointCloud2",
     "uncertainty": "OccupancyGrid", "model": "String", "plan": "Path", "plan_markers": "MarkerArray",
     "mission": "DiagnosticStatus", "diagnostics": "DiagnosticArray", "mission_state": "Mission",
@@ -80,6 +81,7 @@ def test_rviz_shows_topics_in_their_type_and_quality_of_service():
         "/uncertainty",
         "/samples",
         "/counts",
+        "/quarantined_counts",
         "/plan",
         "/plan_markers",
         "/robot_pose",
@@ -92,6 +94,7 @@ def test_rviz_opens_with_one_map_that_covers_nothing_else():
         "Soil moisture",
         "Samples by exposure",
         "Records of the last 10 min",
+        "Quarantined records of the last hour",
         "Plan",
         "Stops ahead, with dwell",
         "Robot",
