@@ -107,7 +107,7 @@ def test_the_command_writes_all_maps_and_says_so(run_with, tmp_path, capsys):
     assert "property   salt, " in said
     assert "map_salt.tif" in said
     assert {"map_salt.tif", "samples_salt.geojson"} <= {path.name for path in out.iterdir()}
-    assert 'id="salt-rate-sd"' in (out / "report.html").read_text()
+    assert ": Rate uncertainty" in (out / "report.html").read_text()
 
 
 @pytest.mark.slow

@@ -64,7 +64,7 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
     header, *_, final = (out / "series.csv").read_text().splitlines()
     row = dict(zip(header.split(","), final.split(","), strict=True))
     assert float(row["also_mse"]) == pytest.approx(about["mission"]["final"]["also_mse"], rel=1e-6)
-    assert 'id="properties"' in (out / "report.html").read_text()
+    assert ": Neutron rate" in (out / "report.html").read_text()
 
 
 def test_several_robots_share_a_map_and_keep_apart(tmp_path):

@@ -74,7 +74,7 @@ def test_what_is_planned_for_both_is_another_plan_and_the_outputs_say_so(tmp_pat
     head = (tmp_path / "series.csv").read_text().splitlines()[0]
     assert head.endswith(",counting_s,also_mse,mse_rough,also_coverage95,coverage95_rough")
     report = (tmp_path / "report.html").read_text()
-    for said in ('id="rough-rate"', 'id="properties"', "planned for with the weight 1"):
+    for said in ("A rough random field: Neutron rate", "planned for with the weight 1"):
         assert said in report
 
 
