@@ -16,6 +16,7 @@ import numpy as np
 
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.sensing.checks.checks import RecordChecks
+from soilmoist_ros.sensing.checks.finding import Checked
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord
@@ -134,7 +135,7 @@ def map_error(log: VirtualLog, checked: bool = True) -> tuple[float, int]:
     field = half_wet_field()
     survey = Survey(Site(), field.frame)
     if not checked:
-        survey.checks.check = lambda record, unused_tubes=(): _Unchecked(record)  # type: ignore[method-assign]
+        survey.checks.check = lambda record, unused_tubes=(): Checked(record)  # type: ignore[method-assign]
         survey.checks.totals.check = lambda record, recorded=None: []  # type: ignore[method-assign]
     grid = field.field.grid(1.0, 10.0)
     growing = FieldMap(grid, FieldMapSettings(merge_radius_m=2.5))
@@ -154,15 +155,6 @@ def map_error(log: VirtualLog, checked: bool = True) -> tuple[float, int]:
     assert soil_map is not None
     error = soil_map.rate[grid.mask] - field.rate_at(grid.cells)
     return float(np.sqrt(np.mean(error**2))), sum(bool(record.quarantine) for record in growing.track)
-
-
-class _Unchecked:
-    """A record without any check."""
-
-    findings, quarantine = (), ""
-
-    def __init__(self, record: LoggerRecord) -> None:
-        self.record = record
 
 
 def main() -> None:
