@@ -115,8 +115,14 @@ FAULTS: dict[str, dict[str, object]] = {
     "all tubes noisy": {
         "tubes": [{"tube": n, "kind": "noise", "value": 4, "at_s": 1500, "for_s": 60} for n in range(1, 13)]
     },
+    "all tubes noisy for 10 min": {
+        "tubes": [{"tube": n, "kind": "noise", "value": 4, "at_s": 1500, "for_s": 600} for n in range(1, 13)]
+    },
     "300 hPa": {"weather": [{"quantity": "pressure_hpa", "value": 300, "at_s": 900, "for_s": 600}]},
     "a jump of 40 hPa": {"weather": [{"quantity": "pressure_hpa", "value": 965, "at_s": 900, "for_s": 40}]},
+    "40 hPa too low for 15 min": {
+        "weather": [{"quantity": "pressure_hpa", "value": 965, "at_s": 1200, "for_s": 900}]
+    },
     "frozen pressure": {"weather": [{"quantity": "pressure_hpa", "at_s": 600, "for_s": 9e9}]},
     "drift of 7 s/h": {"clock_drift": 0.002},
 }

@@ -30,8 +30,9 @@ MIN_AT_STOP = 3
 """Number of records at a stop from which a record is compared with them alone."""
 MAX_AGE_S = 86400.0
 """Age up to which records are compared [s]."""
-RECORDS_TO_BELIEVE = 10
-"""Number of successive unexpected records from which their rate counts as true."""
+RECORDS_TO_BELIEVE = 10, 100
+"""Number of successive odd records from which their rate counts as true: as many as the good ones before, within
+these limits."""
 MAX_N0_FACTOR = 2.0
 """Rates above this multiple of N0 are impossible: dry soil reaches 1.08 N0 (Desilets et al. 2010)."""
 MIN_PAIRS = 20
@@ -101,7 +102,7 @@ class TotalChecks:
         self._recent: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._stop: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._anchor: CountRecord | None = None
-        self._odd: list[_Counted] = []
+        self._odd = self._good = 0
 
     def check(self, record: CountRecord, recorded: CountRecord | None = None) -> list[Finding]:
         """Faults of the next record; a record that is quarantined already only counts for the dispersion.
@@ -128,8 +129,9 @@ class TotalChecks:
         if len(near) < MIN_AT_STOP:
             near, change = _young(self._recent, record.stamp_s), DRIVING_CHANGE
         expected_cps, chance = self._chance(counted, near, change)
-        if chance < level and len(self._odd) < RECORDS_TO_BELIEVE:
-            self._odd.append(counted)
+        least, most = RECORDS_TO_BELIEVE
+        if chance < level and self._odd < min(max(self._good, least), most):
+            self._odd += 1
             message = (
                 f"{record.corrected_rate:.2f} counts/s after {expected_cps:.2f} counts/s in {len(near)} records"
             )
@@ -137,7 +139,9 @@ class TotalChecks:
         if chance < level:  # so many agree that the records before were wrong
             self._recent.clear()
             self._stop.clear()
-        self._odd.clear()
+            self._good = 0
+        self._odd = 0
+        self._good += 1
         self._recent.append(counted)
         self._stop.append(counted)
         self.used.add(record)

@@ -29,8 +29,9 @@ WEATHER_HPA_PER_S = 10.0 / 3600
 """Highest change of pressure by weather over longer times [hPa/s]."""
 CLIMB_HPA_PER_S = 0.4
 """Highest change of pressure of a vehicle on a road: 28 m/s on a slope of 12 % [hPa/s]."""
-JUMPS_TO_BELIEVE = 5
-"""Number of successive jumps from which the new pressure counts as true."""
+JUMPS_TO_BELIEVE = 5, 100
+"""Number of successive jumps from which the new pressure counts as true: as many as the good values before, within
+these limits."""
 FROZEN_HOURS_PER_HPA = 30.0
 """Hours for which a pressure stays the same by chance, for each hPa of the sensor's resolution."""
 FROZEN_S = (3600.0, 43200.0)
@@ -65,7 +66,7 @@ class WeatherChecks:
         """Altitude of the probe now [m], NaN if unknown."""
         self._moves = math.isnan(altitude_m)
         self._last: tuple[float, float] | None = None  # time and pressure
-        self._jumps = 0
+        self._jumps = self._believed = 0
         self._frozen = _FrozenPressure()
 
     def check(self, record: LoggerRecord) -> tuple[LoggerRecord, list[Finding]]:
@@ -115,10 +116,14 @@ class WeatherChecks:
         if self._last is not None:
             since_s, change_hpa = abs(stamp_s - self._last[0]), pressure_hpa - self._last[1]
             fastest = CLIMB_HPA_PER_S if self._moves else WEATHER_HPA_PER_S
-            if abs(change_hpa) > JUMP_HPA + fastest * since_s and self._jumps < JUMPS_TO_BELIEVE:
-                self._jumps += 1
-                return change_hpa
+            least, most = JUMPS_TO_BELIEVE
+            if abs(change_hpa) > JUMP_HPA + fastest * since_s:
+                if self._jumps < min(max(self._believed, least), most):
+                    self._jumps += 1
+                    return change_hpa
+                self._believed = 0
         self._last, self._jumps = (stamp_s, pressure_hpa), 0
+        self._believed += 1
         return 0.0
 
 

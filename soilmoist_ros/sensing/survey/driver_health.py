@@ -78,6 +78,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         "records and lines lost": str(problems.losses),
         "records quarantined": str(stream.quarantined.total()),
         "masked tubes": _masked(stream) or "none",
+        "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
         "logger clock minus ours [s]": _number(difference_s, 1),
         **_by_kind("dropped", problems.lost),
         **_by_kind("noted", problems.noted),

@@ -50,6 +50,13 @@ def test_a_bad_first_record_does_not_condemn_the_good_ones_that_follow():
     assert len(blind) <= 10
 
 
+def test_noise_of_the_whole_sensor_is_not_believed_because_it_lasts():
+    counts = np.random.default_rng(7).poisson(40.0, 300)
+    counts[200:260] = 480
+    assert found(log(counts)) == list(range(200, 260))
+    assert found(log(counts, speed_mps=1.0)) == list(range(200, 260))
+
+
 def test_no_soil_is_drier_than_dry():
     assert found(log([60, 400, 60]), n0_cps=6.0) == [1]
     assert found(log([60, 70, 80]), n0_cps=6.0) == []
