@@ -76,7 +76,7 @@ def share_ratios(counts: Array, weights: Array, use: Mask, good: Mask, behind: A
     total, whole = counts[good].sum() + number, weights[good].sum() + weight
     compared = use & (weights < whole * (1 - 1e-9))  # with another tube
     share = np.where(compared, weights / np.where(compared, whole, 1.0), 0.0)
-    learned = compared & (behind >= MIN_LEARNED_COUNTS)
+    learned = compared & ((behind >= MIN_LEARNED_COUNTS) | ~good)  # masked tubes must be able to return
     ratios = np.empty((len(FACTORS), len(counts)))
     for row, factor in enumerate(FACTORS):
         against = total * np.log1p(share * (factor - 1))

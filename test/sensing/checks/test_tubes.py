@@ -61,6 +61,16 @@ def test_a_tube_that_leaves_its_share_is_masked_and_returns_when_it_is_well(tube
     assert {tube for bad in found for tube in bad} == {1}
 
 
+@pytest.mark.parametrize("factor", [0.0, 8.0])
+def test_a_tube_that_was_bad_early_and_for_long_returns(factor):
+    counts = draw(700)
+    good = counts[40:500, 1].copy()
+    counts[40:500, 1] = np.random.default_rng(3).poisson(factor * good.mean(), 460)
+    found = check(counts)
+    assert sum(1 in bad for bad in found[60:500]) >= 435
+    assert not any(found[560:])
+
+
 def test_the_share_is_not_poisoned_by_bad_counts():
     counts = draw(600)
     clean, dirty = TubeChecks(12), TubeChecks(12)
