@@ -12,6 +12,7 @@ from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
+from soilmoist_ros.recording.whole_file import sync_file
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
 from soilmoist_ros.reporting.output_folder import SUMMARY
@@ -139,6 +140,8 @@ def export_run(
         chosen = settings or ExportSettings()
         paths = dict.fromkeys(path for kind in kinds for path in kind.write(source, workshop, chosen))
         written = [target / path.relative_to(workshop) for path in paths]
+        for path in paths:
+            sync_file(path)
         for path, final in zip(paths, written, strict=True):
             path.replace(final)
     finally:

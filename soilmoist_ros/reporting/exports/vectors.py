@@ -98,7 +98,10 @@ def write_layers(
     from shapely import to_wkb
 
     raw = optional_module("pyogrio.raw", "gis")
+    configure = optional_module("pyogrio", "gis").set_gdal_config_options
     path.unlink(missing_ok=True)
+    # One sync of the whole file follows; a sync for each step takes seconds on a busy disk.
+    configure({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
     for number, layer in enumerate(layers):
         table = not layer.kind
         stamped = [name for name, column in layer.columns.items() if column.dtype == np.dtype("datetime64[ms]")]

@@ -49,7 +49,7 @@ def star(radii):
     classes=st.integers(1, 5),
     share=st.floats(0, 0.2),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_zones_partition_the_field(seed, radii, smooth, classes, share):
     field = star(np.array(radii))
     noise = gaussian_filter(np.random.default_rng(seed).normal(size=(SIZE, SIZE)), smooth)
