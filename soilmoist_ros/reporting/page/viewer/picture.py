@@ -62,10 +62,11 @@ def _picture(
     run: MapRun, values: Array, colours: str, limits: tuple[float, float], label: str, of: str,
     hatch: NDArray[np.bool_] | None = None,
 ) -> Picture:  # fmt: skip
-    where = run.field_name or "the field"
-    hatched = ", hatched where the interval reaches what the soil cannot hold" if hatch is not None else ""
-    figure = draw(run, values, colours, limits, label, hatch)
-    return picture(figure, f"Map{of}: {label} in {where}, with the samples{hatched}")
+    hatched = hatch is not None and bool((hatch & run.soil_map.grid.mask).any())
+    alt = f"Map{of}: {label[0].lower()}{label[1:]} in {run.field_name or 'the field'}, with the samples"
+    if hatched:
+        alt += "; hatched where the interval reaches dry or saturated soil"
+    return picture(draw(run, values, colours, limits, label, hatch), alt)
 
 
 def draw(
@@ -112,7 +113,7 @@ def _map_axes(run: MapRun) -> tuple[Figure, Axes]:
     text = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"
     above, end = 1 + 0.12 / height, length_m / (east - west)
     axes.plot([0, end], [above, above], color=INK, linewidth=2.5, transform=axes.transAxes, clip_on=False)
-    style = {"va": "center", "fontsize": TEXT_PT, "color": INK, "transform": axes.transAxes}
+    style: dict[str, Any] = {"va": "center", "fontsize": TEXT_PT, "color": INK, "transform": axes.transAxes}
     axes.text(end + 0.03, above, text, **style)
     axes.text(1.0, above, "N ▲", ha="right", **style)
     return figure, axes
