@@ -78,11 +78,11 @@ def _print(findings: Iterable[Finding]) -> None:
         click.echo(f"  {finding.name:<11} {finding.text}")
 
 
-def _logger(name: str) -> tuple[None, tuple[()]]:
+def _logger(name: str) -> tuple[None, Iterable[Finding]]:
+    from soilmoist_ros.replay.file_facts import logger_findings
     from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 
-    load_logger_format(name)
-    return None, ()
+    return None, logger_findings(load_logger_format(name))
 
 
 def _site(name: str) -> tuple[Site, Iterable[Finding]]:

@@ -19,6 +19,7 @@ from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.reporting.page.numbers import area, duration
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
@@ -140,6 +141,22 @@ def _on_reference(reference_hpa: float, latitude_deg: float, altitude_m: float) 
             f"{altitude_m:g} m: right only if N0 was calibrated with this reference ('reference_hpa: auto' takes "
             "that of the altitude)"
         )
+
+
+def logger_findings(logger: LoggerFormat) -> Iterator[Finding]:
+    """Tubes, quantities and times of a logger format."""
+    columns = " or ".join(logger.counts.columns[:2]) + (" ..." if len(logger.counts.columns) > 2 else "")
+    yield Finding("logger", f"{logger.title}: {logger.counts.unit.replace('_', ' ')} of {columns}")
+    weather = [name for name in ("pressure", "temperature", "humidity") if getattr(logger, name) is not None]
+    place = "no positions"
+    if logger.position is not None:
+        signs = (
+            "" if logger.position.longitude_signed else "; longitudes without a sign: the site file names the side"
+        )
+        place = f"positions{signs}"
+    yield Finding("quantities", f"{', '.join(weather) or 'no weather'}, {place}")
+    offset = f" {logger.time.utc_offset_hours:+g} h" if logger.time.utc_offset_hours else ""
+    yield Finding("clock", f"UTC{offset}, stamped at the {logger.time.marks} of the interval")
 
 
 def log_findings(

@@ -12,8 +12,15 @@ from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.placement import PositionSource
-from soilmoist_ros.replay.file_facts import contradictions, field_findings, log_findings, site_findings
+from soilmoist_ros.replay.file_facts import (
+    contradictions,
+    field_findings,
+    log_findings,
+    logger_findings,
+    site_findings,
+)
 from soilmoist_ros.replay.log_map import log_positions, read_logs
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 EXAMPLE = load_field(config_folder() / "fields" / "example.yaml")
@@ -90,6 +97,15 @@ def test_a_site_has_the_moisture_of_its_calibration():
     assert texts(site_findings(Site()), "moisture") == [
         "not mapped, only the count rate: there is no soil and calibration"
     ]
+
+
+def test_a_logger_format_has_tubes_quantities_and_clock():
+    found = list(logger_findings(load_logger_format("hydroinnova_rover")))
+    assert texts(found, "quantities") == [
+        "pressure, temperature, humidity, positions; longitudes without a sign: the site file names the side"
+    ]
+    assert texts(found, "clock") == ["UTC, stamped at the end of the interval"]
+    assert texts(found, "logger")[0].startswith("Hydroinnova CRS probe with GNSS (rover): counts of ")
 
 
 def test_a_log_has_dates_tubes_place_and_rate(log):
