@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
+from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD, possible_moisture
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
@@ -29,7 +29,6 @@ FIELDS = ("synthetic-high", "rough", "patches")
 DWELLS_S = (10.0, 60.0, 600.0)
 SHARES = (1.0, 0.1)
 CELLS = 800
-_QUANTILE_SD = 1.6448536269514722
 _CURVE = CalibrationCurve(6.0, 1.4)
 
 
@@ -84,8 +83,8 @@ def misses(soil_map: SoilMap, truth: NDArray[np.float64]) -> Misses:
     return Misses(
         float(np.mean(truth < low)),
         float(np.mean(truth > high)),
-        float(np.mean(truth < vwc - _QUANTILE_SD * sd)),
-        float(np.mean(truth > vwc + _QUANTILE_SD * sd)),
+        float(np.mean(truth < vwc - QUANTILE_SD * sd)),
+        float(np.mean(truth > vwc + QUANTILE_SD * sd)),
         mean.value - float(truth.mean()),
         float(mean.p05 <= truth.mean() <= mean.p95),
     )
