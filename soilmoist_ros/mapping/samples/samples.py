@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_TINY_M2 = 1e-12
+"""Rounding allowed in the moments of a spread: of tiny lengths, one product may vanish and another not."""
 _BLOCK_ELEMENTS = 2_000_000
 """Elements of a temporary distance block (16 MB)."""
 
@@ -148,7 +150,8 @@ def _check_spread(spread: ArrayLike, n: int) -> Array:
         raise ValueError(f"spread must have shape ({n}, 3) or (3,), got {moments.shape}")
     xx, xy, yy = moments.T
     finite = np.isfinite(moments).all(axis=1)
-    possible = finite & (xx >= 0) & (yy >= 0) & (np.abs(xy) <= np.sqrt(np.abs(xx * yy)) + 1e-6 * (xx + yy))
+    rounding = 1e-6 * (xx + yy) + _TINY_M2
+    possible = finite & (xx >= 0) & (yy >= 0) & (np.abs(xy) <= np.sqrt(np.abs(xx * yy)) + rounding)
     _refuse(~possible, moments, "spread must be the second moments (sxx, sxy, syy) of an area")
     return moments
 

@@ -188,6 +188,12 @@ def test_merging_conserves_the_second_moments(many, radius_m):
     np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=MIN_SPREAD_M2 * expected[0] + 1e-9 * scale)
 
 
+def test_a_way_of_hardly_any_length_is_a_spread():
+    """Its squared length across is rounded to nothing, the product of both lengths is not."""
+    spread = path_spread([[2.3e-162, 1e-160], [0.0, 0.0]])
+    assert len(Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)) == 2
+
+
 def test_a_drive_that_becomes_one_sample_has_its_extent():
     way = Samples([[0, 0], [6, 0], [12, 0]], [30, 30, 30], [10, 10, 10], path_spread([6.0, 0.0]))
     merged = merge_records(way.xy, way.counts, way.exposure_s, 8.0, way.spread)
