@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.contours import contour_lines
 from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import Layer, texts, times
@@ -81,7 +82,8 @@ def samples_layer(source: RunSource, one: PropertyMap) -> Layer:
         if name in columns:
             columns[name] = columns[name].astype(np.int32)
     shapes = _points(*source.frame.to_local(latitude, longitude).T)
-    return Layer(f"samples{one.suffix}", "Point", shapes, columns, "Counts merged by place")
+    shown = shown_range(one.values)
+    return Layer(f"samples{one.suffix}", "Point", shapes, columns, "Counts merged by place", shown=shown)
 
 
 def records_layers(one: PropertyMap) -> list[Layer]:

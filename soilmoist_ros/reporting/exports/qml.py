@@ -108,7 +108,7 @@ def _zones(layer: Layer, quantity: Quantity) -> ET.Element:
 def _graduated(layer: Layer, quantity: Quantity) -> ET.Element:
     """Samples in the colours of the map."""
     column = "vwc" if quantity is MOISTURE else "rate_cps"
-    low, high = shown_range(layer.columns[column])
+    low, high = (edge / quantity.scale for edge in layer.shown)
     edges = np.linspace(low, high, CLASSES + 1)
     edges[0], edges[-1] = -1e9, 1e9
     ramp = colours(quantity.colours, CLASSES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pyogrio
 import pytest
 import rasterio
@@ -54,6 +55,14 @@ def test_the_style_of_a_map_shows_its_moisture(written, exported):
         values = [float(item.get("value")) for item in style.iter("item")]
         assert values == sorted(values)
         assert len({item.get("color") for item in style.iter("item")}) == len(values)
+
+
+def test_samples_have_the_colours_of_their_map(written, project):
+    style = ET.fromstring(written[2].read_text().partition("\n")[2])
+    map_values = [float(item.get("value")) for item in style.iter("item")]
+    (samples,) = (one for one in project.iter("maplayer") if one.findtext("layername") == "samples")
+    inner = [float(one.get("upper")) for one in samples.iter("range")][:-1]
+    np.testing.assert_allclose(inner, np.linspace(map_values[0], map_values[-1], len(inner) + 2)[1:-1])
 
 
 def test_zones_and_samples_have_a_symbol_for_each_class(project):
