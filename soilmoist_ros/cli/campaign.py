@@ -70,7 +70,10 @@ def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:
 
     stored = {path.stem for path in (out / RUNS).glob("*.npz")}
     if not (out / RUNS).is_dir():
+        from soilmoist_ros.reporting.output_folder import earlier_outputs, remove_earlier
+
         prepare_output(out, overwrite)
+        remove_earlier(out, earlier_outputs(out), ())
     elif stored and stored.isdisjoint(mission.key for mission in missions(plan)):
         held = "the results of another campaign"
         if not (overwrite or confirmed(out, held)):

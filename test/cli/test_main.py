@@ -460,6 +460,19 @@ def test_the_recording_of_a_robot_is_never_replaced(tmp_path):
     assert (tmp_path / "bag").is_dir()
 
 
+def test_a_campaign_replaces_a_run_as_a_whole(tmp_path):
+    plan, out = tmp_path / "plan.yaml", tmp_path / "out"
+    plan.write_text("title: x\nruns: 1\nexperiments: [{name: a, field: synthetic-high, cell_m: 5000}]\n")
+    out.mkdir()
+    for name in ("map.tif", "notes.txt"):
+        (out / name).write_text("old")
+    (out / "summary.json").write_text('{"software": "soilmoist_ros", "outputs": ["summary.json", "map.tif"]}')
+    assert run("campaign", plan, "--workers", 0, "--out", out).exit_code == 2
+    assert run("campaign", plan, "--workers", 0, "--out", out, "--overwrite").exit_code == 1, "no mission finishes"
+    assert (out / "notes.txt").exists()
+    assert not {"map.tif", "summary.json"} & {path.name for path in out.iterdir()}
+
+
 def test_the_missions_of_another_campaign_are_not_replaced(tmp_path):
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "0123.npz").write_text("")
