@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.kriging.covariances import Covariances, SamplePoints, add_rows
 from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 
@@ -63,6 +63,7 @@ class KrigingRows:
         self._blocks: list[Array] = []  # sums over the rows up to the end of each block, see _add_row
         self._tail = np.empty((BLOCK + MIN_TAIL, covariances.size))  # of W times the diagonal, the latest rows
         self._numbers = np.full(len(self._tail), -1)  # of these rows, -1 for none
+        self._local: tuple[LocalRate | None, Array, Array] = None, np.empty((0, 2)), np.empty(0)
         # Sums over rows, how many of these are in blocks, and how many they are
         self._sums = (np.empty((3, covariances.size)), 0, -1), (np.empty((3, covariances.size)), 0, -1)
 
@@ -77,7 +78,7 @@ class KrigingRows:
             matrix is nearly singular (:data:`MIN_PIVOT`)
         """
         n = len(places)
-        noise = variogram.nugget + noise_rates(rate, places.xy) / places.exposure_s
+        noise = variogram.nugget + self._noise_rates(rate, places.xy) / places.exposure_s
         samples = np.column_stack([places.xy, places.spread, noise, places.rate_cps])
         if variogram != self._variogram:
             self._variogram = variogram
@@ -101,6 +102,16 @@ class KrigingRows:
             self._add_block(start)
         self._make_tail(full, n)
         return self._surfaces(full, n)
+
+    def _noise_rates(self, rate: float | LocalRate, xy: Array) -> float | Array:
+        """As :func:`noise_rates`; a local rate is computed at places that were not known before."""
+        if not isinstance(rate, LocalRate):
+            return rate
+        known, known_xy, rates = self._local
+        same = _first_difference(known_xy, xy) if known is rate else 0
+        rates = np.concatenate([rates[:same], rate(xy[same:])])
+        self._local = rate, xy, rates
+        return rates
 
     def _forget(self, first: int, samples: Array) -> None:
         """Forget the rows from ``first`` on, where samples differ from the known ones."""
