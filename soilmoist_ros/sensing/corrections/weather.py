@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 MAX_WEATHER_GAP_S = 1800.0
-"""Maximum gap over which missing values are interpolated in time [s]."""
+"""Maximum gap over which missing values are interpolated in time [s]; longer for long records."""
+MAX_GAP_RECORDS = 4.0
+"""This gap in counting intervals: three records of a logger that writes every hour may lack a value."""
 QUANTITIES = ("pressure_hpa", "temperature_degc", "relative_humidity")
 
 
@@ -27,7 +29,7 @@ class WeatherSeries:
     """The weather of all records of a file, or of the records so far.
 
     A missing value is interpolated in time. It stays NaN if the gap is longer than :data:`MAX_WEATHER_GAP_S` and
-    the nearest value is further away than half of :data:`MAX_WEATHER_GAP_S`.
+    :data:`MAX_GAP_RECORDS` counting intervals, and the nearest value is further away than half of the longer one.
 
     :param records: records in order of time
     :param max_values: minimum number of latest values to keep; all if ``None``
@@ -62,14 +64,16 @@ class WeatherSeries:
     def at(self, record: LoggerRecord) -> Weather:
         """The weather of a record; missing values come from other records."""
         own = {name: getattr(record, name) for name in QUANTITIES}
+        live_s = max((time for time in record.tube_live_s if math.isfinite(time)), default=0.0)
+        limit_s = max(MAX_WEATHER_GAP_S, MAX_GAP_RECORDS * live_s)
         return Weather(
             **{
-                name: value if math.isfinite(value) else self._filled(name, record.stamp_s)
+                name: value if math.isfinite(value) else self._filled(name, record.stamp_s, limit_s)
                 for name, value in own.items()
             }
         )
 
-    def _filled(self, name: str, stamp_s: float) -> float:
+    def _filled(self, name: str, stamp_s: float, limit_s: float) -> float:
         stamps, values = self._stamps[name], self._values[name]
         after = bisect_right(stamps, stamp_s)
         near = [index for index in (after - 1, after) if 0 <= index < len(stamps)]
@@ -78,7 +82,7 @@ class WeatherSeries:
         first, last = near[0], near[-1]
         nearest_s = min(abs(stamps[index] - stamp_s) for index in near)
         gap_s = stamps[last] - stamps[first]
-        if nearest_s > MAX_WEATHER_GAP_S / 2 and not (first < last and gap_s <= MAX_WEATHER_GAP_S):
+        if nearest_s > limit_s / 2 and not (first < last and gap_s <= limit_s):
             return NAN
         if first == last or stamp_s == stamps[first]:
             return values[first]

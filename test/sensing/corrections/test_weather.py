@@ -27,6 +27,17 @@ def test_a_short_gap_is_interpolated_and_a_long_one_is_not() -> None:
     assert math.isnan(pressure(WeatherSeries([record(0.0, NAN), record(20.0, NAN)]), 10.0))
 
 
+def test_gaps_of_a_logger_that_writes_every_hour_are_some_records_long() -> None:
+    def hourly(hour: float, pressure_hpa: float = NAN) -> LoggerRecord:
+        return LoggerRecord(3600 * hour, (700.0,), (3600.0,), pressure_hpa, 20.0, 0.5)
+
+    series = WeatherSeries([hourly(0, 1000.0), hourly(4, 1004.0), hourly(9, 1010.0)])
+    assert [series.at(hourly(hour)).pressure_hpa for hour in (1, 2, 3)] == pytest.approx([1001, 1002, 1003])
+    assert series.at(hourly(6)).pressure_hpa == pytest.approx(1004 + 6 * 2 / 5)
+    series = WeatherSeries([hourly(0, 1000.0), hourly(9, 1010.0)])
+    assert math.isnan(series.at(hourly(4)).pressure_hpa)
+
+
 def test_a_value_of_the_record_itself_is_used() -> None:
     assert WeatherSeries([record(0.0), record(20.0)]).at(record(10.0, 990.0)).pressure_hpa == 990.0
 

@@ -45,7 +45,7 @@ def write(tmp_path: Path, data: bytes) -> Path:
         (b"\x00" * 500, "is empty", "copied as a whole"),
         (bytes(range(1, 256)), "is not a text file", "the text file"),
         (b"PK\x03\x04abc", "is a ZIP archive or a spreadsheet", "export it as text"),
-        (b"hello\nworld\n", "no header line", "the known formats are finapp, hydroinnova_crs1000"),
+        (b"hello\nworld\n", "no header line", "the known formats are cosmos_europe, finapp, hydroinnova_crs1000"),
         (ROVER_HEADER[:80], "no header line", "the known formats are"),
         (b"$GNGGA,080000.00,,,,,0,00,99.9,,M,,M,,*74\n", "no header line", "pass it with --nmea"),
     ],
