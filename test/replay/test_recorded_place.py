@@ -30,8 +30,8 @@ def test_a_field_with_another_datum_is_mapped_where_the_robot_was(tmp_path):
     latitude, longitude = FIELD.frame.to_geographic([(400.0, -300.0)])[0]
     frame = LocalFrame(float(latitude), float(longitude))
     polygon = frame.to_local(*FIELD.frame.to_geographic(FIELD.polygon).T)
-    moved = replay_bag(GOLDEN, ReplaySettings(field=str(field_file(tmp_path, frame, polygon)))).run
-    there = replay_bag(GOLDEN).run
+    moved = replay_bag(GOLDEN, ReplaySettings(field=str(field_file(tmp_path, frame, polygon)), cell_m=4.0)).run
+    there = replay_bag(GOLDEN, ReplaySettings(cell_m=4.0)).run
     assert moved.inside == there.inside
     for one, other in zip(moved.track, there.track, strict=True):
         known = FIELD.frame.to_geographic([(other.x_m, other.y_m)])
