@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,8 +26,8 @@ class RecordChecks:
     A bad tube is masked: its counts become NaN, and the exposure covers the other tubes. A record without a good
     tube, or with counts that do not fit the records before, is bad as a whole.
 
-    :param altitude_m: altitude of a probe that does not move [m], NaN if it moves or the altitude is unknown
     :param n0_cps: count rate over dry soil [counts/s], NaN if unknown
+    :param altitude_of: altitude of the probe at a record [m], NaN if unknown
 
     >>> checks = RecordChecks()
     >>> checks.check(LoggerRecord(10.0, (1_200_000.0,), (10.0,))).quarantine
@@ -36,14 +36,15 @@ class RecordChecks:
     ''
     """
 
-    def __init__(self, altitude_m: float = NAN, n0_cps: float = NAN) -> None:
+    def __init__(
+        self, n0_cps: float = NAN, altitude_of: Callable[[LoggerRecord], float] = lambda record: NAN
+    ) -> None:
         self.totals = TotalChecks(n0_cps)
         """Record against record, for corrected and placed records."""
         self.masked: dict[int, Kind] = {}
         """Tubes that were left out of the last record, by index, and why."""
-        self._altitude_m = altitude_m
-        self.weather = WeatherChecks(altitude_m)
-        """Pressure, temperature and humidity."""
+        self._altitude_of = altitude_of
+        self._weather = WeatherChecks()
         self._tubes: TubeChecks | None = None
 
     def learn(self, records: Sequence[LoggerRecord]) -> list[Checked]:
@@ -52,7 +53,7 @@ class RecordChecks:
         :param records: all records in order of time, with one number of tubes
         :returns: the records as a check without this knowledge finds them
         """
-        first = RecordChecks(self._altitude_m)
+        first = RecordChecks(altitude_of=self._altitude_of)
         found = [first.check(record) for record in records]
         good = [checked.record for checked in found if not checked.quarantine]
         if good and first._tubes is not None:
@@ -70,7 +71,7 @@ class RecordChecks:
         tubes = len(record.tube_counts)
         if self._tubes is None or self._tubes.tubes != tubes:
             self._tubes = TubeChecks(tubes)
-        record, findings = self.weather.check(record)
+        record, findings = self._weather.check(record, self._altitude_of(record))
         counts, live_s = np.array(record.tube_counts, float), np.array(record.tube_live_s, float)
         present = np.isfinite(counts) & (live_s > 0)
         present[list(unused_tubes)] = False

@@ -27,6 +27,8 @@ JUMP_HPA = 15.0
 """Change of pressure at once that no front or thunderstorm causes [hPa]."""
 WEATHER_HPA_PER_S = 10.0 / 3600
 """Highest change of pressure by weather over longer times [hPa/s]."""
+HPA_PER_M = 0.13
+"""Highest change of pressure with altitude [hPa/m]."""
 CLIMB_HPA_PER_S = 0.4
 """Highest change of pressure of a vehicle on a road: 28 m/s on a slope of 12 % [hPa/s]."""
 JUMPS_TO_BELIEVE = 5, 100
@@ -56,24 +58,20 @@ def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
 
 
 class WeatherChecks:
-    """Checks the weather of one probe, record by record.
+    """Checks the weather of one probe, record by record."""
 
-    :param altitude_m: altitude of a probe that does not move [m], NaN if it moves or the altitude is unknown
-    """
-
-    def __init__(self, altitude_m: float = NAN) -> None:
-        self.altitude_m = altitude_m
-        """Altitude of the probe now [m], NaN if unknown."""
-        self._moves = math.isnan(altitude_m)
-        self._last: tuple[float, float] | None = None  # time and pressure
+    def __init__(self) -> None:
+        self._last: tuple[float, float, float] | None = None  # time, pressure and altitude
         self._jumps = self._believed = 0
         self._frozen = _FrozenPressure()
 
-    def check(self, record: LoggerRecord) -> tuple[LoggerRecord, list[Finding]]:
-        """The record without impossible values, which become NaN, and its faults."""
-        own_m = record.position.altitude_m if record.position is not None else NAN
+    def check(self, record: LoggerRecord, altitude_m: float = NAN) -> tuple[LoggerRecord, list[Finding]]:
+        """The record without impossible values, which become NaN, and its faults.
+
+        :param altitude_m: altitude of the probe at the record [m], NaN if unknown
+        """
         limits = {
-            "pressure_hpa": (pressure_limits_hpa(own_m if math.isfinite(own_m) else self.altitude_m), "hPa", 1.0),
+            "pressure_hpa": (pressure_limits_hpa(altitude_m), "hPa", 1.0),
             "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0),
             "relative_humidity": (HUMIDITIES, "%", 100.0),
         }
@@ -88,7 +86,7 @@ class WeatherChecks:
                 message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
                 findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _REMEDY))
                 kept[name] = NAN
-        jump_hpa = self._jump_hpa(record.stamp_s, kept["pressure_hpa"])
+        jump_hpa = self._jump_hpa(record.stamp_s, kept["pressure_hpa"], altitude_m)
         if jump_hpa:
             message = f"the pressure {kept['pressure_hpa']:.1f} hPa is a jump of {jump_hpa:+.1f} hPa"
             findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _REMEDY))
@@ -109,20 +107,22 @@ class WeatherChecks:
             findings.append(Finding(Kind.FROZEN_PRESSURE, message, remedy))
         return record, findings
 
-    def _jump_hpa(self, stamp_s: float, pressure_hpa: float) -> float:
+    def _jump_hpa(self, stamp_s: float, pressure_hpa: float, altitude_m: float) -> float:
         """Change since the last believed pressure if it is impossible, else 0 [hPa]."""
         if math.isnan(pressure_hpa):
             return 0.0
         if self._last is not None:
             since_s, change_hpa = abs(stamp_s - self._last[0]), pressure_hpa - self._last[1]
-            fastest = CLIMB_HPA_PER_S if self._moves else WEATHER_HPA_PER_S
+            climbed_hpa = HPA_PER_M * abs(altitude_m - self._last[2])
+            if math.isnan(climbed_hpa):  # unknown altitude
+                climbed_hpa = CLIMB_HPA_PER_S * since_s
             least, most = JUMPS_TO_BELIEVE
-            if abs(change_hpa) > JUMP_HPA + fastest * since_s:
+            if abs(change_hpa) > JUMP_HPA + WEATHER_HPA_PER_S * since_s + climbed_hpa:
                 if self._jumps < min(max(self._believed, least), most):
                     self._jumps += 1
                     return change_hpa
                 self._believed = 0
-        self._last, self._jumps = (stamp_s, pressure_hpa), 0
+        self._last, self._jumps = (stamp_s, pressure_hpa, altitude_m), 0
         self._believed += 1
         return 0.0
 

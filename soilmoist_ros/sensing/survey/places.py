@@ -16,6 +16,8 @@ MAX_FIXES = 20_000
 """Fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger."""
 MAX_EDGE_TOLERANCE_S = 5.0
 """Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
+MAX_ALTITUDE_AGE_S = 300.0
+"""Maximum time between a record and a position that shows its altitude [s]."""
 
 
 class SurveyPlaces:
@@ -63,6 +65,14 @@ class SurveyPlaces:
             return None
         altitude_m = NAN if location.altitude_m is None else location.altitude_m
         return Position(location.latitude_deg, location.longitude_deg, altitude_m)
+
+    def altitude_m(self, record: LoggerRecord) -> float:
+        """Altitude of the probe about the time of a record [m], NaN if unknown."""
+        place = record.position or self.track.at(record.stamp_s, MAX_ALTITUDE_AGE_S, MAX_ALTITUDE_AGE_S)
+        if place is not None:
+            return place.altitude_m
+        location = self._site.location
+        return NAN if location is None or location.altitude_m is None or self._moves else location.altitude_m
 
     def jumped_at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
         """Position of a record that the receiver reports after a jump, ``None`` without a jump; as :meth:`at`."""

@@ -18,7 +18,7 @@ from soilmoist_ros.sensing.checks.checks import RecordChecks
 from soilmoist_ros.sensing.checks.finding import Finding
 from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import Track
@@ -114,9 +114,8 @@ class Survey:
         self._grows = ahead is None
         self._places = SurveyPlaces(site, track, arms, self._grows)
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
-        altitude_m = site.location.altitude_m if site.location else None
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
-        self.checks = RecordChecks(NAN if altitude_m is None else altitude_m, n0_cps)
+        self.checks = RecordChecks(n0_cps, self._places.altitude_m)
         """Tests of the counts and the weather."""
         learned = self.checks.learn(ahead or ())
         for checked in learned:
@@ -186,8 +185,6 @@ class Survey:
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
         self._places.take_fix(fix)
-        if fix.status is not FixStatus.NO_FIX and math.isfinite(fix.position.altitude_m):
-            self.checks.weather.altitude_m = fix.position.altitude_m
 
     def take_intensity(self, rate: float) -> bool:
         """Set the current incoming intensity; returns whether it is used.

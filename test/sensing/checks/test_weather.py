@@ -24,8 +24,8 @@ def series(pressures, period_s, temperatures=None):
 
 
 def kinds(records, altitude_m=math.nan):
-    checks = WeatherChecks(altitude_m)
-    return {n: f[0].kind for n, record in enumerate(records) if (f := checks.check(record)[1])}
+    checks = WeatherChecks()
+    return {n: f[0].kind for n, record in enumerate(records) if (f := checks.check(record, altitude_m)[1])}
 
 
 def test_weather_that_the_air_cannot_have_is_left_out():
@@ -51,6 +51,12 @@ def test_a_jump_of_the_pressure_is_left_out_until_it_stays():
     assert kinds(jump) == {2: Kind.IMPOSSIBLE_WEATHER}
     moved = series([1005.0, *[950.0 + 0.1 * n for n in range(12)]], 10.0)
     assert list(kinds(moved)) == [1, 2, 3, 4, 5]
+
+
+def test_a_wrong_pressure_is_not_believed_because_it_lasts():
+    pressure = np.full(400, 1005.0)
+    pressure[200:290] = 965.0
+    assert list(kinds(series(pressure, 10.0), altitude_m=30.0)) == list(range(200, 290))
 
 
 def test_fronts_and_mountain_roads_are_no_jumps():
