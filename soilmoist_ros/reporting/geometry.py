@@ -65,6 +65,13 @@ def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.
     return np.asarray(intersects_xy(area, xy_m[:, 0], xy_m[:, 1]), bool)
 
 
+def distances_m(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance of each point (n, 2) from the boundary of the field [m], shape (n,); 0 inside."""
+    from shapely import Polygon, distance, points, union_all
+
+    return np.asarray(distance(union_all([Polygon(ring) for ring in soil_map.grid.polygons]), points(xy_m)), float)
+
+
 def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
     """Places of the records in order, without records that have none, shape (n, 2) [m]."""
     xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)

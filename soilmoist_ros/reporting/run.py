@@ -132,6 +132,7 @@ class NoteCode(StrEnum):
     BAD_TUBES = "bad_tubes"
     OVERDISPERSED = "overdispersed"
     OUTSIDE_FIELD = "outside_field"
+    FAR_RECORDS = "far_records"
     FAR_FROM_SITE = "far_from_site"
     IMPOSSIBLE_DATE = "impossible_date"
     NOT_MAPPED = "not_mapped"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from soilmoist_ros.reporting.geometry import distances_m, track_xy
 from soilmoist_ros.reporting.moisture_series import at_one_place
 from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
@@ -24,6 +25,8 @@ MAX_RATE_ERROR = 0.05
 """Largest error of a tiled map that needs no note, as a share of the standard deviation."""
 MAX_FROM_REFERENCE_HPA = 40.0
 """Largest distance of the mean pressure from its reference that needs no note [hPa]: more than any weather."""
+FAR_SHARE = 0.1
+"""Share of the records beyond the correlation range above which there is a note."""
 MAX_AHEAD_S = 86_400.0
 """How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
 MIN_UNCLEAR = 0.01
@@ -65,6 +68,14 @@ def _on_place_and_date(run: MapRun) -> Iterator[Note]:
         yield Note(
             NoteCode.OUTSIDE_FIELD,
             f"Only {inside} of {placed} records lie inside the field: check the field file and the positions.",
+        )
+    range_m = run.soil_map.variogram.practical_range_m
+    far = int(np.count_nonzero(distances_m(run.soil_map, track_xy(run.track)) > range_m))
+    if far > FAR_SHARE * placed:
+        yield Note(
+            NoteCode.FAR_RECORDS,
+            f"{far} of {placed} records lie further from the field than counts reach ({range_m:.0f} m): they do "
+            "not inform the map, but shape its model. Leave the way to the field out of the log.",
         )
     stamps_s = [record.stamp_s for record in run.track if math.isfinite(record.stamp_s)]
     if not run.simulated and stamps_s:

@@ -52,6 +52,18 @@ def test_records_outside_the_field_are_noted_below_one_half(make_run):
     assert note.message.startswith(f"Only {most.inside[0]} of {placed} records lie inside the field")
 
 
+def test_records_far_from_the_field_are_noted(make_run):
+    run = make_run(notes=())
+    assert NoteCode.FAR_RECORDS not in codes(run)
+    away = [replace(record, y_m=record.y_m + 5000.0) for record in run.track[:3]]
+    (note,) = [
+        one for one in notes(replace(run, track=[*away, *run.track[3:]])) if one.code is NoteCode.FAR_RECORDS
+    ]
+    assert note.message.startswith(f"3 of {run.inside[1]} records lie further from the field")
+    one = replace(run, track=[*away[:1], *run.track[1:]])
+    assert NoteCode.FAR_RECORDS not in codes(one), "a single record on the way is no matter"
+
+
 @pytest.mark.parametrize(
     ("stamp_s", "said"),
     [(1.9e9, "in the future"), (3.1e8, "before 2000"), (1.7e9, None), (9.0e11, "in the future")],
