@@ -85,6 +85,7 @@ class SensorStream:
         )
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None
+        self._new_fix: Fix | None = None
         self.records_out = 0
         self.quarantined: Counter[str] = Counter()
         """Number of records of each reason of quarantine."""
@@ -124,8 +125,9 @@ class SensorStream:
         return record
 
     def _compare_with_gnss(self, record: LoggerRecord) -> None:
-        if self.last_fix is not None:
-            self.clock.add(record.stamp_s, record.stamp_s - self.last_fix.stamp_s)
+        if self._new_fix is not None:  # a receiver that is silent shows no drift
+            self.clock.add(record.stamp_s, record.stamp_s - self._new_fix.stamp_s)
+            self._new_fix = None
         if not self._drift_reported and self.clock.is_clear:
             self._drift_reported = True
             mistake = Mistake(self.clock.message, "set the logger's clock by GNSS")
@@ -140,7 +142,7 @@ class SensorStream:
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch from another source, with or without a fix."""
-        self.last_fix = fix
+        self.last_fix = self._new_fix = fix
         self.survey.take_fix(fix)
 
     def take_ready(self, now_s: float) -> list[CountRecord]:

@@ -8,6 +8,7 @@ import pytest
 from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.checks.clock import ClockDrift
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.moisture.site import Site, load_site
@@ -80,6 +81,18 @@ def test_a_separate_track_is_joined_by_gnss_time_where_the_loggers_clock_is_off(
     late = process_logs([replace(log, clock_offset_s=200.0)], NO_CORRECTIONS, track=moving)
     expected = 50.0005 + 0.001 * np.arange(5)
     assert late.frame.to_geographic(late.xy_m)[:, 0] == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_drift_of_the_loggers_clock_is_reported_and_taken_off(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0 * k * 1.05, 5.0 + k % 2) for k in range(1, 40)])
+    clock = ClockDrift()
+    for one in log.records:
+        clock.add(one.stamp_s, (one.stamp_s - T0) * (1 - 1 / 1.05))
+    moving = track((0, 50.0), (400, 50.04))
+    survey = process_logs([replace(log, clock=clock)], NO_CORRECTIONS, track=moving)
+    assert [problem.consequence for problem in survey.problems if problem.kind is Kind.CLOCK_DRIFT] == ["kept"]
+    expected = 50.0 + 1e-4 * (10.0 * np.arange(2, 38) - 5.0)
+    assert survey.frame.to_geographic(survey.xy_m)[1:37, 0] == pytest.approx(expected, abs=1e-4)
 
 
 def replace_records(log, records):

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -300,6 +301,20 @@ def test_clocks_are_compared_by_the_line_that_came_fastest():
     for late_s in (3.0, 0.5, 40.0):
         live.compare_clocks(T0 + 7.0, T0 + late_s)
     assert live.clock_difference_s == pytest.approx(4.0)
+
+
+def test_a_drift_of_the_loggers_clock_is_reported_once_and_a_silent_receiver_is_none():
+    drifting, silent = survey(), survey()
+    for number in range(1, 40):
+        for live, drift in ((drifting, 0.02), (silent, 0.0)):
+            if live is drifting or number < 10:
+                live.take_fix(fix(10.0 * number, 0.0))
+            counts = tuple(float((number * tube) % 7 + 2) for tube in range(1, 13))
+            one = record(number, tube_counts=counts)
+            live.take_logger_line(line(replace(one, stamp_s=one.stamp_s + drift * 10.0 * number)), 0.0)
+    assert drifting.logger_problems.noted[Kind.CLOCK_DRIFT] == 1
+    assert drifting.clock.slope == pytest.approx(0.02, rel=0.05)
+    assert silent.logger_problems.noted[Kind.CLOCK_DRIFT] == 0
 
 
 def test_the_rate_of_records_is_by_the_loggers_time():
