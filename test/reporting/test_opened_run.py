@@ -66,6 +66,7 @@ def test_visits_of_an_older_file_have_defaults(tmp_path):
     assert np.isnan(visit.exposure_s)
 
 
+@pytest.mark.slow
 def test_tables_of_other_packages(run):
     frame = run.to_dataframe()
     assert len(frame) == len(run.samples()["raw_counts"])
