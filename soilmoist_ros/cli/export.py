@@ -15,7 +15,7 @@ from soilmoist_ros.cli.console import FILE, report_errors
 @click.option("--formats", is_flag=True, help="List the formats and exit.")
 @click.option("--out", type=FILE, help="Folder for the files; made if missing. Default: RUN/export.")
 @click.option("--zones", type=click.IntRange(1, 20), default=3, show_default=True,
-              help="Management zones of equal area, where the run has no limits of its own.")  # fmt: skip
+              help="Management zones of equal area, where the site file has no limits.")  # fmt: skip
 @click.option("--min-zone", "min_zone_ha", type=click.FloatRange(min=0),
               help="Area from which a part of the field is a zone [ha]. Default: 5 % of the field.")  # fmt: skip
 @click.option("--step", type=click.FloatRange(min=0, min_open=True),

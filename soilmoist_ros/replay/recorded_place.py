@@ -1,4 +1,4 @@
-"""Where recorded places lie in the field that is mapped: a recording has the datum of its own field file."""
+"""Where recorded places lie in the field that is mapped: a recording may have the datum of another field file."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ class TravelGraph:
         main = self.names[int(np.argmin(part))]
         to = np.isfinite(self.distances_from(main))
         back = np.isfinite(self.routes_from(self.index(main), back=True)[0])
-        remedy = "add the missing edges (each direction is an edge of its own) or remove these nodes"
+        remedy = "add the missing edges (each direction is a separate edge) or remove these nodes"
         faults = [
             ("no way leads from the rest of the graph to", ~to),
             ("no way leads back to the rest of the graph from", to & ~back),

@@ -32,7 +32,7 @@ class Minimum(NamedTuple):
 
 
 def minimise(
-    expand: Callable[[Array], Expansion], start: Array, bound: float, tolerance: float, most_steps: int = 100
+    expand: Callable[[Array], Expansion], start: Array, bound: float, tolerance: float, max_steps: int = 100
 ) -> Minimum:
     """Descend from a start to a minimum.
 
@@ -45,13 +45,13 @@ def minimise(
     :param start: start values, shape (p,)
     :param bound: maximum absolute value of each parameter
     :param tolerance: largest component of the gradient at the end, without parameters at bounds
-    :param most_steps: maximum number of steps
+    :param max_steps: maximum number of steps
     """
     at = _within(start, bound)
     value, gradient, hessian = expand(at)
     learned = np.zeros_like(hessian)
     damping = _FIRST_DAMPING
-    for _ in range(most_steps):
+    for _ in range(max_steps):
         free = np.flatnonzero(_free(at, gradient, bound))
         steepest = np.abs(gradient[free]).max(initial=0.0)
         if steepest <= tolerance:

@@ -248,18 +248,18 @@ def _finals(data: CampaignData) -> Iterator[FinalRow]:
                 mean_sd_text(rows["mse"]),
                 mean_sd_text(100 * rows["mse"]),
                 mean_sd_text(100 * rows["vwc_rmse"]),
-                mean_sd_text(100 * rows["coverage95"], most_decimals=0),
-                mean_sd_text(rows["distance_m"], most_decimals=0),
-                mean_sd_text(rows["samples"], most_decimals=1),
-                mean_sd_text(100 * rows["counting_share"], most_decimals=0),
-                mean_sd_text(100 * rows["efficiency"], most_decimals=0),
+                mean_sd_text(100 * rows["coverage95"], max_decimals=0),
+                mean_sd_text(rows["distance_m"], max_decimals=0),
+                mean_sd_text(rows["samples"], max_decimals=1),
+                mean_sd_text(100 * rows["counting_share"], max_decimals=0),
+                mean_sd_text(100 * rows["efficiency"], max_decimals=0),
             )
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1
             yield FinalRow(case.title, first, last, strategy_text(strategy), dwell_text(dwell), len(rows), values)
 
 
-def mean_sd_text(values: pd.Series, most_decimals: int = 6) -> str:
+def mean_sd_text(values: pd.Series, max_decimals: int = 6) -> str:
     """Mean ± standard deviation, rounded at most to the deviation's second digit; a dash without values."""
     known = values.dropna().to_numpy(float)
     if not len(known):
@@ -267,7 +267,7 @@ def mean_sd_text(values: pd.Series, most_decimals: int = 6) -> str:
     mean, sd = float(known.mean()), float(known.std(ddof=1)) if len(known) > 1 else float("nan")
     if not sd > 0:
         return number(mean)
-    decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, most_decimals))
+    decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, max_decimals))
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
 
 

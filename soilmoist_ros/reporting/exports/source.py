@@ -29,8 +29,8 @@ ROOT_DEPTH_MM = 300.0
 class ExportSettings:
     """Settings of exports.
 
-    :param zones: number of classes of management zones, where the run has no limits of its own
-    :param min_zone_ha: area from which a part of the field is a zone of its own [ha]; by default 5 % of the field
+    :param zones: number of classes of management zones, where the site file has no limits
+    :param min_zone_ha: minimum area of a part of the field that is a zone [ha]; by default 5 % of the field
     :param step: distance of contour lines in the unit for readers; by default a round one
     :param root_depth_mm: depth of the root zone for its water [mm]; by default that of the run, else 300
     """

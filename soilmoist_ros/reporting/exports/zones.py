@@ -74,7 +74,7 @@ def management_zones(
     :param the_map: the map
     :param boundary: the field in its plane [m]
     :param classes: number of classes of equal area, where no limits are given
-    :param min_area_m2: area from which a part is a zone of its own [m^2]; by default 5 % of the field
+    :param min_area_m2: minimum area of a part that is a zone [m^2]; by default 5 % of the field
     :param limits: limits between the classes in the unit for readers
     :raises InputError: for a number of classes, an area or limits out of range, or an old shapely
     """
