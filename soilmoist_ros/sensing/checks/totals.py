@@ -129,8 +129,8 @@ class TotalChecks:
         if len(near) < MIN_AT_STOP:
             near, change = _young(self._recent, record.stamp_s), DRIVING_CHANGE
         expected_cps, chance = self._chance(counted, near, change)
-        least, most = RECORDS_TO_BELIEVE
-        if chance < level and self._odd < min(max(self._good, least), most):
+        low, high = RECORDS_TO_BELIEVE
+        if chance < level and self._odd < min(max(self._good, low), high):
             self._odd += 1
             message = (
                 f"{record.corrected_rate:.2f} counts/s after {expected_cps:.2f} counts/s in {len(near)} records"
