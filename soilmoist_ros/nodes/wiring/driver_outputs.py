@@ -1,0 +1,91 @@
+"""What the driver publishes and stores: records, fixes, weather and the lines of the devices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
+from std_msgs.msg import String
+
+from msg_adapters.counts import counts_from_message, counts_to_message, quarantined_to_message
+from msg_adapters.environment import fix_to_message, weather_to_messages
+from msg_adapters.raw_line import line_to_message
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.recording.bag.point_cloud import QUARANTINED
+from soilmoist_ros.recording.map_sources import DRIVER
+from soilmoist_ros.recording.record_log import RecordLog
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.survey.driver import Batch
+
+
+class DriverOutputs:
+    """Publishers of the driver, and its log of records.
+
+    :param node: the node that publishes
+    :param given: parameters of the node
+    """
+
+    def __init__(self, node: Node, given: Parameters) -> None:
+        self._node = node
+        self._frames = given.text("frame_id"), given.text("sensor_frame"), given.text("gnss_frame")
+        self._folder = given.text("record_dir")
+        self._log: RecordLog | None = None
+        topics: dict[str, tuple[type, Any]] = {
+            "counts": (PointCloud2, qos.RECORDS),
+            QUARANTINED: (PointCloud2, qos.RECORDS),
+            "pressure": (FluidPressure, qos.SENSOR),
+            "temperature": (Temperature, qos.SENSOR),
+            "relative_humidity": (RelativeHumidity, qos.SENSOR),
+            "raw/logger": (String, qos.RECORDS),
+        }
+        if given.text("gnss_uri"):
+            topics |= {"fix": (NavSatFix, qos.SENSOR), "raw/gnss": (String, qos.RECORDS)}
+        self._publishers = {
+            name: node.create_publisher(kind, name, profile) for name, (kind, profile) in topics.items()
+        }
+
+    def open(self) -> None:
+        """Open the log of records, if there is one.
+
+        :raises InputError: if the folder cannot be written
+        """
+        if self._folder:
+            self._log = RecordLog(Path(self._folder).expanduser() / DRIVER, self._frames[0])
+
+    def close(self) -> None:
+        """Close the log of records."""
+        if self._log is not None:
+            self._log.close()
+            self._log = None
+
+    def publish(self, batch: Batch) -> None:
+        """Publish what has come; each record is stored before."""
+        frame, sensor, gnss = self._frames
+        for name, lines in (("raw/logger", batch.logger_lines), ("raw/gnss", batch.gnss_lines)):
+            for line in lines:
+                self._publishers[name].publish(line_to_message(line))
+        for fix in batch.fixes:
+            self._publishers["fix"].publish(fix_to_message(fix, gnss))
+        for reading in batch.readings:
+            for name, message in weather_to_messages(reading, sensor).items():
+                self._publishers[name].publish(message)
+        good = [counts_to_message([record], frame) for record in batch.records if not record.quarantine]
+        bad = [quarantined_to_message([record], frame) for record in batch.records if record.quarantine]
+        self._store([record for message in (*good, *bad) for record in counts_from_message(message)])
+        for name, messages in (("counts", good), (QUARANTINED, bad)):
+            for message in messages:
+                self._publishers[name].publish(message)
+
+    def _store(self, records: list[CountRecord]) -> None:
+        """Write records as receivers read them. A disk that fails does not stop the survey."""
+        if self._log is None or not records:
+            return
+        try:
+            self._log.write(records)
+        except OSError as error:
+            self._node.get_logger().error(
+                f"records are published, but not stored: {error.strerror or error}", throttle_duration_sec=60.0
+            )
