@@ -280,7 +280,7 @@ def test_two_robots_share_one_mapper_and_never_count_at_the_same_place(ros, tmp_
         world.goal = (message.pose.position.x, message.pose.position.y)
 
     first, second = worlds = [
-        World(ros, namespace=name, clock=name == names[0], mapper=False, rate=30.0) for name in names
+        World(ros, namespace=name, clock=name == names[0], mapper=False, rate=20.0) for name in names
     ]
     with first, second:
         for name, world in zip(names, worlds, strict=True):

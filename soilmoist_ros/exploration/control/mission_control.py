@@ -414,13 +414,15 @@ class MissionControl:
 
         :param name: which robot
         :param status: of its mission, ``None`` while none has come
-        :param goes_first: whether it keeps the stop when both have chosen the same at the same time
+        :param goes_first: whether it keeps the stop when both have chosen the same at the same time; one that
+            counts there already keeps it in any case
         """
         self._others[name] = status
         pending = pending_measurement(status) if status is not None else None
         self._queue.take_other(name, pending)
         state, access = self._mission.state, self._access
-        if not goes_first or pending is None or access is None or state.target is None:
+        keeps = goes_first or (status is not None and status.phase is Phase.COUNTING)
+        if not keeps or pending is None or access is None or state.target is None:
             return
         place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
         if state.phase is Phase.TRAVELLING and taken(place, [pending], access.grid.cell_m)[0]:

@@ -304,6 +304,14 @@ def test_the_planner_plans_on_the_cells_of_the_mappers_map():
         around.control.fit(None, 2.0, cell_m=1e-5)
 
 
+def test_a_robot_gives_way_to_one_that_counts_at_its_target():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    around.control.other("/robot_2", replace(around.status, phase=Phase.COUNTING), goes_first=False)
+    assert around.status.phase is Phase.CANCELLING
+    assert "skipped because /robot_2" in around.status.reason
+
+
 def test_a_stop_that_is_being_counted_is_not_given_up():
     around = Around(budget_s=3600.0)
     around.begin()

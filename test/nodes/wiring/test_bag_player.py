@@ -76,7 +76,7 @@ def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
     run = GOLDEN / "no_position_gap"
     replay = replay_bag(run)
     mapper = read_parameters(run / "configuration", "mapper")
-    ros.start("mapper", params={**mapper, "use_sim_time": True})
+    ros.start("mapper", params={"noise": "mean", **mapper, "use_sim_time": True})  # as mappers of its time
     maps = ros.collect(PointCloud2, "soil_map", LATCHED)
     counts = ros.collect(PointCloud2, "counts", RECORDS)
     clock = ros.collect(Clock, "/clock", CLOCK)
