@@ -54,7 +54,7 @@ def test_a_cut_at_any_byte_costs_only_the_chunk_it_hits(bag, tmp_path):
     whole = bag.path.read_bytes()
     ends = chunk_ends(bag.path)
     path = tmp_path / "cut_0.mcap"
-    for cut in range(0, len(whole), 7):
+    for cut in range(0, len(whole), 17):
         path.write_bytes(whole[:cut])
         found, scan = scanned(path)
         assert found == bag.messages[: max([count for end, count in ends if end <= cut], default=0)]

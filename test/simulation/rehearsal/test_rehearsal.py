@@ -96,7 +96,7 @@ def violated(rehearsed, numbers, faults):
 
 @pytest.mark.slow
 def test_without_the_fence_the_judge_finds_violations(rehearsed, no_fence):
-    found = violated(rehearsed, range(0, 24, 3), Faults())
+    found = violated(rehearsed, range(0, 15, 3), Faults())
     assert {Kind.NO_GO, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= found
 
 
@@ -107,7 +107,7 @@ def test_without_the_watch_the_judge_finds_violations(rehearsed, no_watch):
 
 @pytest.mark.slow
 def test_with_both_there_are_none(rehearsed):
-    assert violated(rehearsed, range(0, 24, 3), Faults()) == set()
+    assert violated(rehearsed, range(0, 15, 3), Faults()) == set()
     assert violated(rehearsed, range(6), FIX_JUMPS) == set()
 
 
