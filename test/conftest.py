@@ -1,6 +1,7 @@
 """Fixtures shared by all folders of tests."""
 
 import os
+import zlib
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,11 @@ def reference_data() -> Path:
 
 
 def pytest_collection_modifyitems(items):
-    """The nodes run as processes, so ``scripts/test --fast`` skips the whole folder."""
+    """The nodes run as processes, so ``scripts/test --fast`` skips the whole folder.
+
+    Files are in an order without a pattern: tests that wait for processes and tests that compute run together.
+    """
+    items.sort(key=lambda item: zlib.crc32(str(item.path.relative_to(ROOT)).encode()))
     for item in items:
         if ROOT / "test" / "nodes" in item.path.parents:
             item.add_marker(pytest.mark.process)
