@@ -84,6 +84,36 @@ class MoistureCurve(Protocol):
         """:meth:`vwc` and third-order :meth:`vwc_sd`, faster than two calls."""
 
 
+def check_parameters(curve: MoistureCurve, *more: str) -> None:
+    """Check the values that all curves have.
+
+    :param more: names of further values that must be zero or positive
+    :raises ValueError: if N0 or the bulk density is not positive and finite, or another value is negative
+    """
+    for name in ("n0_cps", "bulk_density_gcm3"):
+        value = getattr(curve, name)
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive and finite, got {value}")
+    for name in ("lattice_water", "organic_water", "n0_sd_cps", "bulk_density_sd_gcm3", *more):
+        value = getattr(curve, name)
+        if not (np.isfinite(value) and value >= 0):
+            raise ValueError(f"{name} must be zero or positive and finite, got {value}")
+
+
+def sd_of_vwc(
+    curve: MoistureCurve, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int
+) -> NDArray[np.float64]:
+    """Standard deviation of the VWC of any curve, see :meth:`MoistureCurve.vwc_sd`.
+
+    :raises ValueError: for another order than 1 or 3
+    """
+    if order == 1:
+        return np.asarray(np.abs(curve.slope(rate_cps)) * np.asarray(rate_sd_cps, float))
+    if order != 3:
+        raise ValueError(f"order must be 1 or 3, got {order}")
+    return curve.vwc_and_sd(rate_cps, rate_sd_cps)[1]
+
+
 @dataclass(frozen=True)
 class CalibrationCurve:
     """The calibration of one sensor at one site with the curve of Desilets et al. (2010).
@@ -105,14 +135,7 @@ class CalibrationCurve:
     bulk_density_sd_gcm3: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("n0_cps", "bulk_density_gcm3"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value}")
-        for name in ("lattice_water", "organic_water", "n0_sd_cps", "bulk_density_sd_gcm3"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be zero or positive and finite, got {value}")
+        check_parameters(self)
 
     @property
     def lowest_rate_cps(self) -> float:
@@ -168,11 +191,7 @@ class CalibrationCurve:
             Frontiers in Water 2:10, which is larger where the noise reaches the curve's steep end
         :raises ValueError: for another order
         """
-        if order == 1:
-            return np.asarray(np.abs(self.slope(rate_cps)) * np.asarray(rate_sd_cps, float))
-        if order != 3:
-            raise ValueError(f"order must be 1 or 3, got {order}")
-        return self.vwc_and_sd(rate_cps, rate_sd_cps)[1]
+        return sd_of_vwc(self, rate_cps, rate_sd_cps, order)
 
     def vwc_and_sd(
         self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike

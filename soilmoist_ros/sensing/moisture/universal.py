@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.sensing.moisture.curve import check_parameters, sd_of_vwc
+
 Array = NDArray[np.float64]
 SIMULATED_DENSITY_GCM3 = 1.43
 """Dry bulk density of the soil in the simulations behind the solution [g/cm^3]."""
@@ -97,14 +99,7 @@ class UniversalCurve:
     parameter_set: str = "mcnp_drf"
 
     def __post_init__(self) -> None:
-        for name in ("n0_cps", "bulk_density_gcm3"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value}")
-        for name in ("lattice_water", "organic_water", "n0_sd_cps", "bulk_density_sd_gcm3", "humidity_gm3"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be zero or positive and finite, got {value}")
+        check_parameters(self, "humidity_gm3")
         if self.humidity_gm3 > MAX_HUMIDITY_GM3:
             raise ValueError(f"humidity_gm3 must be at most {MAX_HUMIDITY_GM3:g}, got {self.humidity_gm3}")
         if self.parameter_set not in PARAMETER_SETS:
@@ -162,11 +157,7 @@ class UniversalCurve:
         :param order: 1, ``|d vwc/d rate| * sd``; or 3, see :meth:`vwc_and_sd`
         :raises ValueError: for another order
         """
-        if order == 1:
-            return np.asarray(np.abs(self.slope(rate_cps)) * np.asarray(rate_sd_cps, float))
-        if order != 3:
-            raise ValueError(f"order must be 1 or 3, got {order}")
-        return self.vwc_and_sd(rate_cps, rate_sd_cps)[1]
+        return sd_of_vwc(self, rate_cps, rate_sd_cps, order)
 
     def vwc_and_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike) -> tuple[Array, Array]:
         """:meth:`vwc` and its standard deviation from the third-order expansion of a Gaussian rate.
