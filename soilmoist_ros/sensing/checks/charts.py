@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 FACTORS = (0.0, 0.5, 2.0)
 """Shares of a bad tube that the cumulative sums look for, as multiples of its good share."""
 MIN_LEARNED_COUNTS = 300.0
-"""Counts behind a share from which half and twice the share can be told from an unknown share."""
+"""Counts behind a share from which half and twice the share differ clearly from an unknown share."""
 RECOVERY = math.log(1000.0)
 """Logarithm of the likelihood ratio from which a masked tube counts again."""
 

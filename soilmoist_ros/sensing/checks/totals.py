@@ -136,7 +136,7 @@ class TotalChecks:
                 f"{record.corrected_rate:.2f} counts/s after {expected_cps:.2f} counts/s in {len(near)} records"
             )
             return [Finding(Kind.RATE_JUMP, message, "check the detector and its supply", bad=True)]
-        if chance < level:  # so many agree that the records before were wrong
+        if chance < level:  # enough records agree: those before were wrong
             self._recent.clear()
             self._stop.clear()
             self._good = 0

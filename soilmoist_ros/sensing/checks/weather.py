@@ -150,10 +150,10 @@ class _FrozenPressure:
             self._coldest, self._warmest = min(self._coldest, temperature), max(self._warmest, temperature)
         # Without a change so far, the digits show the resolution.
         step_hpa = self._step_hpa if math.isfinite(self._step_hpa) else 10.0 ** -_digits(value)
-        least_s = min(max(FROZEN_HOURS_PER_HPA * 3600 * step_hpa, FROZEN_S[0]), FROZEN_S[1])
+        min_s = min(max(FROZEN_HOURS_PER_HPA * 3600 * step_hpa, FROZEN_S[0]), FROZEN_S[1])
         spent_s = record.stamp_s - self._begin_s
         changed = self._warmest - self._coldest >= FROZEN_KELVIN
-        frozen = spent_s >= least_s and changed and self._records >= FROZEN_RECORDS
+        frozen = spent_s >= min_s and changed and self._records >= FROZEN_RECORDS
         return spent_s / 3600 if frozen else 0.0
 
 
