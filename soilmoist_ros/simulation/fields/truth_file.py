@@ -17,8 +17,9 @@ from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil, moisture_curve
+from soilmoist_ros.simulation.fields.formula_base import Quantity, Truth
 from soilmoist_ros.simulation.fields.rate_extrapolation import MAX_POINTS, default_variogram, kriged_grid
-from soilmoist_ros.simulation.fields.rate_formula import Formula, Quantity, Truth
+from soilmoist_ros.simulation.fields.rate_formula import Formula
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.fields.truth_table import Layer, read_geotiff, read_grid, read_points

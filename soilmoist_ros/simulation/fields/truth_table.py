@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.simulation.fields.rate_formula import MAX_VWC, Quantity
+from soilmoist_ros.simulation.fields.formula_base import MAX_VWC, Quantity
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, filled
 
 if TYPE_CHECKING:
