@@ -1,0 +1,401 @@
+#!/usr/bin/env python3
+"""Strategies against the best lattice that hindsight chooses, with paired seeds.
+
+usage: .venv/bin/python scripts/bench_lattice.py [--fields rough validation FILE.yaml] [--seeds 20] [--cell 2]
+       [--strategies gcb ivr lattice:optimal] [--keep-lattices]
+
+Lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best lattice* at
+a time is the one with the lowest mean squared error of the rate, averaged over the seeds. Ratios are ratios of
+means over the seeds; +- is the standard error of the ratio over the pairs.
+
+Each mission is stored in the cache at once, under a digest of its settings and of the code; an interrupted run
+resumes. ``--keep-lattices`` reuses lattices of any version of the code.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import csv
+import hashlib
+import json
+import math
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import soilmoist_ros
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
+from soilmoist_ros.simulation.mission.map_errors import map_errors
+from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
+
+Array = NDArray[np.float64]
+Row = Mapping[str, Any]
+
+STATIONARY = (
+    "rough", "smooth", "patches", "ridge", "synthetic-high", "synthetic-low", "airfield-simulated", "validation",
+)  # fmt: skip
+NON_STATIONARY = ("halves", "rough-patch", "strips")
+LATTICES = tuple(f"lattice:fmi:{dwell_s}" for dwell_s in (10, 20, 30, 60))
+CODE = ("foundation", "sensing", "mapping", "exploration", "simulation")
+"""Folders that decide the result of a mission."""
+WINDOW_M = 10.0
+"""Window of the local variability of the truth [m]."""
+QUARTERS = 4
+EVERY_S = 60.0
+
+
+@dataclass(frozen=True)
+class Job:
+    """One mission.
+
+    :param field: name of a field, or path of a field file
+    :param strategy: ``NAME`` with the dwell rule ``optimal``, or ``NAME:DWELL``
+    :param cell_m: least cell size of the map [m]; the field's if that is larger
+    """
+
+    field: str
+    strategy: str
+    seed: int
+    hours: float = 2.0
+    speed_mps: float = 0.6
+    overhead_s: float = 12.0
+    cell_m: float = 0.0
+
+    @property
+    def settings(self) -> MissionSettings:
+        """Settings of the simulator."""
+        strategy, _, dwell = self.strategy.partition(":")
+        cell_m = surrogate_field(self.field).field.cell_m
+        return MissionSettings(
+            field=self.field,
+            strategy=strategy,
+            dwell=dwell or "optimal",
+            hours=self.hours,
+            seed=self.seed,
+            speed_mps=self.speed_mps,
+            stop_overhead_s=self.overhead_s,
+            cell_m=max(self.cell_m, cell_m or 0.0) or None,
+            series_every_s=EVERY_S,
+            random_field=True,
+        )
+
+    @property
+    def is_lattice(self) -> bool:
+        """Whether this is one of the lattices of fixed dwell."""
+        return self.strategy in LATTICES
+
+    def key(self, field_digest: str) -> str:
+        """Digest of the settings and the field, without the code."""
+        return digest(json.dumps(asdict(self) | {"field": Path(self.field).stem}) + field_digest)
+
+
+def digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def code_digest() -> str:
+    """Digest of the code that decides the result of a mission."""
+    root = Path(soilmoist_ros.__file__).parent
+    files = sorted(path for folder in CODE for path in (root / folder).rglob("*.py"))
+    return digest("".join(f"{path.relative_to(root)}\n{path.read_text(encoding='utf-8')}" for path in files))
+
+
+def field_digest(name: str) -> str:
+    """Digest of the truth of a field for one seed: it changes with the field's file or formula."""
+    field = surrogate_field(name, np.random.default_rng(0))
+    cells = field.field.grid(None).cells
+    return digest(",".join(f"{rate:.6g}" for rate in field.rate_at(cells[:: max(len(cells) // 500, 1)])))
+
+
+def outcome(result: MissionResult, cpu_s: float) -> dict[str, Any]:
+    """What the tables need of a mission."""
+    end_s = 3600 * result.settings.hours
+    times_s = np.append(np.arange(0.0, end_s, EVERY_S), end_s)
+    columns = result.columns
+    last = np.clip(np.searchsorted(columns["time_s"], times_s + 1e-6, side="right") - 1, 0, None)
+    kept = {name: columns[name][last].tolist() for name in ("mse", "distance_m", "coverage95", "samples")}
+    visits = result.visits
+    again = sum(a.name == b.name for a, b in pairwise(visits))
+    return {
+        "time_s": times_s.tolist(),
+        **kept,
+        "quarters": quarters(result),
+        "ended_s": float(columns["time_s"][-1]),
+        "again": again,
+        "ended": result.ended,
+        "cpu_s": cpu_s,
+    }
+
+
+def quarters(result: MissionResult) -> list[float]:
+    """Coverage of the 95 % interval in the quarters of the field by local variability, the flattest first."""
+    soil_map = result.soil_map
+    if soil_map is None:
+        return [math.nan] * QUARTERS
+    inside = np.isfinite(result.truth_rate)
+    order = np.argsort(local_sd(result.truth_rate, soil_map.grid.cell_m)[inside], kind="stable")
+    rate, sd, truth = (band[inside] for band in (soil_map.rate, soil_map.rate_sd, result.truth_rate))
+    parts = np.array_split(order, QUARTERS)
+    return [map_errors(rate[part], sd[part], truth[part], None).coverage95 for part in parts]
+
+
+def local_sd(truth: Array, cell_m: float) -> Array:
+    """Standard deviation of the truth in a square window around each cell, shape (ny, nx) [counts/s].
+
+    :param truth: shape (ny, nx) [counts/s], NaN outside the field
+    """
+    from scipy.ndimage import uniform_filter
+
+    width = 2 * max(round(WINDOW_M / cell_m / 2), 1) + 1
+    inside = np.isfinite(truth)
+    filled = np.where(inside, truth - np.nanmean(truth), 0.0)
+    share, mean, square = (
+        uniform_filter(band, width, mode="constant") for band in (inside * 1.0, filled, filled**2)
+    )
+    share = np.maximum(share, 1e-12)
+    return np.sqrt(np.maximum(square / share - (mean / share) ** 2, 0.0))
+
+
+class Cache:
+    """Outcomes of missions, one JSON file each."""
+
+    def __init__(self, folder: Path, keep_lattices: bool) -> None:
+        self.folder = folder
+        self.keep_lattices = keep_lattices
+        self._code = code_digest()
+        self._fields: dict[str, str] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def path(self, job: Job) -> Path:
+        """File of a mission, made by this version of the code."""
+        if job.field not in self._fields:
+            self._fields[job.field] = field_digest(job.field)
+        folder = self.folder / Path(job.field).stem / job.strategy.replace(":", "_")
+        return folder / f"{job.seed:03d}-{job.key(self._fields[job.field])}-{self._code}.json"
+
+    def read(self, job: Job) -> Row | None:
+        """Outcome of a mission, ``None`` if it is not stored."""
+        path = self.path(job)
+        if not path.exists() and job.is_lattice and self.keep_lattices:
+            others = path.parent.glob(path.name.replace(self._code, "*"))
+            path = max(others, key=lambda other: other.stat().st_mtime, default=path)
+        return json.loads(path.read_text()) if path.exists() else None
+
+    def write(self, job: Job, row: Row) -> None:
+        """Store the outcome of a mission."""
+        path = self.path(job)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(f".{os.getpid()}")
+        unfinished.write_text(json.dumps({"job": asdict(job), **row}))
+        unfinished.replace(path)
+
+
+def run(job: Job) -> dict[str, Any]:
+    """Simulate one mission."""
+    settings = job.settings
+    started = time.process_time()
+    result = simulate_mission(settings)
+    return outcome(result, time.process_time() - started)
+
+
+def all_rows(jobs: Sequence[Job], cache: Cache, processes: int) -> dict[Job, Row]:
+    """Outcomes of all missions; those not in the cache are simulated and stored."""
+    rows = {job: row for job in jobs if (row := cache.read(job)) is not None}
+    todo = [job for job in jobs if job not in rows]
+    print(f"{len(rows)} of {len(jobs)} missions are stored", file=sys.stderr)
+
+    def take(job: Job, row: Row) -> None:
+        cache.write(job, row)
+        rows[job] = row
+        print(f"\r{len(rows)} of {len(jobs)}", end="", file=sys.stderr, flush=True)
+
+    if processes < 2:
+        for job in todo:
+            take(job, run(job))
+    elif todo:
+        with ProcessPoolExecutor(processes) as pool:
+            running = {pool.submit(run, job): job for job in todo}
+            for future in as_completed(running):
+                take(running[future], future.result())
+    print(file=sys.stderr)
+    return rows
+
+
+def ratio(mine: Array, theirs: Array) -> tuple[float, float]:
+    """Ratio of the means of paired values, and its standard error by the delta method."""
+    value = float(mine.mean() / theirs.mean())
+    if len(mine) < 2:
+        return value, math.nan
+    return value, float(np.std(mine - value * theirs, ddof=1) / math.sqrt(len(mine)) / theirs.mean())
+
+
+def column(rows: Iterable[Row], name: str, share: float = 1.0) -> Array:
+    """Values of a quantity at a share of the mission time, one per mission."""
+    return np.array([row[name][round(share * (len(row[name]) - 1))] for row in rows])
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the table: a strategy on a field against the best lattices."""
+
+    field: str
+    strategy: str
+    mse: float
+    end: float
+    end_se: float
+    end_best: str
+    quarter: float
+    quarter_se: float
+    quarter_best: str
+    way: float
+    distance_m: float
+    coverage: float
+    quarters: tuple[float, ...]
+    stops: float
+    again: float
+    ended: float
+    per_s: float
+
+
+def line(field: str, strategy: str, rows: Mapping[str, Sequence[Row]]) -> Line:
+    """Compare a strategy with the best lattices of a field.
+
+    :param rows: outcomes by strategy, all with the same seeds
+    """
+    mine = rows[strategy]
+
+    def best(share: float) -> str:
+        errors = {name: column(rows[name], "mse", share).mean() for name in LATTICES}
+        return min(LATTICES, key=lambda name: (math.isnan(errors[name]), errors[name]))  # NaN before the first map
+
+    end, then = best(1.0), best(0.25)
+    final = ratio(column(mine, "mse"), column(rows[end], "mse"))
+    early = ratio(column(mine, "mse", 0.25), column(rows[then], "mse", 0.25))
+    distance = column(mine, "distance_m").mean()
+    return Line(
+        field=Path(field).stem,
+        strategy=strategy,
+        mse=float(column(mine, "mse").mean()),
+        end=final[0],
+        end_se=final[1],
+        end_best=end.rpartition(":")[2],
+        quarter=early[0],
+        quarter_se=early[1],
+        quarter_best=then.rpartition(":")[2],
+        way=float(distance / column(rows[end], "distance_m").mean()),
+        distance_m=float(distance),
+        coverage=float(column(mine, "coverage95").mean()),
+        quarters=tuple(np.mean([row["quarters"] for row in mine], axis=0).tolist()),
+        stops=float(column(mine, "samples").mean()),
+        again=float(np.mean([row["again"] for row in mine])),
+        ended=float(np.mean([row["ended_s"] / row["time_s"][-1] for row in mine])),
+        per_s=float(1 / np.mean([row["cpu_s"] for row in mine])),
+    )
+
+
+HEAD = (
+    "field", "strategy", "MSE end [1e-3]", "end / best lattice", "quarter / best lattice then", "driven [m]",
+    "driven / best lattice", "in 95 %", "by quarter, flat to rough", "stops", "same stop again", "ended [%]",
+    "missions/s",
+)  # fmt: skip
+
+
+def cells(one: Line) -> tuple[str, ...]:
+    """A line as text."""
+    return (
+        one.field,
+        one.strategy,
+        f"{1e3 * one.mse:.3g}",
+        f"{one.end:.2f} +- {one.end_se:.2f} (fmi:{one.end_best})",
+        f"{one.quarter:.2f} +- {one.quarter_se:.2f} (fmi:{one.quarter_best})",
+        f"{one.distance_m:.0f}",
+        f"{one.way:.2f}",
+        f"{100 * one.coverage:.1f}",
+        " ".join(f"{100 * share:.0f}" for share in one.quarters),
+        f"{one.stops:.0f}",
+        f"{one.again:.1f}",
+        f"{100 * one.ended:.0f}",
+        f"{one.per_s:.1f}",
+    )
+
+
+def known_fields() -> list[str]:
+    """The fields of the benchmark that this version has."""
+    from soilmoist_ros.foundation.configuration import resource_names
+
+    known = {*surrogate_field_names(), *resource_names("fields")}
+    return [name for name in (*STATIONARY, *NON_STATIONARY) if name in known]
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fields", nargs="+", help="names or field files; default: all families")
+    parser.add_argument("--strategies", nargs="+", default=["gcb"], help="NAME (dwell optimal) or NAME:DWELL")
+    parser.add_argument("--seeds", type=int, default=20, help="seeds 1 to this number")
+    parser.add_argument("--cell", type=float, default=0.0, help="least cell size [m]; larger is faster")
+    parser.add_argument("--hours", type=float, default=2.0)
+    parser.add_argument("--speed", type=float, default=0.6, help="[m/s]")
+    parser.add_argument("--overhead", type=float, default=12.0, help="[s]")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--cache", type=Path, default=Path("bench/lattice"))
+    parser.add_argument(
+        "--keep-lattices", action="store_true", help="reuse lattices of other versions of the code"
+    )
+    parser.add_argument("--all", action="store_true", help="show the lattices too")
+    parser.add_argument("--csv", type=Path, help="also write the table to this file")
+    return parser.parse_args()
+
+
+def main() -> None:
+    given = arguments()
+    cache = Cache(given.cache, given.keep_lattices)
+    fields = given.fields or known_fields()
+    strategies = list(dict.fromkeys((*given.strategies, *LATTICES)))
+    jobs = {
+        (field, strategy): [
+            Job(field, strategy, seed, given.hours, given.speed, given.overhead, given.cell)
+            for seed in range(1, given.seeds + 1)
+        ]
+        for field in fields
+        for strategy in strategies
+    }
+    found = all_rows([job for some in jobs.values() for job in some], cache, given.processes)
+    lines = []
+    for field in fields:
+        rows = {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
+        lines += [line(field, name, rows) for name in (strategies if given.all else given.strategies)]
+    print(
+        f"{given.hours:g} h, {given.speed:g} m/s, {given.overhead:g} s per stop, seeds 1 to {given.seeds}, "
+        f"cells of {f'at least {given.cell:g} m' if given.cell else 'the field'}\n"
+    )
+    print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
+    for one in lines:
+        print("| " + " | ".join(cells(one)) + " |")
+    if given.csv:
+        with given.csv.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(asdict(lines[0])))
+            writer.writeheader()
+            writer.writerows(asdict(one) for one in lines)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except InputError as error:
+        sys.exit(str(error))
