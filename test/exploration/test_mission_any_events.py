@@ -58,6 +58,7 @@ class AnyEvents(RuleBasedStateMachine):
         failures_to_pause=st.sampled_from([1, 2, 5]),
         standstill_s=st.sampled_from([0.0, 4.0]),
         backoff_s=st.sampled_from([0.0, 2.0]),
+        stays=st.booleans(),
     )
     def begin(self, home, dwell, **changes):
         rule_of_dwell = parse_dwell(dwell, longest_s=300.0)
@@ -161,7 +162,8 @@ class AnyEvents(RuleBasedStateMachine):
             assert after.samples >= before.samples
             assert after.counting_s >= before.counting_s
             assert after.raw_counts >= before.raw_counts
-        if before.phase is not Phase.COUNTING and before.counting and after.counting:
+        counts = before.phase is Phase.COUNTING or (self.rules.stays and before.phase is Phase.PLANNING)
+        if not counts and before.counting and after.counting:
             assert after.counting.records == before.counting.records, "counted outside COUNTING"
 
     def restarted(self, before):
@@ -356,7 +358,9 @@ class AnyEvents(RuleBasedStateMachine):
         assert status.reason
         assert 0 <= status.progress <= 1
         assert 0 <= status.time_left_s <= self.mission.current_rules.budget_s
-        assert self.counting == (state.phase is Phase.COUNTING)
+        stays = state.phase is Phase.PLANNING and state.counting is not None
+        assert not stays or (self.rules.stays and state.counting.met is not None and state.target is not None)
+        assert self.counting == (state.phase is Phase.COUNTING or stays)
         assert (state.plan is not None) == (state.phase is Phase.PLANNING)
         assert (state.goal is not None) == (state.phase in (Phase.TRAVELLING, Phase.RETURNING, Phase.CANCELLING))
         assert (state.todo is not None) == (state.phase in (Phase.CANCELLING, Phase.WAITING))

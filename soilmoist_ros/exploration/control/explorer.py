@@ -49,12 +49,13 @@ class Explorer:
     :param warm_up: the strategy until the map may guide
     :param dwell: dwell rule, to expect how long a measurement takes
     :param rng: source of all randomness
-    :param min_dwell_s: a stop must leave at least this for counting [s]
+    :param min_dwell_s: shortest dwell [s]
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param home: where the robot must be at the end, if anywhere
     :param counting: when the robot counts
     :param kept_for_home_s: time that the mission keeps for the way home from a place [s]; stops that it would find
         too late for are not offered
+    :param min_last_dwell_s: a stop must leave at least this for counting [s], if it is more than ``min_dwell_s``
     """
 
     def __init__(
@@ -66,11 +67,12 @@ class Explorer:
         warm_up: Strategy,
         dwell: DwellRule,
         rng: np.random.Generator,
-        min_dwell_s: float = 60.0,
+        min_dwell_s: float = 10.0,
         nominal_rate_cps: float = 4.0,
         home: Stop | None = None,
         counting: Counting = _ON_THE_WAY_TOO,
         kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
+        min_last_dwell_s: float = 0.0,
     ) -> None:
         self.properties = list(properties)
         self.grid = self.properties[0].field_map.grid
@@ -81,10 +83,12 @@ class Explorer:
         self.dwell = dwell
         self.rng = rng
         self.min_dwell_s = min_dwell_s
+        self.needed_dwell_s = max(min_dwell_s, min_last_dwell_s)
         self.nominal_rate_cps = nominal_rate_cps
         self.home = home
         self.counting = counting
         self._xy = stops_xy(stops)
+        self._numbers = {stop.name: number for number, stop in enumerate(stops)}
         self._map_xy = self.grid.cells
         self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
         self._cells = spread_cells(self.grid.mask, MAX_CELLS)[self.grid.mask]
@@ -122,7 +126,8 @@ class Explorer:
             return Plan(None, None)
         if isinstance(self.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
-        return Plan(choice, float(self.travel.travel_s(position_xy, [choice.stop])[0]))
+        stays = bool(request.staying) and choice.stop.name == request.staying
+        return Plan(choice, 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0]))
 
     def situation(
         self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()
@@ -134,6 +139,7 @@ class Explorer:
         """
         maps = self._maps(others)
         counted = maps[0].field_map
+        stay = self._number(request.staying)
         free = ~taken(self._xy, others, self.grid.cell_m)
         if request.blacklisted:
             ruled_out = set(request.blacklisted)
@@ -146,9 +152,16 @@ class Explorer:
             candidates = tuple(self.stops[index] for index in kept)
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
         travel_s = self.travel.travel_s(position_xy, candidates)
-        fits = travel_s + self.min_dwell_s + home_s <= request.budget_left_s
+        staying = None
+        if stay is not None and free[stay]:
+            staying = int(np.searchsorted(kept, stay))
+            travel_s[staying] = 0.0
+        fits = travel_s + self.needed_dwell_s + home_s <= request.budget_left_s
         known_rate = counted.soil_map is not None
-        considered = np.flatnonzero(free & self._considered)
+        weighed = free & self._considered
+        if staying is not None:
+            weighed[stay] = True
+        considered = np.flatnonzero(weighed)
         place = (float(position_xy[0]), float(position_xy[1]))
         rate = float(counted.rate.mean()) if known_rate else self.nominal_rate_cps
         return Situation(
@@ -165,7 +178,8 @@ class Explorer:
             travel_s=np.where(fits, travel_s, np.inf),
             travel_between_s=lambda indices: self.travel.between_s(candidates, indices),
             time_left_s=request.time_left_s,
-            expected_dwell_s=self.dwell.expected_s(rate, maps[0].factor),
+            expected_dwell_s=max(self.dwell.expected_s(rate, maps[0].factor), self.min_dwell_s),
+            staying=staying,
             prospect=cache(
                 lambda: self._prospect(
                     maps, considered, travel_s[np.searchsorted(kept, considered)], place, request
@@ -212,9 +226,29 @@ class Explorer:
             models.append(PlanningModel(each.field_map.kriging, self._cells_xy, weights, places, each.factor))
         models[0].others = tuple(models[1:])
         stops = tuple(self.stops[number] for number in numbers.tolist())
+        here = self._number(request.staying)
+        staying = None
+        if here is not None and here in numbers:
+            staying = int(np.searchsorted(numbers, here))
+            travel_s = travel_s.copy()
+            travel_s[staying] = 0.0
         budget_s = request.budget_left_s - self._home_s[numbers]
-        travel_s = np.where(travel_s + self.min_dwell_s <= budget_s, travel_s, np.inf)
-        return Prospect(models[0], stops, self.travel, position_xy, travel_s, budget_s, self.counting)
+        travel_s = np.where(travel_s + self.needed_dwell_s <= budget_s, travel_s, np.inf)
+        return Prospect(
+            models[0],
+            stops,
+            self.travel,
+            position_xy,
+            travel_s,
+            budget_s,
+            self.counting,
+            staying,
+            self.min_dwell_s,
+        )
+
+    def _number(self, name: str) -> int | None:
+        """Number of the stop of this name, ``None`` if there is none."""
+        return self._numbers.get(name) if name else None
 
     def _dwell_at(
         self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[PendingMeasurement]
@@ -223,7 +257,7 @@ class Explorer:
         assert situation.prospect is not None
         prospect = situation.prospect()
         if prospect is not None and stop not in prospect.stops:
-            chosen = next(number for number, other in enumerate(self.stops) if other.name == stop.name)
+            chosen = self._numbers[stop.name]
             numbers = np.union1d(np.flatnonzero(self._considered), [chosen])
             place = (*situation.position_xy.tolist(),)
             travel_s = self.travel.travel_s(place, [self.stops[number] for number in numbers.tolist()])

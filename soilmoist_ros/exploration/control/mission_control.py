@@ -546,6 +546,8 @@ class MissionControl:
     def _carry_out(self, action: Action) -> None:
         match action:
             case RequestPlan():
+                if action.staying and self._mission.state.last_stamp_s is not None:
+                    self._measured(self._mission.state.last_stamp_s)
                 self._queue.ask(action, self._clock.now_s())
                 self._plan_if_due()
             case GoTo():
@@ -555,9 +557,8 @@ class MissionControl:
             case VisitDone(visit=visit):
                 self._journal.visit(visit)
                 self._outputs.visit(visit)
-                measured_s = self._mission.state.last_stamp_s
-                if measured_s is not None:
-                    self._queue.measured(measured_s + self._mission.state.stamp_offset_s)
+                if self._mission.state.last_stamp_s is not None:
+                    self._measured(self._mission.state.last_stamp_s)
             case Publish():
                 self._journal.keep(self._mission)
                 self.show()
@@ -567,6 +568,10 @@ class MissionControl:
                 self._outputs.finish(action)
             case _:
                 pass  # counting is shown by the status
+
+    def _measured(self, ended_s: float) -> None:
+        """What is mapped before the next stop is chosen: all until this time [s]."""
+        self._queue.measured(ended_s + self._mission.state.stamp_offset_s)
 
     def _go(self, goal: GoTo) -> None:
         """Send a goal with its route; one that the fence refuses is never sent."""

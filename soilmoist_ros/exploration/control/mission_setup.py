@@ -228,6 +228,7 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
         rules.min_dwell_s,
         home=rules.home,
         kept_for_home_s=rules.way_home_s,
+        min_last_dwell_s=rules.min_last_dwell_s,
     )
 
 

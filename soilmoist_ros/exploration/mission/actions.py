@@ -30,6 +30,8 @@ class RequestPlan:
     :param budget_left_s: time until the robot must be home [s]. A stop fits if the travel to it, the shortest
         useful dwell and the way home *from there* fit in; offer only such stops, since the mission ends
         when the choice does not fit.
+    :param staying: name of the stop where the robot stands with its visit open: to choose it again means to count
+        on there, without a trip; empty if the visit is closed
     """
 
     plan_id: int
@@ -38,6 +40,7 @@ class RequestPlan:
     time_left_s: float
     budget_left_s: float
     ruled_out: Polygons = ()
+    staying: str = ""
 
 
 @dataclass(frozen=True, slots=True)

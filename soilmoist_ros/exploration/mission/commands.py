@@ -135,8 +135,7 @@ class Commands(Moves):
             dwell = f"fmi:{command.dwell_s:g}"
         queued = QueuedStop(stop, command.by, dwell)
         self.state = replace(self.state, queue=(*self.state.queue, queued))
-        if self.state.phase is Phase.PLANNING:
-            self.plan(f"{stop.name} requested by {command.by}")
+        self.plan_again(f"{stop.name} requested by {command.by}")
         names = ", ".join(queued.stop.name for queued in self.state.queue)
         return True, f"queued: {names}" if names else self.state.reason
 
@@ -153,8 +152,8 @@ class Commands(Moves):
         target = self.state.target
         if target is not None and inside_any([corners], xy(target.stop))[0]:
             self.leave_for_good(target.stop, f"{target.stop.name} is ruled out by {command.by}")
-        elif self.state.phase is Phase.PLANNING:
-            self.plan(f"an area is ruled out by {command.by}")
+        else:
+            self.plan_again(f"an area is ruled out by {command.by}")
         return True, f"no stop is chosen in the area; {self.state.reason}"
 
     def order(self, command: Command) -> tuple[bool, str]:
@@ -183,8 +182,7 @@ class Commands(Moves):
             return False, f"{used_s / 3600:.2f} h are used already: give more, or send the robot home"
         self.state = replace(self.state, changes=changes)
         self.rules = rules
-        if self.state.phase is Phase.PLANNING:
-            self.plan(f"settings changed by {command.by}")
+        self.plan_again(f"settings changed by {command.by}")
         given = (f"{name} {value.name if isinstance(value, Stop) else value}" for name, value in values.items())
         return True, f"changed: {', '.join(given)}"
 

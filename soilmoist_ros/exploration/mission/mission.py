@@ -134,6 +134,10 @@ STILL_SHARE = 1 / 3
 """A robot that stays within this share of the arrival radius stands still."""
 
 
+_ROUNDING = 1e-9
+"""Relative rounding error allowed in sums of exposures."""
+
+
 class _Turn(Commands, Dangers):
     """One step: what an event, or the operator, sets off."""
 
@@ -189,15 +193,22 @@ class _Turn(Commands, Dangers):
 
     def on_plan(self, event: Planned) -> None:
         choice = event.choice
+        staying = self.staying
         if choice is None:
             reason = "nothing is left that is worth measuring or can be reached" + after_colon(event.reason)
-            self.end(MissionEnd.NOTHING_LEFT, reason)
+            self.end_or_count_on(MissionEnd.NOTHING_LEFT, reason)
+        elif staying is not None and choice.stop.name == staying.stop.name:
+            self.count_on(choice.dwell, choice.reason)
         elif choice.stop.name in blacklisted(self.state) or inside_any(self.state.ruled_out, xy(choice.stop))[0]:
             self.fail(Todo.PLAN, f"the planner chose {choice.stop.name}, which is ruled out for now")
         else:
             travel_s = event.travel_s
             if travel_s is None:
                 travel_s = self.rules.travel_s(self.place, xy(choice.stop))
+            if staying is not None and not self.fits(choice.stop, travel_s):
+                self.end_or_count_on(MissionEnd.TIME_UP, f"no time is left for {choice.stop.name}")
+                return
+            self.settle()
             self.state = replace(
                 self.state, target=Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell)
             )
@@ -252,7 +263,8 @@ class _Turn(Commands, Dangers):
             raw_counts, exposure_s = raw_counts + record.raw_counts, exposure_s + record.exposure_s
         self.state = replace(state, last_stamp_s=ended_s, raw_counts=raw_counts, exposure_s=exposure_s)
         counting = state.counting
-        if state.phase is Phase.COUNTING and counting is not None and counting.since_s is not None:
+        at_stop = state.phase is Phase.COUNTING or state.phase is Phase.PLANNING
+        if at_stop and counting is not None and counting.since_s is not None:
             away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))
             if began_s >= counting.since_s and away_m <= self.rules.arrival_radius_m:
                 self.add(record, counting)
@@ -270,11 +282,15 @@ class _Turn(Commands, Dangers):
             effective_exposure_s=counting.effective_exposure_s + record.effective_exposure_s,
         )
         self.state = replace(self.state, counting=counting, reason=reason)
+        too_short = counting.exposure_s < self.rules.min_dwell_s * (1 - _ROUNDING)
+        if too_short or counting.met is not None or counting.to_the_end:
+            return
         dwell = dwell_rule(self.rules, self.state)
-        if dwell.enough(counting.raw_counts, counting.exposure_s):
-            longest = counting.exposure_s >= dwell.longest_s
+        judged_counts, judged_s = counting.judged
+        if dwell.enough(judged_counts, judged_s):
+            longest = judged_s >= dwell.longest_s
             code = VisitEnd.MAX_DWELL if longest else VisitEnd.ENOUGH
-            self.complete(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
+            self.dwell_is_over(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
 
 
 def _usable(record: CountRecord) -> bool:

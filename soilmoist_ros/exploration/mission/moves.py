@@ -35,7 +35,7 @@ from soilmoist_ros.exploration.mission.state import (
 )
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, OnSilence, Phase, PlanKind, Response
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 
 _RESUMES = {
@@ -166,18 +166,21 @@ class Moves:
         if going:
             return
         left_s = self.leave_by_s() - self.now_s
-        if left_s <= self.rules.min_dwell_s:
-            self.end(MissionEnd.TIME_UP, f"{reason}; the time left is too short for another stop")
+        if left_s <= self.rules.needed_dwell_s:
+            self.end_or_count_on(MissionEnd.TIME_UP, f"{reason}; the time left is too short for another stop")
             return
-        warm_up = self.state.samples < self.rules.warm_up_stops
+        staying = self.staying
+        samples = self.state.samples + (staying is not None)
+        warm_up = samples < self.rules.warm_up_stops
         kind = PlanKind.WARM_UP if warm_up else PlanKind.EXPLORE
         plan_id = self.state.plans + 1
         budget_left_s = self.left_s
         out, areas = blacklisted(self.state), self.state.ruled_out
-        self.do(RequestPlan(plan_id, kind, out, left_s, budget_left_s, areas))
+        at = "" if staying is None else staying.stop.name
+        self.do(RequestPlan(plan_id, kind, out, left_s, budget_left_s, areas, at))
         plan = PendingPlan(plan_id, self.now_s + self.rules.plan_limit_s)
-        self.state = replace(self.state, plan=plan, plans=plan_id, target=None)
-        number = f"warm-up stop {self.state.samples + 1} of {self.rules.warm_up_stops}"
+        self.state = replace(self.state, plan=plan, plans=plan_id, target=staying)
+        number = f"warm-up stop {samples + 1} of {self.rules.warm_up_stops}"
         self.enter(Phase.PLANNING, f"{reason}; choosing {number if warm_up else 'the next stop'}")
 
     def take_queued(self, reason: str) -> tuple[str, bool]:
@@ -190,6 +193,7 @@ class Moves:
             self.state = replace(self.state, queue=tuple(rest))
             travel_s = self.rules.travel_s(self.place, xy(queued.stop))
             if self.fits(queued.stop, travel_s):
+                self.settle()
                 dwell = parse_dwell(queued.dwell) if queued.dwell else None
                 asked = f"requested by {queued.who}"
                 self.state = replace(
@@ -202,7 +206,7 @@ class Moves:
 
     def fits(self, stop: Stop, travel_s: float) -> bool:
         """Whether the time left suffices for a stop and the way home from it."""
-        needed_s = travel_s + self.rules.min_dwell_s + self.rules.way_home_s(xy(stop))
+        needed_s = travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(stop))
         return needed_s <= self.left_s and self.now_s < self.leave_by_s()
 
     @property
@@ -214,7 +218,7 @@ class Moves:
         """Send the robot to its target, if the time left suffices."""
         target = self.state.target
         assert target is not None
-        needed_s = travel_s + self.rules.min_dwell_s + self.rules.way_home_s(xy(target.stop))
+        needed_s = travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(target.stop))
         left_s = self.left_s
         if self.fits(target.stop, travel_s):
             self.send(Phase.TRAVELLING, target.stop, max(travel_s, target.travel_s), reason)
@@ -264,6 +268,7 @@ class Moves:
 
     def fail(self, todo: Todo, reason: str) -> None:
         """Continue after a failure, or ask the operator after too many failures."""
+        self.settle()
         self.state = replace(self.state, failures=self.state.failures + 1)
         if self.state.failures < self.rules.failures_to_pause:
             self.back_off(self.state.failures)
@@ -279,6 +284,7 @@ class Moves:
 
     def hold(self, resume: Todo, reason: str, needs_operator: bool = True, held: bool = False) -> None:
         """Pause: stop the robot, and store what to resume."""
+        self.settle()
         self.suspend(reason)
         self.state = replace(
             self.state,
@@ -370,7 +376,55 @@ class Moves:
     def counting_reason(self) -> str:
         """What the status says while counting."""
         assert self.state.target is not None
-        return f"counting at {self.state.target.stop.name} ({self.dwell_name})"
+        until = self.dwell_name
+        if self.state.counting is not None and self.state.counting.to_the_end:
+            until = "until the time is used up"
+        return f"counting at {self.state.target.stop.name} ({until})"
+
+    @property
+    def staying(self) -> Target | None:
+        """The stop where the robot stands with its visit open while the next stop is chosen."""
+        counting = self.state.counting
+        return self.state.target if counting is not None and counting.met is not None else None
+
+    def settle(self) -> None:
+        """Close the visit of a stop whose dwell is over, if it is still open."""
+        counting = self.state.counting
+        if counting is not None and counting.met is not None:
+            self.leave_stop(counting.met, counting.outcome)
+
+    def count_on(self, dwell: DwellRule | None, reason: str) -> None:
+        """Count on at the stop where the robot stands, in the same visit: the planner has chosen it again.
+
+        :param dwell: its new dwell rule, for what is counted from now on; ``None`` for the mission's
+        """
+        target, counting = self.state.target, self.state.counting
+        assert target is not None
+        assert counting is not None
+        counting = replace(
+            counting, earlier_counts=counting.raw_counts, earlier_s=counting.exposure_s, met=None, outcome=""
+        )
+        self.state = replace(self.state, target=replace(target, dwell=dwell), counting=counting)
+        self.enter(Phase.COUNTING, f"counting on at {target.stop.name}{after_colon(reason)}")
+
+    def end_or_count_on(self, code: MissionEnd, reason: str) -> None:
+        """Use what is left of the time at the stop where the robot counts; end the mission if it is at none."""
+        target, counting = self.staying, self.state.counting
+        if target is None or counting is None:
+            self.end(code, reason)
+            return
+        self.state = replace(self.state, counting=replace(counting, met=None, outcome="", to_the_end=True))
+        self.enter(Phase.COUNTING, f"{self.counting_reason()}: {reason}")
+
+    def plan_again(self, reason: str) -> None:
+        """Choose again under changed terms, while the stop is being chosen or the rest of the time is counted."""
+        counting = self.state.counting
+        if self.state.phase is Phase.COUNTING and counting is not None and counting.to_the_end:
+            counting = replace(counting, met=VisitEnd.ENOUGH, outcome=reason, to_the_end=False)
+            self.state = replace(self.state, counting=counting)
+            self.plan(reason)
+        elif self.state.phase is Phase.PLANNING:
+            self.plan(reason)
 
     def count(self, counting: Counting) -> None:
         """Count from now on."""
@@ -400,12 +454,17 @@ class Moves:
             self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False))
 
     def leave_stop(self, code: VisitEnd, reason: str) -> int:
-        """Close the stop and return the number of its records; a stop with records becomes a visit."""
+        """Close the stop and return the number of its records; a stop with records becomes a visit.
+
+        A dwell that is over keeps its own reason.
+        """
         self.suspend(reason)
         target, counting = self.state.target, self.state.counting
         self.state = replace(self.state, target=None, counting=None)
         if target is None or counting is None:
             return 0
+        if counting.met is not None:
+            code, reason = counting.met, counting.outcome
         self.state = replace(self.state, counting_s=self.state.counting_s + counting.before_s)
         if counting.records > 0:  # zero is a count, too
             self.state = replace(self.state, samples=self.state.samples + 1, failures=0)
@@ -445,6 +504,17 @@ class Moves:
             self.rule_out(stop)
             self.fail(Todo.PLAN, f"nothing was counted at {stop.name}: {reason}")
 
+    def dwell_is_over(self, code: VisitEnd, reason: str) -> None:
+        """The dwell rule is met: choose the next stop, with the visit open where the rules say so."""
+        target, counting = self.state.target, self.state.counting
+        assert target is not None
+        assert counting is not None
+        if self.rules.stays:
+            self.state = replace(self.state, counting=replace(counting, met=code, outcome=reason))
+            self.then(Todo.PLAN, f"{target.stop.name} is done: {reason}")
+        else:
+            self.complete(code, reason)
+
     # Time ----------------------------------------------------------------------------------------------------
 
     def leave_by_s(self) -> float:
@@ -459,8 +529,10 @@ class Moves:
             case Phase.COUNTING:  # the phase of nearly all steps
                 assert counting is not None
                 assert counting.since_s is not None
-                longest_s = counting.since_s + rules.dwell.longest_s - counting.before_s
-                times = [(self.leave_by_s(), self.time_up), (longest_s, self.dwell_late)]
+                longest_s = counting.since_s + counting.earlier_s + rules.dwell.longest_s - counting.before_s
+                times = [(self.leave_by_s(), self.time_up)]
+                if not counting.to_the_end:
+                    times.append((longest_s, self.dwell_late))
                 if not counting.silent:
                     times.append((counting.heard_s + rules.silence_limit_s, self.silence))
                 return times

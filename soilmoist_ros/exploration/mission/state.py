@@ -19,6 +19,7 @@ from soilmoist_ros.exploration.mission.types import (
     Polygons,
     Response,
 )
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 
@@ -90,6 +91,12 @@ class Counting:
     :param before_s: time counted before the last resumption [s]
     :param heard_s: time of the last record of this stop, or ``since_s`` [s]
     :param silent: whether silence has been reported
+    :param earlier_counts: those of ``raw_counts`` that had been counted when the planner chose to count on; the
+        dwell rule judges what came later
+    :param earlier_s: their exposure [s]
+    :param met: why the dwell is over while the next stop is being chosen, ``outcome`` the same in words; ``None``
+        while the dwell lasts
+    :param to_the_end: whether the robot counts here until the time is up, since no other stop fits in
     """
 
     x_m: float
@@ -103,6 +110,16 @@ class Counting:
     raw_counts: int = 0
     exposure_s: float = 0.0
     effective_exposure_s: float = 0.0
+    earlier_counts: int = 0
+    earlier_s: float = 0.0
+    met: VisitEnd | None = None
+    outcome: str = ""
+    to_the_end: bool = False
+
+    @property
+    def judged(self) -> tuple[int, float]:
+        """Raw counts that the dwell rule judges, and their exposure [s]."""
+        return self.raw_counts - self.earlier_counts, self.exposure_s - self.earlier_s
 
     def dwell_s(self, now_s: float) -> float:
         """Time spent counting [s]."""
@@ -279,9 +296,9 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         phase=state.phase,
         reason=state.reason,
         target=returning.stop if returning else stop,
-        planned_dwell_s=dwell.expected_s(raw_rate(state)) if state.target else 0.0,
+        planned_dwell_s=_planned_dwell_s(rules, state) if state.target else 0.0,
         dwell_s=counting.dwell_s(now_s) if counting else 0.0,
-        progress=dwell.progress(counting.raw_counts, counting.exposure_s) if counting else 0.0,
+        progress=_progress(dwell, counting),
         time_used_s=used_s,
         time_left_s=left_s,
         distance_m=state.distance_m,
@@ -302,6 +319,22 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         clock_offset_s=state.stamp_offset_s,
         ruled_out=state.ruled_out,
     )
+
+
+def _planned_dwell_s(rules: MissionRules, state: MissionState) -> float:
+    """Expected dwell at the target, with what is counted there already [s]."""
+    counting = state.counting
+    if counting is not None and counting.to_the_end and state.now_s is not None:
+        return counting.dwell_s(state.now_s) + max(0.0, rules.budget_s - state.time_used_s)
+    earlier_s = counting.earlier_s if counting is not None else 0.0
+    return max(earlier_s + dwell_rule(rules, state).expected_s(raw_rate(state)), rules.min_dwell_s)
+
+
+def _progress(dwell: DwellRule, counting: Counting | None) -> float:
+    """Share of the dwell that is done."""
+    if counting is None:
+        return 0.0
+    return 1.0 if counting.met is not None else dwell.progress(*counting.judged)
 
 
 @lru_cache(maxsize=4)

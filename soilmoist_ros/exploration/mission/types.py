@@ -14,6 +14,10 @@ Polygons = tuple[Polygon, ...]
 """Corners of areas: metres east and north of the field's datum."""
 
 
+PUBLISHED_MIN_LAST_DWELL_S = 60.0
+"""With the published presets, stops that leave less for counting are skipped [s]."""
+
+
 class Phase(StrEnum):
     """What the mission is doing."""
 
@@ -111,7 +115,8 @@ class MissionRules:
     :param dwell: when to end counting at a stop
     :param home: where to go at the end, ``None`` to stay at the last stop
     :param warm_up_stops: number of ``warm_up`` samples before the map guides the choice
-    :param min_dwell_s: minimum useful dwell; stops that leave less are skipped [s]
+    :param min_dwell_s: shortest dwell, whatever the dwell rule says; stops that leave less are skipped [s]
+    :param min_last_dwell_s: stops that leave less are skipped, if it is more than ``min_dwell_s`` [s]
     :param speed_mps: speed, to estimate travel [m/s]
     :param stop_overhead_s: time of each trip that is not driving [s]
     :param detour: driven distance over straight distance, where the planner gives no travel time [-]
@@ -130,6 +135,9 @@ class MissionRules:
     :param failures_to_pause: failures without a visit in between after which the operator is asked
     :param silence_limit_s: time without a record of the stop, while counting, that counts as silence [s]
     :param on_silence: what to do on silence; ``wait`` ends with the dwell rule's longest time
+    :param stays: when the dwell rule is met, the visit stays open until the next stop is chosen, so that the
+        planner may choose to count on; what is left of the time is used where the robot stands. Without, the
+        visit closes first, as published
     :param odometer_step_m: moves shorter than this count as noise of the position [m]
     :raises ValueError: if a value is out of its range
     """
@@ -138,7 +146,8 @@ class MissionRules:
     dwell: DwellRule
     home: Stop | None = None
     warm_up_stops: int = 3
-    min_dwell_s: float = 60.0
+    min_dwell_s: float = 10.0
+    min_last_dwell_s: float = 0.0
     speed_mps: float = 0.6
     stop_overhead_s: float = 12.0
     detour: float = 1.3
@@ -157,6 +166,7 @@ class MissionRules:
     silence_limit_s: float = 60.0
     on_silence: OnSilence = OnSilence.WAIT
     odometer_step_m: float = 0.5
+    stays: bool = False
 
     def __post_init__(self) -> None:
         above_zero = {
@@ -171,6 +181,11 @@ class MissionRules:
             if not (math.isfinite(value) and value >= low) or (field.name in above_zero and value <= 0):
                 limit = "> 0" if field.name in above_zero else f">= {low:g}"
                 raise ValueError(f"{field.name} must be {limit} and finite, got {value}")
+
+    @property
+    def needed_dwell_s(self) -> float:
+        """Time that a stop must leave for counting [s]."""
+        return max(self.min_dwell_s, self.min_last_dwell_s)
 
     def travel_s(self, start: tuple[float, float], end: tuple[float, float]) -> float:
         """Estimated time of a trip [s]."""

@@ -45,7 +45,7 @@ class Worth:
     :param variance: B of the stop after the trip [(counts/s)^2]
     :param rate: rate expected at the stop [counts/s]
     :param travel_s: time of the trip, stop overhead included [s]
-    :param dwell_s: dwell with the highest value [s], 0 if counting on the way is worth more
+    :param dwell_s: dwell with the highest value [s], the shortest one if counting on the way is worth more
     :param value: reduction of the integrated variance per second of trip and dwell, with ``dwell_s``
     :param others: A, B and noise n of each further property; ``on_way`` and ``value`` include all properties
     """
@@ -147,8 +147,9 @@ class PlanningModel:
         travel_s: Array,
         ways: Indices,
         exposure_s: Array,
-        overhead_s: float,
+        overhead_s: float | Array,
         longest_s: Array,
+        min_dwell_s: float = 0.0,
     ) -> Worth:
         """Value of the trip to each candidate and of counting there.
 
@@ -156,15 +157,17 @@ class PlanningModel:
         :param travel_s: times of the trips, stop overhead included, shape (k,) [s]
         :param ways: nodes on the way to each, shape (k, m)
         :param exposure_s: exposure at each of these nodes, shape (k, m) [s]; 0 where a route has fewer nodes
-        :param overhead_s: time of the trip in which the robot already stands at the stop and counts [s]
+        :param overhead_s: time of the trip in which the robot already stands at the stop and counts, one value or
+            shape (k,) [s]
         :param longest_s: longest dwell possible at each, shape (k,) [s]
+        :param min_dwell_s: shortest dwell [s]
         """
         node = self.stop_nodes[stops]
         nodes = np.column_stack([ways, node])
-        seconds = np.column_stack([exposure_s, np.full(len(node), overhead_s)])
+        seconds = np.column_stack([exposure_s, np.broadcast_to(np.asarray(overhead_s, float), len(node))])
         each = [model._at_stops(node, nodes, seconds) for model in (self, *self.others)]
         on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
-        dwell_s, value = best_dwell(on_way, gain, variance, noise, travel_s, longest_s)
+        dwell_s, value = best_dwell(on_way, gain, variance, noise, travel_s, longest_s, min_dwell_s)
         return Worth(
             on_way.sum(axis=0),
             gain[0],
@@ -226,7 +229,13 @@ def _nearest_cells(cells_xy: bytes, stops_xy: bytes) -> tuple[Array, Indices]:
 
 
 def best_dwell(
-    on_way: Array, gain: Array, variance: Array, rate: Array, travel_s: Array, longest_s: Array
+    on_way: Array,
+    gain: Array,
+    variance: Array,
+    rate: Array,
+    travel_s: Array,
+    longest_s: Array,
+    min_dwell_s: float = 0.0,
 ) -> tuple[Array, Array]:
     """Dwell with the highest value per second of a trip (marginal value theorem, Charnov 1976), and the value.
 
@@ -241,6 +250,7 @@ def best_dwell(
     :param rate: n, rate times correction factor [counts/s], > 0
     :param travel_s: T [s]
     :param longest_s: longest dwell possible [s]
+    :param min_dwell_s: shortest dwell [s], where ``longest_s`` allows it
     :returns: dwell [s], and reduction of the integrated variance per second
     """
     square = on_way * variance**2 + gain * variance
@@ -251,7 +261,7 @@ def best_dwell(
         dwell_s = np.where((constant < 0) & (square > 0), (root - half) / square, 0.0)
     if dwell_s.ndim > 1:
         dwell_s = _best_of_all(on_way, gain, variance, rate, travel_s, dwell_s)
-    dwell_s = np.clip(dwell_s, 0.0, np.maximum(longest_s, 0.0))
+    dwell_s = np.minimum(np.maximum(dwell_s, min_dwell_s), np.maximum(longest_s, 0.0))
     fall = on_way + gain * dwell_s / (variance * dwell_s + rate)
     if fall.ndim > 1:
         fall = fall.sum(axis=0)

@@ -49,6 +49,9 @@ class Prospect:
     :param travel_s: travel times to the candidates, shape (k,) [s]; inf if unreachable
     :param budget_s: time left for the trip and the dwell, shape (k,) [s]
     :param counting: when the robot counts
+    :param staying: number of the candidate at which the robot stands and may count on: its travel time is 0, with
+        no way and no stop overhead; ``None`` if there is none
+    :param min_dwell_s: shortest dwell [s]
     """
 
     def __init__(
@@ -60,6 +63,8 @@ class Prospect:
         travel_s: Array,
         budget_s: Array,
         counting: Counting,
+        staying: int | None = None,
+        min_dwell_s: float = 0.0,
     ) -> None:
         self.model = model
         self.stops = stops
@@ -68,6 +73,8 @@ class Prospect:
         self._travel_s = travel_s
         self._budget_s = budget_s
         self._counting = counting
+        self.staying = staying
+        self.min_dwell_s = min_dwell_s
 
     @cached_property
     def reachable(self) -> Indices:
@@ -87,12 +94,15 @@ class Prospect:
         stops = self.reachable
         ways, exposure_s = self.ways(stops)
         longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], MAX_DWELL_S)
-        return self.model.worth(stops, self._travel_s[stops], ways, exposure_s, self.overhead_s, longest_s)
+        overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
+        return self.model.worth(
+            stops, self._travel_s[stops], ways, exposure_s, overhead_s, longest_s, self.min_dwell_s
+        )
 
     @property
     def price(self) -> float:
-        """Price of a second: the highest value of all candidates."""
-        return float(self.worth.value.max(initial=0.0))
+        """Price of a second: the highest value of all candidates that need a trip."""
+        return float(self.worth.value[self.reachable != self.staying].max(initial=0.0))
 
     def dwell(self, stop: Stop, longest_s: float = MAX_DWELL_S) -> MarginalValue | None:
         """Dwell rule of a stop at the current price of time, ``None`` if the stop is not reachable.

@@ -51,6 +51,8 @@ class CostBenefitTour:
         used_s = self.begun_s - situation.time_left_s
         horizon_s = min(HORIZON * used_s**2 / self.begun_s, situation.time_left_s)
         best = int(np.argmax(prospect.worth.value))
+        if prospect.reachable[best] == prospect.staying:
+            return first
         tour = _Tour(prospect, best)
         while len(tour.stops) < MAX_STOPS and tour.insert(horizon_s):
             pass
@@ -115,6 +117,7 @@ class _Tour:
         dwell_s, value = best_dwell(on_way, gain * less**2, variance * less, noise, extra_s, longest_s)
         fits = self.time_s + extra_s + dwell_s <= horizon_s
         fits[self.stops] = False
+        fits[prospect.reachable == prospect.staying] = False  # a tour is about going
         if not fits.any():
             return False
         row = int(np.argmax(np.where(fits, value, -np.inf)))

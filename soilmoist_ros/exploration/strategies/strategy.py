@@ -33,6 +33,8 @@ class Situation:
     :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
     :param time_left_s: mission time that is left [s]
     :param expected_dwell_s: dwell that the next measurement is expected to take [s]
+    :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
+        time is 0, and no goal is sent when it is chosen; ``None`` if there is none
     :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
     """
 
@@ -49,6 +51,7 @@ class Situation:
     time_left_s: float
     expected_dwell_s: float
     prospect: Callable[[], Prospect | None] | None = None
+    staying: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from typing import Final
 
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
-from soilmoist_ros.exploration.mission.types import MissionRules, OnSilence
+from soilmoist_ros.exploration.mission.types import PUBLISHED_MIN_LAST_DWELL_S, MissionRules, OnSilence
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -178,7 +178,14 @@ PARAMETERS: Final = (
         0.0,
     ),
     _row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
-    _row("min_dwell_s", 60.0, "minimum useful dwell; stops that leave less are skipped", "s", 0.0),
+    _row(
+        "min_dwell_s",
+        10.0,
+        "shortest time at a stop, whatever the dwell rule says, by default one record; stops that leave less are "
+        "skipped",
+        "s",
+        0.0,
+    ),
     _row("map_wait_s", 20.0, "longest wait for the mapper before the next stop is chosen", "s", 0.0),
     _row("plan_limit_s", 120.0, "longest time for choosing a stop", "s", 1.0),
     _row("retries", 1, "how often a goal that failed is sent again", low=0),
@@ -248,12 +255,15 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
     :param home: stop to return to
     """
     number = parameters.number
+    recommended = settings.preset == "recommended"
     return MissionRules(
         budget_s=number("hours") * 3600,
         dwell=settings.dwell,
         home=home,
         warm_up_stops=settings.warm_up_stops,
         min_dwell_s=number("min_dwell_s"),
+        min_last_dwell_s=0.0 if recommended else PUBLISHED_MIN_LAST_DWELL_S,
+        stays=recommended,
         speed_mps=settings.motion.speed_mps,
         stop_overhead_s=settings.motion.stop_overhead_s,
         arrival_radius_m=number("arrival_radius_m"),

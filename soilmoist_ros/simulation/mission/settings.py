@@ -305,6 +305,10 @@ class MissionSettings:
     )
     speed_mps: float = _setting(0.6, "Speed of the robot.", unit="m/s", low=0, above=True)
     stop_overhead_s: float = _setting(12.0, "Time lost at each stop.", unit="s", low=0)
+    min_dwell_s: float | None = _setting(
+        None, "Shortest time at a stop, whatever the dwell rule says; stops that leave less are skipped. Default: "
+        "one record.", float, unit="s", low=0, above=True,
+    )  # fmt: skip
     turn_s_per_rad: float = _setting(0.0, "Time for each radian turned.", unit="s/rad", low=0)
     cadence_s: float = _setting(10.0, "Duration of a record.", unit="s", low=0, above=True)
     cell_m: float | None = _setting(

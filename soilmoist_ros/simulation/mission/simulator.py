@@ -38,7 +38,12 @@ from soilmoist_ros.exploration.mission.events import (
     Tick,
 )
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
+from soilmoist_ros.exploration.mission.types import (
+    PUBLISHED_MIN_LAST_DWELL_S,
+    MissionRules,
+    Phase,
+    Verb,
+)
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import dwell_rule
 from soilmoist_ros.exploration.planning.properties import Property, correction_factor
@@ -167,6 +172,7 @@ class _Simulation:
         settings, field = self.settings, self.field
         seed = settings.seed
         dwell = dwell_rule(settings.dwell)
+        recommended = settings.preset == "recommended"
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
         mission = Mission(
             MissionRules(
@@ -176,6 +182,9 @@ class _Simulation:
                 speed_mps=settings.speed_mps,
                 detour=1.0,
                 stop_overhead_s=settings.stop_overhead_s,
+                min_dwell_s=settings.min_dwell_s or settings.cadence_s,
+                min_last_dwell_s=0.0 if recommended else settings.min_dwell_s or PUBLISHED_MIN_LAST_DWELL_S,
+                stays=recommended and settings.map_from == "records",
                 arrival_radius_m=max(3.0, 5 * settings.position_sd_m),
                 standstill_s=0.0,  # a simulated robot stands at once
                 backoff_s=0.0,
@@ -200,6 +209,7 @@ class _Simulation:
             mission.rules.min_dwell_s,
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
+            min_last_dwell_s=mission.rules.min_last_dwell_s,
         )
         start = start_stop(field.field, self.stops)
         body = VirtualRobot(self.motion, (start.x_m, start.y_m))

@@ -48,6 +48,7 @@ class Around:
                 "budget_s": 900.0,
                 "dwell": dwell,
                 "warm_up_stops": 1,
+                "min_last_dwell_s": 60.0,
                 "standstill_s": 0.0,
                 "backoff_s": 0.0,
                 **rules,

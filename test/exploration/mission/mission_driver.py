@@ -24,6 +24,7 @@ EAST, NORTH = Stop("east", 30.0, 0.0), Stop("north", 0.0, 30.0)
 
 def make_rules(**changes):
     values = {"budget_s": 7200.0, "dwell": parse_dwell("fmi:60"), "speed_mps": 1.0, "stop_overhead_s": 10.0}
+    values["min_last_dwell_s"] = 60.0
     return MissionRules(
         **{**values, "detour": 1.0, "warm_up_stops": 1, "standstill_s": 0.0, "backoff_s": 0.0, **changes}
     )

@@ -285,7 +285,11 @@ def test_a_stop_that_does_not_fit_ends_the_mission():
 
 
 def test_a_plan_that_comes_too_late_does_not_move_the_robot():
-    driver = Driver(home=HOME, budget_s=300.0, min_dwell_s=0.0).send(Moved, 150.0, 0.0).command("start")
+    driver = (
+        Driver(home=HOME, budget_s=300.0, min_last_dwell_s=0.0, min_dwell_s=0.0)
+        .send(Moved, 150.0, 0.0)
+        .command("start")
+    )
     driver.plan(Stop("near home", 2.0, 0.0), after=85.0)
     assert driver.last(GoTo).stop == HOME
     assert driver.count_of(CancelGoal) == 0
@@ -308,7 +312,9 @@ def test_the_planner_is_told_the_time_after_the_way_home():
 
 
 def test_the_end_of_the_time_closes_the_sample_and_sends_the_robot_home():
-    driver = Driver(home=HOME, budget_s=200.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")).counting()
+    driver = Driver(
+        home=HOME, budget_s=200.0, min_last_dwell_s=0.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")
+    ).counting()
     driver.record().record()
     assert driver.mission.next_deadline_s == 1000.0 + 200.0 - (10.0 + 30.0 + 60.0)
     driver.send(Tick, after=60.0)
@@ -321,7 +327,7 @@ def test_the_end_of_the_time_closes_the_sample_and_sends_the_robot_home():
 
 
 def test_a_record_that_arrives_as_the_time_ends_still_counts():
-    driver = Driver(budget_s=100.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")).counting()
+    driver = Driver(budget_s=100.0, min_last_dwell_s=0.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")).counting()
     driver.record(after=80.0)
     assert driver.last(VisitDone).visit.raw_counts == 30
     assert driver.phase is Phase.FINISHED

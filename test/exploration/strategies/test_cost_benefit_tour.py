@@ -92,5 +92,5 @@ def test_what_is_left_of_each_stop_is_that_of_the_posterior_after_the_tour(on_wa
 
 
 def test_without_a_map_or_time_it_does_as_ivr():
-    now = situation(left_s=30.0)
+    now = situation(left_s=20.0)
     assert CostBenefitTour().choose(now, rng()) is None

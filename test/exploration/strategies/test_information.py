@@ -76,8 +76,8 @@ def test_a_stop_off_the_weighed_ones_gets_a_dwell_too():
 
 def test_too_little_time_is_an_end():
     planner = with_map(explorer())
-    assert planner.plan(request(left=30.0), (2.5, 2.5)).choice is None
-    assert explorer().plan(request(left=30.0), (2.5, 2.5)).choice is None
+    assert planner.plan(request(left=20.0), (2.5, 2.5)).choice is None
+    assert explorer().plan(request(left=20.0), (2.5, 2.5)).choice is None
 
 
 def test_the_way_home_is_kept_back():

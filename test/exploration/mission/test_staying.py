@@ -1,0 +1,149 @@
+"""The visit stays open while the next stop is chosen, and the planner may choose to count on."""
+
+import math
+
+import pytest
+from mission_driver import EAST, HOME, NORTH, Driver
+
+from soilmoist_ros.exploration.mission.actions import Finish, GoTo, RequestPlan, StopCounting, VisitDone
+from soilmoist_ros.exploration.mission.events import Command, EmergencyStop, Moved, PlanFailed, Tick
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
+from soilmoist_ros.exploration.mission.visit import VisitEnd
+
+
+def done(records=6, **rules):
+    """A mission whose dwell is over, while the next stop is being chosen."""
+    driver = Driver(stays=True, **rules).counting()
+    for _ in range(records):
+        driver.record()
+    return driver
+
+
+def test_the_visit_is_open_while_the_next_stop_is_chosen():
+    driver = done()
+    assert driver.phase is Phase.PLANNING
+    assert driver.count_of(VisitDone) == driver.count_of(StopCounting) == 0
+    request = driver.last(RequestPlan)
+    assert (request.staying, request.kind) == ("east", PlanKind.EXPLORE)
+    assert driver.mission.status.target == EAST
+
+
+def test_another_choice_closes_the_visit_with_all_that_was_counted():
+    driver = done().record().plan(NORTH)
+    visit = driver.last(VisitDone).visit
+    assert (visit.records, visit.ended, visit.raw_counts) == (7, VisitEnd.ENOUGH, 210)
+    assert visit.dwell_s == 70.0
+    assert driver.last(GoTo).stop == NORTH
+
+
+def test_the_same_choice_counts_on_without_a_goal():
+    driver = done().plan(EAST, "fmi:20")
+    assert driver.phase is Phase.COUNTING
+    assert driver.count_of(GoTo) == 1
+    assert driver.count_of(VisitDone) == 0
+    assert driver.record().phase is Phase.COUNTING
+    assert driver.mission.status.progress == pytest.approx(0.5)
+    assert driver.mission.status.planned_dwell_s == 80.0
+    assert driver.record().phase is Phase.PLANNING, "the new rule judges only what came after the choice"
+    driver.plan(NORTH)
+    assert driver.count_of(VisitDone) == 1
+    assert driver.last(VisitDone).visit.records == 8
+
+
+@pytest.mark.parametrize(
+    ("act", "ended"),
+    [
+        (lambda driver: driver.command("pause"), VisitEnd.ENOUGH),
+        (lambda driver: driver.command("abort"), VisitEnd.ENOUGH),
+        (lambda driver: driver.command("skip"), VisitEnd.ENOUGH),
+        (lambda driver: driver.send(EmergencyStop, True, "button"), VisitEnd.ENOUGH),
+        (lambda driver: driver.send(PlanFailed, driver.last(RequestPlan).plan_id, "broken"), VisitEnd.ENOUGH),
+        (lambda driver: driver.send(Tick, after=130.0), VisitEnd.ENOUGH),
+        (lambda driver: driver.send(Tick, after=8000.0), VisitEnd.ENOUGH),
+    ],
+)
+def test_what_ends_the_planning_closes_the_visit_once(act, ended):
+    driver = done()
+    act(driver)
+    assert driver.count_of(VisitDone) == driver.count_of(StopCounting) == 1
+    assert driver.last(VisitDone).visit.ended is ended
+    state = driver.mission.state
+    assert (state.counting, state.target, state.samples) == (None, None, 1)
+
+
+def test_after_a_pause_the_next_stop_is_chosen_with_the_visit_closed():
+    driver = done().command("pause").command("resume")
+    assert driver.last(RequestPlan).staying == ""
+    assert driver.plan(NORTH).count_of(VisitDone) == 1
+
+
+def test_a_mission_goes_on_from_a_snapshot_while_the_visit_is_open():
+    driver = done()
+    driver.mission = Mission.restore(driver.mission.rules, driver.mission.snapshot())
+    assert driver.record().plan(NORTH).last(VisitDone).visit.records == 7
+
+
+def test_the_rest_of_the_time_is_counted_where_the_robot_stands():
+    driver = done(budget_s=130.0)
+    assert driver.phase is Phase.COUNTING
+    assert "until the time is used up" in driver.reason
+    assert driver.mission.status.planned_dwell_s == pytest.approx(110.0)
+    for _ in range(5):
+        driver.record(after=9.9)
+    driver.send(Tick, after=20.0)
+    assert driver.last(Finish).code is MissionEnd.TIME_UP
+    visit = driver.last(VisitDone).visit
+    assert (visit.records, visit.ended, driver.count_of(VisitDone)) == (11, VisitEnd.TIME_UP, 1)
+
+
+def test_when_nothing_is_left_the_robot_counts_on():
+    driver = done(home=HOME).plan(None)
+    assert driver.phase is Phase.COUNTING
+    driver.record()
+    driver.send(Tick, after=7200.0)
+    assert driver.last(GoTo).stop == HOME
+    assert driver.last(VisitDone).visit.records == 7
+
+
+def test_a_stop_that_has_become_too_far_is_not_driven_to():
+    driver = done().plan(NORTH, travel_s=math.inf)
+    assert driver.phase is Phase.COUNTING
+    assert driver.count_of(GoTo) == 1
+
+
+def test_changed_settings_end_the_counting_of_the_rest():
+    driver = done().plan(None)
+    plans = driver.count_of(RequestPlan)
+    driver.send(Command, Verb.CHANGE, changes=Changes(strategy="random"))
+    assert (driver.phase, driver.count_of(RequestPlan)) == (Phase.PLANNING, plans + 1)
+    assert driver.last(RequestPlan).staying == "east"
+
+
+def test_a_queued_stop_closes_the_visit_before_the_robot_leaves():
+    driver = done().send(Command, Verb.MEASURE, stop=NORTH)
+    assert driver.last(GoTo).stop == NORTH
+    assert driver.count_of(VisitDone) == 1
+
+
+def test_no_dwell_is_shorter_than_the_shortest():
+    driver = Driver(min_dwell_s=90.0).counting()
+    for _ in range(8):
+        assert driver.record().phase is Phase.COUNTING
+    assert driver.record().phase is Phase.PLANNING
+    assert driver.last(VisitDone).visit.records == 9
+
+
+def test_a_visit_without_staying_closes_at_the_end_of_its_dwell():
+    driver = Driver().counting()
+    for _ in range(6):
+        driver.record()
+    assert driver.count_of(VisitDone) == 1
+    assert driver.last(RequestPlan).staying == ""
+    assert driver.mission.state.target is None
+
+
+def test_a_robot_pushed_away_counts_nothing_at_the_stop():
+    driver = done()
+    driver.send(Moved, 50.0, 0.0).record(place=(50.0, 0.0)).plan(NORTH)
+    assert driver.last(VisitDone).visit.records == 6
