@@ -180,6 +180,10 @@ class Explorer:
             time_left_s=request.time_left_s,
             expected_dwell_s=max(self.dwell.expected_s(rate, maps[0].factor), self.min_dwell_s),
             staying=staying,
+            rate_cps=rate,
+            overhead_s=self.travel.motion.stop_overhead_s,
+            counting=self.counting,
+            dwell=self.dwell,
             prospect=cache(
                 lambda: self._prospect(
                     maps, considered, travel_s[np.searchsorted(kept, considered)], place, request

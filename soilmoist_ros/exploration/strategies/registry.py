@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from soilmoist_ros.exploration.strategies.information import VarianceReduction
+from soilmoist_ros.exploration.strategies.lattice import Lattice
 from soilmoist_ros.exploration.strategies.one_stop import Greedy, MonteCarlo, Random
 from soilmoist_ros.exploration.strategies.route import require_solver
 from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset
 from soilmoist_ros.exploration.strategies.strategy import Strategy
-from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling, Lattice
+from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
 from soilmoist_ros.foundation.suggestions import did_you_mean

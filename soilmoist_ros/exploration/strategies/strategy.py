@@ -9,11 +9,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.dwell import StopRule
-from soilmoist_ros.exploration.planning.prospect import Prospect
+from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
+from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
 from soilmoist_ros.exploration.travel.stop import Stop
 
 Array = NDArray[np.float64]
+
+RECORDS_OF_10_S = Counting()
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,10 @@ class Situation:
     :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
     :param time_left_s: mission time that is left [s]
     :param expected_dwell_s: dwell that the next measurement is expected to take [s]
+    :param rate_cps: mean rate of the map, or the rate to expect before there is one [counts/s]
+    :param overhead_s: time lost at each stop, a part of the travel times [s]
+    :param counting: when the robot counts
+    :param dwell: dwell rule of the mission, ``None`` if unknown
     :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
         time is 0, and no goal is sent when it is chosen; ``None`` if there is none
     :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
@@ -50,6 +56,10 @@ class Situation:
     travel_between_s: Callable[[NDArray[np.intp]], Array]
     time_left_s: float
     expected_dwell_s: float
+    rate_cps: float = 4.0
+    overhead_s: float = 0.0
+    counting: Counting = RECORDS_OF_10_S
+    dwell: DwellRule | None = None
     prospect: Callable[[], Prospect | None] | None = None
     staying: int | None = None
 

@@ -76,6 +76,8 @@ class Prior:
     log_sd: Array
 
     GUESSED_VARIATION = 0.15
+    RANGES_PER_EXTENT = 3.0
+    GUESSED_NUGGET = 0.05
     GUESS_WORTH = 10.0
 
     @classmethod
@@ -86,7 +88,11 @@ class Prior:
         corrected = _variance_without_noise(places, m)
         guess = cls.GUESS_WORTH * (cls.GUESSED_VARIATION * m) ** 2
         structured = (guess + (n - 1) * corrected) / (cls.GUESS_WORTH + n - 1)
-        medians = [structured, extent_m / 3 / correlation_model(model).practical, 0.05 * structured]
+        medians = [
+            structured,
+            extent_m / cls.RANGES_PER_EXTENT / correlation_model(model).practical,
+            cls.GUESSED_NUGGET * structured,
+        ]
         return cls(np.log(medians), np.array([1.0, 1.0, 1.5]))
 
 

@@ -11,10 +11,10 @@ from soilmoist_ros.exploration.strategies.registry import (
     strategy_kind,
     warm_up,
 )
-from soilmoist_ros.exploration.strategies.route import open_route, timed_route
+from soilmoist_ros.exploration.strategies.route import timed_route
 from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset, weighted_order
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
-from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling, _surely_fits, k_means
+from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
@@ -285,59 +285,3 @@ def test_adaptive_sampling_shortens_its_queue_when_the_time_runs_out():
     assert tour_s(now, second) <= 1500
     assert {stop.name for stop in (second.stop, *second.ahead)} < {s.name for s in (first.stop, *first.ahead)}
     assert strategy.choose(situation(np.ones(120), left=60.0), rng()) is not None
-
-
-@pytest.mark.parametrize("left", [200.0, 900.0, 3600.0, 7200.0])
-def test_the_lattice_fits_the_time_and_is_kept(left):
-    now = situation(left=left, variance=np.full(120, np.nan))
-    strategy = make_strategy("lattice")
-    choice = strategy.choose(now, rng(1))
-    planned = (choice.stop, *choice.ahead)
-    assert tour_s(now, choice) <= left or len(planned) == 1
-    assert len(planned) == {200.0: 1}.get(left, len(planned))
-    assert left < 3600 or tour_s(now, choice) > left - 2 * 300 - 150
-    for stop in choice.ahead:
-        choice = strategy.choose(now, rng())
-        assert choice.stop == stop
-    assert f"place {len(planned)} of {len(planned)}" in choice.reason
-    assert strategy.choose(now, rng()) is None
-
-
-@settings(deadline=None, max_examples=40)
-@given(seed=st.integers(0, 1000), count=st.integers(1, 8), left=st.floats(100, 9000))
-def test_bounds_tell_whether_a_tour_fits_only_if_the_shortest_one_does(seed, count, left):
-    now = situation(left=left)
-    chosen = rng(seed).choice(len(now.candidates), count, replace=False)
-    fits = _surely_fits(now, chosen)
-    shortest = open_route(now.travel_s[chosen], now.travel_between_s(chosen), rng(), now.expected_dwell_s)
-    assert fits is None or fits == (shortest.duration_s <= left)
-    assert fits is not None or shortest.duration_s == pytest.approx(left, rel=0.5)
-    assert _surely_fits(after(now, travel_s=np.full(len(now.candidates), np.inf)), chosen) is None
-
-
-def test_the_lattice_skips_what_can_no_longer_be_reached():
-    strategy = make_strategy("lattice")
-    first = strategy.choose(situation(), rng())
-    skipped = first.ahead[0]
-    travel = np.where([f"p{i}" == skipped.name for i in range(120)], np.inf, situation().travel_s)
-    second = strategy.choose(situation(travel=travel), rng())
-    assert second.stop == first.ahead[1]
-    assert second.reason.startswith("place 3 of")
-
-
-def test_the_lattice_is_spread_evenly():
-    choice = make_strategy("lattice").choose(situation(), rng())
-    xy = np.array([(stop.x_m, stop.y_m) for stop in (choice.stop, *choice.ahead)])
-    nearest = np.sort(np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)), axis=1)[:, 1]
-    assert nearest.min() >= 5
-    assert nearest.mean() > 9
-    farthest = np.hypot(*(PLACES[:, None] - xy).transpose(2, 0, 1)).min(axis=1).max()
-    assert farthest < 15
-
-
-def test_k_means_finds_clusters_and_no_more_centres_than_places():
-    middle = np.array([[0, 0], [50, 0], [0, 50]], float)
-    points = (middle[:, None] + rng(1).normal(0, 1, (3, 40, 2))).reshape(-1, 2)
-    found = k_means(points, 3, rng(4))
-    assert np.hypot(*(found[:, None] - middle).transpose(2, 0, 1)).min(axis=0).max() < 1
-    assert len(k_means(np.zeros((5, 2)), 3, rng())) == 1

@@ -1,0 +1,167 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
+from soilmoist_ros.exploration.planning.prospect import Counting
+from soilmoist_ros.exploration.strategies.lattice import Lattice, k_means, least_tour_s, whole_records
+from soilmoist_ros.exploration.strategies.route import open_route
+from soilmoist_ros.exploration.strategies.strategy import RECORDS_OF_10_S, Situation
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+
+X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(12) * 5.0, np.arange(10) * 5.0))
+PLACES = np.column_stack([X, Y])
+STOPS = tuple(Stop(f"p{i}", float(x), float(y)) for i, (x, y) in enumerate(PLACES))
+NUMBER = {stop.name: number for number, stop in enumerate(STOPS)}
+MODEL = FreeTravel(RobotMotion())
+
+
+def situation(
+    left=7200.0, dwell="fmi:300", position=(0.0, 0.0), out_of_reach=(), counting=RECORDS_OF_10_S, rate=4.0
+):
+    travel = MODEL.travel_s(position, STOPS)
+    travel[[NUMBER[name] for name in out_of_reach]] = np.inf
+    rule = parse_dwell(dwell)
+    return Situation(
+        candidates=STOPS,
+        candidates_xy=PLACES,
+        variance=np.full(len(PLACES), np.nan),
+        map_variance=np.ones(len(PLACES)),
+        map_xy=PLACES,
+        cell_m=5.0,
+        position_xy=np.asarray(position, float),
+        measured_xy=np.empty((0, 2)),
+        travel_s=travel,
+        travel_between_s=lambda indices: MODEL.between_s(STOPS, indices),
+        time_left_s=left,
+        expected_dwell_s=rule.expected_s(rate),
+        rate_cps=rate,
+        overhead_s=MODEL.motion.stop_overhead_s,
+        counting=counting,
+        dwell=rule,
+    )
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def tour_s(choice, dwell_s, position=(0.0, 0.0)):
+    """Time of a planned tour of equal dwells, driven by a robot that leaves at the end of a record."""
+    used_s = 0.0
+    for stop in (choice.stop, *choice.ahead):
+        leg_s = float(MODEL.travel_s(position, [stop])[0])
+        used_s += math.ceil(leg_s / 10 - 1e-9) * 10 + dwell_s
+        position = stop.x_m, stop.y_m
+    return used_s
+
+
+def mission(left, seed=0, late_s=0.0, **about):
+    """Time left and dwells of a mission whose every leg takes a little longer than planned."""
+    strategy, dice, dwells, position = Lattice(), rng(seed), [], (0.0, 0.0)
+    while (choice := strategy.choose(situation(left, "optimal", position, **about), dice)) is not None:
+        leg_s = float(MODEL.travel_s(position, [choice.stop])[0]) + late_s
+        dwells.append(choice.dwell.interval_s)
+        left -= math.ceil(leg_s / 10 - 1e-9) * 10 + dwells[-1]
+        position = choice.stop.x_m, choice.stop.y_m
+    return strategy.size, left, np.array(dwells)
+
+
+@pytest.mark.parametrize("left", [200.0, 900.0, 3600.0, 7200.0])
+def test_the_lattice_fits_the_time_and_is_kept(left):
+    now = situation(left)
+    strategy = Lattice()
+    choice = strategy.choose(now, rng(1))
+    planned = (choice.stop, *choice.ahead)
+    assert tour_s(choice, 300.0) <= left or len(planned) == 1
+    assert len(planned) == {200.0: 1}.get(left, len(planned))
+    assert left < 3600 or tour_s(choice, 300.0) > left - 2 * 300 - 150
+    assert choice.dwell is None
+    for stop in choice.ahead:
+        choice = strategy.choose(now, rng())
+        assert choice.stop == stop
+    assert f"place {len(planned)} of {len(planned)}" in choice.reason
+    assert strategy.choose(now, rng()) is None
+
+
+@pytest.mark.parametrize("dwell_s", [20, 60])
+def test_the_number_of_stops_takes_whole_records_into_account(dwell_s):
+    whole, more = (Lattice().choose(situation(2400.0, f"fmi:{t}"), rng(2)) for t in (dwell_s, dwell_s - 9))
+    assert (whole.stop, whole.ahead) == (more.stop, more.ahead)
+    assert 2400 - 2 * (dwell_s + 30) < tour_s(whole, dwell_s) <= 2400
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 1000), count=st.integers(1, 8), dwell_s=st.floats(0, 600))
+def test_no_tour_is_shorter_than_the_bound(seed, count, dwell_s):
+    now = situation()
+    chosen = rng(seed).choice(len(STOPS), count, replace=False)
+    route = open_route(now.travel_s[chosen], now.travel_between_s(chosen), rng())
+    legs_s = np.diff(route.arrival_s, prepend=0.0)
+    shortest_s = float(whole_records(legs_s, 10.0).sum() + count * dwell_s)
+    assert shortest_s / 3 < least_tour_s(now, chosen, dwell_s) <= shortest_s + 1e-6
+
+
+@settings(deadline=None, max_examples=10)
+@given(left=st.floats(1000, 7200), seed=st.integers(0, 100), late_s=st.floats(0, 3))
+def test_a_planned_lattice_is_complete_and_uses_its_budget(left, seed, late_s):
+    size, rest_s, dwells = mission(left, seed, late_s)
+    assert len(dwells) == size > 3
+    # Whole records, the rounding of the last leg, and what was lost on it; a late robot counts once everywhere.
+    assert rest_s < 10 or dwells[-1] == 10
+    assert -20 - 10 * size * (late_s > 0) <= rest_s <= 30
+    assert (dwells % 10 == 0).all()
+    assert late_s > 0 or np.ptp(dwells[:-1]) <= 10
+
+
+def test_a_slow_sensor_makes_a_lattice_of_fewer_stops():
+    stops_only = Counting(10.0, on_way=False)
+    few, many = (
+        Lattice().choose(situation(3600.0, "optimal", counting=stops_only, rate=r), rng()) for r in (0.05, 50)
+    )
+    assert len(few.ahead) < len(many.ahead)
+
+
+def test_the_rule_of_the_mission_decides_what_is_planned():
+    assert isinstance(situation(dwell="optimal").dwell, Optimal)
+    planned = Lattice().choose(situation(3600.0, "optimal"), rng())
+    assert 10 <= planned.dwell.interval_s <= 60
+    assert 1 + len(planned.ahead) > len(Lattice().choose(situation(3600.0, "fmi:300"), rng()).ahead)
+
+
+@pytest.mark.parametrize("dwell", ["fmi:300", "optimal"])
+def test_nothing_in_reach_is_no_lattice(dwell):
+    assert Lattice().choose(situation(dwell=dwell, out_of_reach=NUMBER), rng()) is None
+    near = [name for name in NUMBER if name not in ("p7", "p40")]
+    choice = Lattice().choose(situation(dwell=dwell, out_of_reach=near), rng())
+    assert {choice.stop.name, *(stop.name for stop in choice.ahead)} <= {"p7", "p40"}
+
+
+def test_the_lattice_skips_what_can_no_longer_be_reached():
+    strategy = Lattice()
+    first = strategy.choose(situation(), rng())
+    second = strategy.choose(situation(out_of_reach=[first.ahead[0].name]), rng())
+    assert second.stop == first.ahead[1]
+    assert second.reason.startswith("place 3 of")
+
+
+def test_the_lattice_is_spread_evenly():
+    choice = Lattice().choose(situation(), rng())
+    xy = np.array([(stop.x_m, stop.y_m) for stop in (choice.stop, *choice.ahead)])
+    nearest = np.sort(np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)), axis=1)[:, 1]
+    assert nearest.min() >= 5
+    assert nearest.mean() > 9
+    farthest = np.hypot(*(PLACES[:, None] - xy).transpose(2, 0, 1)).min(axis=1).max()
+    assert farthest < 15
+
+
+def test_k_means_finds_clusters_and_no_more_centres_than_places():
+    middle = np.array([[0, 0], [50, 0], [0, 50]], float)
+    points = (middle[:, None] + rng(1).normal(0, 1, (3, 40, 2))).reshape(-1, 2)
+    found = k_means(points, 3, rng(4))
+    assert np.hypot(*(found[:, None] - middle).transpose(2, 0, 1)).min(axis=0).max() < 1
+    assert len(k_means(np.zeros((5, 2)), 3, rng())) == 1
