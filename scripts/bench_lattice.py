@@ -9,7 +9,7 @@ a time is the one with the lowest mean squared error of the rate, averaged over 
 means over the seeds; +- is the standard error of the ratio over the pairs.
 
 Each mission is stored in the cache at once, under a digest of its settings and of the code; an interrupted run
-resumes. ``--keep-lattices`` reuses lattices of any version of the code.
+resumes. ``--keep-lattices`` reuses lattices of any version of the code outside ``strategies/lattice.py``.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import soilmoist_ros
+from soilmoist_ros.exploration.strategies import lattice
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
 from soilmoist_ros.simulation.mission.map_errors import map_errors
@@ -101,8 +102,9 @@ class Job:
         return self.strategy in LATTICES
 
     def key(self, field_digest: str) -> str:
-        """Digest of the settings and the field, without the code."""
-        return digest(json.dumps(asdict(self) | {"field": Path(self.field).stem}) + field_digest)
+        """Digest of the settings and the field, and of the code of lattices, without all other code."""
+        own = Path(lattice.__file__).read_text(encoding="utf-8") if self.is_lattice else ""
+        return digest(json.dumps(asdict(self) | {"field": Path(self.field).stem}) + field_digest + own)
 
 
 def digest(text: str) -> str:
