@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
+from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.mapping.variogram.local_fit import LocalFit
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 
@@ -82,11 +84,24 @@ def _plain(model: Model) -> dict[str, Any]:
         "angle_deg": fit.variogram.angle_deg,
         "cell_m": model.cell_m,
         "local_rate": None if fit.local_rate is None else _plain_rate(fit.local_rate),
+        "local": None if fit.local is None else _plain_local(fit, fit.local),
+    }
+
+
+def _plain_local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
+    """The stationary variogram, the evidence against it, and the amplitude if that is strong."""
+    names = ("nugget", "range_m", "sill")
+    amplitude = fit.variogram.amplitude
+    return {
+        "text": fit.local_text,
+        "evidence": local.evidence,
+        "stationary": {name: getattr(local.stationary, name) for name in names},
+        "amplitude": None if amplitude is None else asdict(amplitude),
     }
 
 
 def _plain_rate(rate: LocalRate) -> dict[str, Any]:
-    """A local rate without its variogram, which is that of the fit."""
+    """A local rate without its variogram, which is that of the stationary fit."""
     x, y = rate.pools_xy.T
     columns = {"x": x.tolist(), "y": y.tolist(), "coefficients": rate.coefficients.tolist()}
     return {"mean": rate.mean, "least": rate.least, **columns}
@@ -111,6 +126,8 @@ def _model(content: Mapping[str, Any]) -> Model:
         content.get("anisotropy", 1.0),  # models of earlier versions have no direction
         content.get("angle_deg", 0.0),
     )
+    variogram, local = _local(variogram, content.get("local"))
+    stationary = variogram if local is None else local.stationary
     fit = VariogramFit(
         variogram,
         content["method"],
@@ -125,9 +142,22 @@ def _model(content: Mapping[str, Any]) -> Model:
         _array(content["gamma"]),
         _array(content["weight"]),
         _array(content["edges_m"]),
-        _local_rate(variogram, content.get("local_rate")),
+        _local_rate(stationary, content.get("local_rate")),
+        local,
     )
     return Model(fit, stamp_s, cell_m)
+
+
+def _local(variogram: Variogram, content: Mapping[str, Any] | None) -> tuple[Variogram, LocalFit | None]:
+    """The variogram with its amplitude, and the evidence; models of earlier versions are stationary."""
+    if content is None:
+        return variogram, None
+    known, amplitude = content["stationary"], content["amplitude"]
+    stationary = replace(variogram, nugget=known["nugget"], range_m=known["range_m"], sill=known["sill"])
+    if amplitude is not None:
+        table = Amplitude(amplitude["low"], amplitude["high"], amplitude["log_values"])
+        variogram = replace(variogram, amplitude=table)
+    return variogram, LocalFit(stationary, float(content["evidence"]))
 
 
 def _local_rate(variogram: Variogram, content: Mapping[str, Any] | None) -> LocalRate | None:

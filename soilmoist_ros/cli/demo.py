@@ -23,7 +23,20 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.live.live_mission import LiveMission
 
 _SHOW_S = 0.5
-DEMO = ("field", "strategy", "dwell", "hours", "seed", "robots", "model", "fit", "noise", "preset", "properties")
+DEMO = (
+    "field",
+    "strategy",
+    "dwell",
+    "hours",
+    "seed",
+    "robots",
+    "model",
+    "fit",
+    "noise",
+    "local",
+    "preset",
+    "properties",
+)
 """Mission settings that are options of the demo."""
 DEMO_HOURS = 1.0
 """Default mission time of a demo [h]; lasts a minute with the default time factor."""

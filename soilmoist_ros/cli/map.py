@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     type=click.Choice(["local", "mean"]),
     help="Rate in the Poisson noise of a sample: local to its place or the mean rate. Default: by --preset.",
 )
+@click.option("--local", type=click.Choice(["auto", "off"]),
+              help="Whether the variance may differ from place to place. Default: by --preset.")  # fmt: skip
 @click.option(
     "--nugget",
     type=click.Choice(["keep", "filter"]),
@@ -74,6 +76,7 @@ def command(
     model: str | None,
     fit: str | None,
     noise: str | None,
+    local: str | None,
     nugget: str,
     workers: int | None,
     scheduler: str | None,
@@ -100,6 +103,7 @@ def command(
         crs=crs,
         fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
         noise="mean" if (noise or PRESETS[preset]["noise"]) == "mean" else "local",
+        local="off" if (local or PRESETS[preset]["local"]) == "off" else "auto",
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 @click.option(
     "--noise", type=click.Choice(["local", "mean"]), help="Rate in the Poisson noise. Default: as in the run."
 )
+@click.option("--local", type=click.Choice(["auto", "off"]),
+              help="Whether the variance may differ from place to place. Default: as in the run.")  # fmt: skip
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
               help="keep: map the rate with its micro-scale variation; filter: its smooth part only.")  # fmt: skip
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")

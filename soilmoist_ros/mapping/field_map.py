@@ -26,7 +26,7 @@ from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_sample
 from soilmoist_ros.mapping.samples.spread import footprint_spread
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel, VariogramFit, estimate_variogram
+from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel, VariogramFit, estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
@@ -66,6 +66,8 @@ class FieldMapSettings:
     :param for_planning: make every map from an exact kriging of all samples, which planning needs too; otherwise
         keep what the next map can reuse
     :param noise: rate in the Poisson noise of each sample: ``local`` to its place, or ``mean``, as published
+    :param local: whether the variance may differ from place to place: ``auto`` if the counts clearly ask for it
+        (:mod:`.local_fit`), or ``off``; with soft_l1 it never does
     """
 
     model: ModelName = "matern32"
@@ -78,6 +80,7 @@ class FieldMapSettings:
     max_exact_samples: int = MAX_EXACT_SAMPLES
     for_planning: bool = False
     noise: NoiseModel = "local"
+    local: LocalModel = "auto"
 
 
 _DEFAULTS = FieldMapSettings()
@@ -402,6 +405,7 @@ class FieldMap:
             extent_m=self.grid.extent_m,
             spread=samples.spread,
             local_noise=self.settings.noise == "local",
+            box=self.grid.box if self.settings.local == "auto" else None,
         )
         self._last_fit = samples, fit
         return fit

@@ -122,6 +122,13 @@ class FieldGrid:
         return float(max(np.ptp(self.x_m), np.ptp(self.y_m))) + self.cell_m
 
     @property
+    def box(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """South-west and north-east corner of the raster [m]."""
+        half = self.cell_m / 2
+        (west, east), (south, north) = ((float(axis[0]), float(axis[-1])) for axis in (self.x_m, self.y_m))
+        return (west - half, south - half), (east + half, north + half)
+
+    @property
     def area_m2(self) -> float:
         """Area of the cells inside [m^2]."""
         return float(np.count_nonzero(self.mask)) * self.cell_m**2

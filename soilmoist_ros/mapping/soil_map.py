@@ -220,6 +220,7 @@ def make_soil_map(
         if len(samples) <= max_exact_samples:
             kriging = PoissonKriging(model, keep_nugget, known_rate)
         else:
+            model = model if fit is None else fit.stationary
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)

@@ -21,7 +21,7 @@ from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
+from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.replay.file_facts import far_from_site
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
@@ -55,6 +55,7 @@ class MapSettings:
     :param model: variogram model
     :param fit: ``reml`` or ``soft_l1``
     :param noise: as :class:`FieldMapSettings`
+    :param local: as :class:`FieldMapSettings`
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
     :param cell_m: cell size of the map [m]
     :param merge_radius_m: records closer together than this become one sample [m]
@@ -70,6 +71,7 @@ class MapSettings:
     model: ModelName = "matern32"
     fit: FitMethod = "reml"
     noise: NoiseModel = "local"
+    local: LocalModel = "auto"
     keep_nugget: bool = True
     cell_m: float | None = None
     merge_radius_m: float | None = None
@@ -127,6 +129,7 @@ def map_logs(
             footprint_radius_m=site.support_radius_m,
             max_exact_samples=settings.max_exact_samples,
             noise=settings.noise,
+            local=settings.local,
         ),
     )
     field_map.set_records(survey.records)
@@ -150,6 +153,7 @@ def map_logs(
             "variogram_model": settings.model,
             "variogram_fit": settings.fit,
             "poisson_noise": settings.noise,
+            "local_variance": settings.local,
             "nugget": "kept" if settings.keep_nugget else "filtered",
             "merge_radius_m": radius_m,
             "cell_m": field_map.grid.cell_m,

@@ -171,6 +171,7 @@ def _settings(
         model=mapper.get("model", "matern32"),
         fit=mapper.get("fit", "reml"),
         noise=mapper.get("noise", "mean"),
+        local=mapper.get("local", "off"),
         travel="free" if had.get("graph") == "free" else "graph",
         properties=tuple(PropertySettings(one.name, one.weight) for one in others),
     )

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
-from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
+from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.properties import PropertyTopic
 from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
@@ -19,7 +19,7 @@ from soilmoist_ros.sensing.moisture.site import load_site
 
 Source = Literal["counts", "raw"]
 
-_OPTIONS = ("cell_m", "model", "fit", "noise", "keep_nugget", "merge_radius_m")
+_OPTIONS = ("cell_m", "model", "fit", "noise", "local", "keep_nugget", "merge_radius_m")
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,8 @@ class ReplaySettings:
         properties, from 0; built-in names, or field files with a truth
     :param model: variogram model
     :param fit: how the variogram is fitted
+    :param noise: rate in the Poisson noise
+    :param local: whether the variance may differ from place to place
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
     :param merge_radius_m: records closer together than this become one sample [m]
     :param cell_m: cell size of the map [m]
@@ -50,6 +52,7 @@ class ReplaySettings:
     model: str | None = None
     fit: str | None = None
     noise: str | None = None
+    local: str | None = None
     keep_nugget: bool | None = None
     merge_radius_m: float | None = None
     cell_m: float | None = None
@@ -84,11 +87,13 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) 
     options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
     if had:
         options.setdefault("noise", "mean")  # mappers of earlier versions had no choice
+        options.setdefault("local", "off")
     options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
     for name, known in (
         ("model", VARIOGRAM_MODELS.names()),
         ("fit", get_args(FitMethod)),
         ("noise", get_args(NoiseModel)),
+        ("local", get_args(LocalModel)),
     ):
         if options.get(name, known[0]) not in known:
             raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")

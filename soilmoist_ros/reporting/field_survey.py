@@ -11,7 +11,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
 from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
+from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ def open_survey(
     model: ModelName = "matern32",
     fit: FitMethod = "reml",
     noise: NoiseModel = "local",
+    local: LocalModel = "auto",
     keep_nugget: bool = True,
     merge_radius_m: float = 0.0,
     simulated: bool = False,
@@ -123,5 +124,6 @@ def open_survey(
         the_site.curve,
         the_site.support_radius_m,
         noise=noise,
+        local=local,
     )
     return FieldSurvey(the_field, the_site, FieldMap(grid, settings), tuple(files), simulated)

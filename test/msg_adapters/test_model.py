@@ -15,8 +15,10 @@ from std_msgs.msg import String
 
 from msg_adapters.model import Model, model_from_message, model_to_message
 from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.fit import VariogramFit, estimate_variogram
+from soilmoist_ros.mapping.variogram.local_fit import LocalFit
 
 numbers = st.floats(allow_infinity=False, allow_nan=False)
 positive = st.floats(1e-300, 1e300)
@@ -80,6 +82,26 @@ def test_a_local_rate_comes_back_exactly():
     broken = {**old, "local_rate": {"mean": 4.0, "least": 0.4, "x": [1.0], "y": [], "coefficients": [0.1]}}
     with pytest.raises(ValueError, match="local_rate must have finite pools"):
         model_from_message(String(data=json.dumps(broken)))
+
+
+def test_an_amplitude_and_its_evidence_come_back_exactly():
+    rng = np.random.default_rng(1)
+    xy = rng.uniform(0, 50, (12, 2))
+    fit = estimate_variogram(xy, rng.poisson(400, 12), np.full(12, 100.0), local_noise=True)
+    amplitude = Amplitude((0, 0), (50, 50), tuple(map(tuple, rng.normal(0, 0.5, (5, 4)))))
+    local = dataclasses.replace(
+        fit,
+        variogram=dataclasses.replace(fit.variogram, sill=2.0, amplitude=amplitude),
+        local=LocalFit(fit.variogram, 4.5),
+    )
+    message = model_to_message(Model(local, 0.0))
+    found = model_from_message(message).fit
+    assert (found.variogram, found.local) == (local.variogram, local.local)
+    assert found.stationary == found.local_rate.variogram == fit.variogram
+    content = json.loads(message.data)
+    assert content["local"]["text"].startswith("differs from place to place")
+    del content["local"]
+    assert model_from_message(String(data=json.dumps(content))).fit.local is None
 
 
 @pytest.mark.slow

@@ -34,6 +34,11 @@ class Covariances(Protocol):
 
     size: int
 
+    @property
+    def xy(self) -> Array:
+        """The targets, shape (size, 2) [m]."""
+        ...
+
     def begin(self, variogram: Variogram) -> None:
         """Forget all samples and use another variogram of the latent rate; call this first."""
         ...
@@ -82,6 +87,11 @@ class PointCovariances:
         self._needles = Needles(self._x, self._y, nugget)
         self._rows = Rows(len(xy))
 
+    @property
+    def xy(self) -> Array:
+        """See :class:`Covariances`."""
+        return np.column_stack([self._x, self._y])
+
     def begin(self, variogram: Variogram) -> None:
         """See :class:`Covariances`."""
         self._variogram = variogram
@@ -117,6 +127,12 @@ class AxesCovariances:
     def __init__(self, x_m: Array, y_m: Array) -> None:
         self.size = len(x_m) * len(y_m)
         self._x_m, self._y_m = x_m, y_m
+
+    @property
+    def xy(self) -> Array:
+        """See :class:`Covariances`."""
+        x, y = np.meshgrid(self._x_m, self._y_m)
+        return np.column_stack([x.ravel(), y.ravel()])
 
     def begin(self, variogram: Variogram) -> None:
         """See :class:`Covariances`."""

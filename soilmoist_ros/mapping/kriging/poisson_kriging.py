@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster, target_variance
-from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system
+from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster
+from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system, target_variance
 from soilmoist_ros.mapping.kriging.targets import Points, Targets
 from soilmoist_ros.mapping.samples.samples import (
     NO_SAMPLES,
@@ -208,9 +208,15 @@ class PoissonKriging:
             [tile for _, tile in self._system.solved_tiles(targets, self.keep_nugget)]
             or [np.empty((0, len(ones)))]
         )
+        amplitude = self.variogram.amplitude_at(targets.xy)
+        if amplitude is not None:
+            solved *= amplitude[:, None]
         lagrange = (solved @ ones - 1) / (ones @ ones)
         right = (solved - lagrange[:, None] * ones).T
         of_places = solve_triangular(factor, right, lower=True, trans="T", check_finite=False)
+        of_samples = self.variogram.amplitude_at(self._places.xy)
+        if of_samples is not None:
+            of_places /= of_samples[:, None]
         assert self._records is not None
         share = self._records.exposure_s / self._places.exposure_s[self._record_place]
         return of_places[self._record_place] * share[:, None], lagrange
@@ -230,13 +236,17 @@ class PoissonKriging:
         known = self._targets(places).correlation(slice(0, len(places))) * structured
         factor, ones = self._system.factor, self._system.ones
         solved = solve_triangular(factor, known.T, lower=True, check_finite=False)
+        amplitude = self.variogram.amplitude_at(places)
+        if amplitude is not None:
+            solved *= amplitude
         mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
         between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
+        between = self.variogram.modulated(between, places, places)
         return np.asarray(between - solved.T @ solved + np.outer(mean, mean))
 
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
         rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
-        variance += target_variance(self.variogram, self.keep_nugget)
+        variance += target_variance(self.variogram, self.keep_nugget, targets.xy)
         self.clipped_variances = clip_negative(variance, self.variogram.sill)
         return rate, variance
 
@@ -260,9 +270,11 @@ class PoissonKriging:
         return noise_rate(self._places) if known is None or isinstance(known, LocalRate) else known
 
     def _noise(self, places: Samples) -> Array:
-        """Poisson variance of the rate of each place [(counts/s)^2]."""
+        """Poisson variance of the rate of each place, in units of its squared amplitude [(counts/s)^2]."""
         rate = self.mean_rate if isinstance(self.mean_rate, LocalRate) else self.noise_mean_rate
-        return noise_rates(rate, places.xy) / places.exposure_s
+        noise = noise_rates(rate, places.xy) / places.exposure_s
+        amplitude = self.variogram.amplitude_at(places.xy)
+        return noise if amplitude is None else noise / amplitude**2
 
     def _rebuild(self) -> None:
         """Factor the whole matrix, with as little jitter as makes it positive definite."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
-from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress
+from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, target_variance
 from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances, bands, tile_shape
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
@@ -75,7 +75,7 @@ class RasterKriging:
         if found is None:
             found = self._rows_of_cells(places, variogram, rate)
         if found is not None:
-            found[1] += target_variance(variogram, self.keep_nugget)
+            found[1] += self._target_variance(variogram)
         return found
 
     def solve(self, system: KrigingSystem, progress: Progress | None = None) -> Array:
@@ -95,8 +95,16 @@ class RasterKriging:
             cells = RasterCells(variogram, places.xy, self._x_m, self._y_m, self._mask, places.spread)
             found = np.full((2, *self._mask.shape), np.nan)
             found[:, self._mask] = system.surfaces(cells, self.keep_nugget, progress)
-        found[1] += target_variance(system.variogram, self.keep_nugget)
+        found[1] += self._target_variance(system.variogram)
         return found
+
+    def _target_variance(self, variogram: Variogram) -> float | Array:
+        """Prior variance of the cells: one number, or shape (ny, nx)."""
+        if variogram.amplitude is None:
+            return target_variance(variogram, self.keep_nugget)
+        x, y = np.meshgrid(self._x_m, self._y_m)
+        variance = target_variance(variogram, self.keep_nugget, np.column_stack([x.ravel(), y.ravel()]))
+        return np.reshape(variance, x.shape)
 
     # -- interpolation ---------------------------------------------------------------------------------
 
@@ -115,6 +123,8 @@ class RasterKriging:
             places
         """
         if not variogram.correlation_model.is_product or variogram.structured_sill == 0 or self._is_empty:
+            return None
+        if variogram.amplitude is not None:  # which is not analytic
             return None
         x_m, y_m, mask = self._inside
         # The variance has products of two Gaussians, which are narrower than one Gaussian by the root of two.
@@ -187,6 +197,9 @@ class RasterKriging:
         for band, tiles in bands(variogram, samples, self._x_m, self._y_m, self._mask, self.keep_nugget, shape):
             wanted = self._mask[band]
             rate, of_ones, squares = tiles.sums(inverse, np.array([residual, ones]))
+            amplitude = None if variogram.amplitude is None else variogram.amplitude(tiles.xy)
+            if amplitude is not None:
+                rate, of_ones, squares = rate * amplitude, of_ones * amplitude, squares * amplitude**2
             surfaces = np.array([mean + rate, (of_ones - 1) ** 2 / (ones @ ones) - squares])
             rasters[:, band] = np.where(wanted, surfaces.take(tiles.position, axis=1), np.nan)
             done += int(np.count_nonzero(wanted))
@@ -230,11 +243,6 @@ class RasterKriging:
         number = number[self._mask[row[number], column[number]]]
         number = number[np.lexsort((column[number], row[number]))]
         return row[number], column[number], number
-
-
-def target_variance(variogram: Variogram, keep_nugget: bool) -> float:
-    """Prior variance C_00 of a target [(counts/s)^2]."""
-    return variogram.sill if keep_nugget else variogram.structured_sill
 
 
 def check_raster(

@@ -55,7 +55,8 @@ class KrigingRows:
     def __init__(self, covariances: Covariances) -> None:
         self._covariances = covariances
         self._variogram: Variogram | None = None
-        self._samples = np.empty((0, 7))  # x, y, spread, noise, rate of those whose rows are known
+        self._samples = np.empty((0, 8))  # x, y, spread, noise, rate, 1 of those whose rows are known
+        self._amplitude: Array | None = None  # of the targets
         self._kept = self._samples[:, :5]  # those whose covariances are
         self._unit = np.zeros((_MIN_ROOM, _MIN_ROOM))  # L^-1, its rows times the diagonal of L
         self._diagonal = np.empty(MAX_ROWS)  # of L
@@ -78,10 +79,14 @@ class KrigingRows:
             matrix is nearly singular (:data:`MIN_PIVOT`)
         """
         n = len(places)
-        noise = variogram.nugget + self._noise_rates(rate, places.xy) / places.exposure_s
-        samples = np.column_stack([places.xy, places.spread, noise, places.rate_cps])
+        noise, values, ones = self._noise_rates(rate, places.xy) / places.exposure_s, places.rate_cps, np.ones(n)
+        amplitude = variogram.amplitude_at(places.xy)
+        if amplitude is not None:
+            noise, values, ones = noise / amplitude**2, values / amplitude, ones / amplitude
+        samples = np.column_stack([places.xy, places.spread, variogram.nugget + noise, values, ones])
         if variogram != self._variogram:
             self._variogram = variogram
+            self._amplitude = None if variogram.amplitude is None else variogram.amplitude(self._covariances.xy)
             self._covariances.begin(variogram)
             self._kept = self._kept[:0]
             self._forget(0, samples[:0])
@@ -135,7 +140,7 @@ class KrigingRows:
         if len(samples) > room:
             self._unit = np.pad(self._unit, (0, max(room, len(samples) - room)))
         unit, diagonal = self._unit, self._diagonal
-        data = np.column_stack([samples[:, 6], np.ones(len(samples))])
+        data = np.ascontiguousarray(samples[:, 6:8])
         covariance = _between(variogram, samples, first) if first < len(samples) else np.empty((0, 0))
         for i in range(first, len(samples)):
             right = covariance[i - first]
@@ -191,10 +196,13 @@ class KrigingRows:
         surfaces = np.empty((2, self._covariances.size))
         for part in self._parts():
             self._finish(total[:, part], surfaces[:, part])
+        if self._amplitude is not None:
+            surfaces[0] *= self._amplitude
+            surfaces[1] *= self._amplitude**2
         return surfaces
 
     def at_samples(self, numbers: NDArray[np.intp]) -> Array:
-        """Results as :meth:`update` at some samples of the last update, including their nugget."""
+        """Results as :meth:`update` at some samples of the last update, including their nugget; no amplitude."""
         known, n, variogram = self._samples, len(self._samples), self._variogram
         assert variogram is not None
         covariance = np.empty((n, len(numbers)))
@@ -212,7 +220,7 @@ class KrigingRows:
     def _no_rows(self) -> Array:
         """Sums over no rows."""
         sums = np.zeros((3, self._covariances.size))
-        sums[2] = -1.0
+        sums[2] = -1.0 if self._amplitude is None else -1.0 / self._amplitude
         return sums
 
     def _add_row(self, number: int, sums: Array, out: Array) -> None:

@@ -22,6 +22,9 @@ _TILE_ELEMENTS = 400_000
 class KrigingSystem(NamedTuple):
     """A factored kriging system, see :mod:`poisson_kriging`.
 
+    With an amplitude (:mod:`.amplitude`), the matrix, the ones and the rates are in units of the amplitude at the
+    places.
+
     :param variogram: variogram of the latent rate
     :param places: samples at distinct places
     :param factor: Cholesky factor L of the matrix, lower triangle, shape (n, n)
@@ -43,6 +46,9 @@ class KrigingSystem(NamedTuple):
         from scipy.linalg import solve_triangular
 
         right = np.column_stack([places.rate_cps, np.ones(len(places))])
+        amplitude = variogram.amplitude_at(places.xy)
+        if amplitude is not None:
+            right /= amplitude[:, None]
         rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
         mean = float(rate @ ones / (ones @ ones))
         return cls(variogram, places, factor, ones, rate - mean * ones, mean)
@@ -58,7 +64,10 @@ class KrigingSystem(NamedTuple):
         ones = self.ones
         both = np.column_stack([self.residual, ones])
         rate, variance = np.empty((2, len(targets.xy)))
+        amplitude = self.variogram.amplitude_at(targets.xy)
         for tile, solved in self.solved_tiles(targets, nugget):
+            if amplitude is not None:
+                solved *= amplitude[tile, None]
             products = solved @ both
             rate[tile] = self.mean + products[:, 0]
             variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
@@ -67,7 +76,7 @@ class KrigingSystem(NamedTuple):
         return rate, variance
 
     def solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:
-        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places)."""
+        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places), in units of their amplitude."""
         from scipy.linalg.blas import dtrsm
 
         places, variogram = self.places, self.variogram
@@ -82,6 +91,16 @@ class KrigingSystem(NamedTuple):
                 here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
                 covariance[target[here] - start, place[here]] += variogram.nugget
             yield tile, dtrsm(1.0, self.factor, covariance.T, lower=1, overwrite_b=1).T
+
+
+def target_variance(variogram: Variogram, keep_nugget: bool, xy: Array | None = None) -> float | Array:
+    """Prior variance C_00 of targets: one number, or shape (g,) with an amplitude [(counts/s)^2].
+
+    :param xy: the targets, shape (g, 2) [m]; by default where the amplitude is 1
+    """
+    variance = variogram.sill if keep_nugget else variogram.structured_sill
+    amplitude = None if xy is None else variogram.amplitude_at(xy)
+    return variance if amplitude is None else variance * amplitude**2
 
 
 def no_system(variogram: Variogram) -> KrigingSystem:

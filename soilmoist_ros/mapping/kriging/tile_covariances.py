@@ -80,6 +80,12 @@ class TileCovariances:
         self._far = Rows(self._tiles * POINTS**2)
         self._near = [_NearRows(self._cells) for _ in range(self._tiles)]
 
+    @property
+    def xy(self) -> Array:
+        """See :class:`Covariances`."""
+        x, y = self._cells_m
+        return np.column_stack([x.ravel(), y.ravel()])
+
     def begin(self, variogram: Variogram) -> None:
         """See :class:`Covariances`."""
         self._variogram = variogram

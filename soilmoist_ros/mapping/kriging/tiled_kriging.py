@@ -195,7 +195,7 @@ class TiledKriging:
     * Gaussian with a range far above the sample spacing, for which no neighbourhood is large enough: 10 to 35 %
       (root mean square 3 to 12 %); error of the sd 1 %
 
-    :param variogram: variogram of the latent rate
+    :param variogram: variogram of the latent rate; its amplitude is left out
     :param keep_nugget: as :class:`PoissonKriging`
     :param nearest: number of nearest samples of a tile that are not merged; chosen by :meth:`fit` if ``None``
     :param compute: computes the tiles; by default in this process, one after the other
@@ -222,7 +222,7 @@ class TiledKriging:
     ) -> None:
         if nearest is not None and nearest < 1:
             raise ValueError(f"nearest must be at least 1, got {nearest}")
-        self.variogram = variogram
+        self.variogram = variogram.stationary
         self.keep_nugget = keep_nugget
         self.accuracy: Accuracy | None = None
         self.clipped_variances = 0

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, merge_exactly, noise_rate
+from soilmoist_ros.mapping.variogram.amplitude import Box
 from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping.variogram.local_fit import LocalFit, fit_amplitude
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import maximise_reml
@@ -19,6 +21,7 @@ from soilmoist_ros.mapping.variogram.soft_l1 import fit_soft_l1
 Array = NDArray[np.float64]
 FitMethod = Literal["reml", "soft_l1"]
 NoiseModel = Literal["local", "mean"]
+LocalModel = Literal["auto", "off"]
 
 MAX_PAIRED_PLACES = 5000
 """Maximum number of places in the empirical semivariogram; of more places, every k-th is used."""
@@ -46,6 +49,8 @@ class VariogramFit:
     :param weight: weight of each class [s]
     :param edges_m: edges of the classes, one more than classes [m]; empty with fewer than two places
     :param local_rate: rate in the Poisson noise of each sample of a map; ``None`` for the mean rate
+    :param local: whether the rate varies more here than there; ``None`` if this was not tested. The other
+        parameters are those of the stationary fit
     """
 
     variogram: Variogram
@@ -62,6 +67,23 @@ class VariogramFit:
     weight: Array
     edges_m: Array
     local_rate: LocalRate | None = None
+    local: LocalFit | None = None
+
+    @property
+    def stationary(self) -> Variogram:
+        """The variogram of the stationary fit."""
+        return self.variogram if self.local is None else self.local.stationary
+
+    @property
+    def local_text(self) -> str:
+        """Whether the rate varies more here than there, and the evidence, in words."""
+        if self.local is None:
+            return "not tested"
+        evidence = f"logarithm of the Bayes factor {self.local.evidence:.1f}"
+        if self.variogram.amplitude is None:
+            return f"alike everywhere, the counts do not clearly say otherwise ({evidence})"
+        low, high = self.variogram.amplitude.spread
+        return f"differs from place to place, {low:.2g} to {high:.2g} times that of the whole field ({evidence})"
 
     @property
     def noise_rate(self) -> float | LocalRate | None:
@@ -117,6 +139,7 @@ def estimate_variogram(
     spread: ArrayLike | None = None,
     anisotropy: bool = True,
     local_noise: bool = False,
+    box: Box | None = None,
 ) -> VariogramFit:
     """Fit a variogram of the latent rate to counts.
 
@@ -145,6 +168,8 @@ def estimate_variogram(
         and soft_l1 ignore the spread
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
     :param local_noise: whether the Poisson noise in a map has the rate at each place, instead of the mean
+    :param box: box of the field, to test whether the rate varies more here than there (:mod:`.local_fit`); with
+        ``None`` or soft_l1 the variogram is stationary
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
     correlation_model(model)
@@ -158,18 +183,24 @@ def estimate_variogram(
     bins = _Bins.of(places, edges)
     if method == "soft_l1":
         fit = _fit_soft_l1(places, model, bins)
-    else:
-        fit = _fit_reml(places, model, bins, extent_m, anisotropy)
-    return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
+        return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
+    return _fit_reml(places, model, bins, extent_m, anisotropy, local_noise, box)
 
 
 def _fit_reml(
-    places: Samples, model: ModelName, bins: _Bins, extent_m: float | None, anisotropy: bool
+    places: Samples,
+    model: ModelName,
+    bins: _Bins,
+    extent_m: float | None,
+    anisotropy: bool,
+    local_noise: bool,
+    box: Box | None,
 ) -> VariogramFit:
     """Restricted maximum likelihood."""
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
     estimate = maximise_reml(places, model, extent, anisotropy)
-    return VariogramFit(
+    local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
+    fit = VariogramFit(
         estimate.variogram,
         "reml",
         places.mean_rate_cps,
@@ -180,7 +211,11 @@ def _fit_reml(
         estimate.converged,
         estimate.message,
         *bins.columns,
+        local_rate,
     )
+    rate = local_rate or noise_rate(places)
+    found = None if box is None else fit_amplitude(places, estimate.variogram, estimate.mode, rate, box, extent)
+    return fit if found is None else replace(fit, variogram=found[0], local=found[1])
 
 
 @dataclass(frozen=True, eq=False)

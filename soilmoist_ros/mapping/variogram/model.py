@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.correlation import CorrelationModel, ModelName, correlation_model
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ class Variogram:
     :param sill: *total* sill, including the nugget [(counts/s)^2], >= nugget
     :param anisotropy: longest range over shortest range [-], >= 1; 1 for an isotropic variogram
     :param angle_deg: direction of the longest range, anticlockwise from east [deg]; kept modulo 180
+    :param amplitude: for a field that varies more here than there, standard deviation of the rate at each place
+        relative to the model's; ``None`` for a stationary variogram. Methods of a distance leave it out
     :raises ValueError: if the model is unknown or a parameter is out of its range
 
     >>> variogram = Variogram("matern32", nugget=0.02, range_m=15.0, sill=0.5)
@@ -52,6 +55,7 @@ class Variogram:
     sill: float
     anisotropy: float = 1.0
     angle_deg: float = 0.0
+    amplitude: Amplitude | None = None
 
     def __post_init__(self) -> None:
         correlation_model(self.model)
@@ -80,6 +84,27 @@ class Variogram:
     def structured_sill(self) -> float:
         """Variance of the spatially correlated part, ``sill - nugget`` [(counts/s)^2]."""
         return self.sill - self.nugget
+
+    @property
+    def stationary(self) -> Variogram:
+        """The variogram without its amplitude."""
+        return self if self.amplitude is None else replace(self, amplitude=None)
+
+    def amplitude_at(self, xy: Array) -> Array | None:
+        """Amplitudes at places of shape (n, 2) [m], shape (n,); ``None`` if they are 1 everywhere."""
+        return None if self.amplitude is None else self.amplitude(xy)
+
+    def modulated(self, covariance: Array, xy: Array, other_xy: Array) -> Array:
+        """A covariance of the stationary variogram times the amplitudes at its places; may change its argument.
+
+        :param covariance: between n and m places, shape (n, m)
+        :param xy: the n places [m]
+        :param other_xy: the m places [m]
+        """
+        if self.amplitude is not None:
+            covariance *= self.amplitude(xy)[:, None]
+            covariance *= self.amplitude(other_xy)
+        return covariance
 
     @property
     def correlation_model(self) -> CorrelationModel:

@@ -22,6 +22,7 @@ PARAMETERS: Final = (
     of_setting("model", description="variogram model"),
     of_setting("fit"),
     of_setting("noise"),
+    of_setting("local"),
     Parameter(
         name="keep_nugget",
         default=True,

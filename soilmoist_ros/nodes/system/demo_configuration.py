@@ -52,7 +52,8 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     write_site_file(field, configuration / "site.yaml")
     files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
     simulated = {"use_sim_time": True}
-    fitted = {"model": mission.model, "fit": mission.fit, "noise": mission.noise, "simulated": True, **simulated}
+    choices = {name: getattr(mission, name) for name in ("model", "fit", "noise", "local")}
+    fitted = {**choices, "simulated": True, **simulated}
     robots = robot_namespaces(mission.robots)
     several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
     others: dict[str, object] = {"others": several} if several else {}

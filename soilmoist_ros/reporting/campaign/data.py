@@ -23,6 +23,7 @@ NAMES = {
     "model": "{} variogram",
     "fit": "fit {}",
     "noise": "{} noise",
+    "local": "local variance: {}",
     "preset": "constants: {}",
     "map_from": "map from {}",
     "travel": "travel {}",

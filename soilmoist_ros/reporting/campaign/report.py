@@ -145,7 +145,18 @@ def _experiments(data: CampaignData) -> Iterator[ExperimentRow]:
 
 def _common_settings(data: CampaignData) -> list[tuple[str, str]]:
     """Common settings of all missions."""
-    names = ("model", "fit", "noise", "preset", "travel", "cell_m", "footprint_m", "position_sd_m", "weather")
+    names = (
+        "model",
+        "fit",
+        "noise",
+        "local",
+        "preset",
+        "travel",
+        "cell_m",
+        "footprint_m",
+        "position_sd_m",
+        "weather",
+    )
     table = data.missions
     shared = [(name, table[name].iloc[0]) for name in names if table[name].nunique(dropna=False) == 1]
     return [(name, _setting(value)) for name, value in shared]

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.mapping.variogram.fit import VariogramFit
     from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult
     from soilmoist_ros.simulation.mission.settings import MissionSettings
 
@@ -132,6 +133,18 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
         "objective": fit.objective,
         "log_sd": fit.log_sd and dict(zip(("structured_sill", "range", "nugget"), fit.log_sd, strict=True)),
         "prior_share": dict(zip(("structured_sill", "range", "nugget"), fit.prior_share, strict=True)),
+        "local": None if fit.local is None else _local(fit),
+    }
+
+
+def _local(fit: VariogramFit) -> dict[str, Any]:
+    """Whether the rate varies more here than there."""
+    amplitude = fit.variogram.amplitude
+    return {
+        "used": amplitude is not None,
+        "log_bayes_factor": None if fit.local is None else fit.local.evidence,
+        "amplitude": None if amplitude is None else amplitude.spread,
+        "text": f"The standard deviation of the rate: {fit.local_text}.",
     }
 
 

@@ -140,7 +140,8 @@ class _Kriging:
         variogram = self.soil_map.variogram
         square = cdist(variogram.scaled(a), variogram.scaled(b), "sqeuclidean")
         nugget = np.where(square == 0, variogram.nugget, 0.0)
-        return np.asarray(variogram.structured_sill * variogram.correlation_of_square(square) + nugget, float)
+        stationary = variogram.structured_sill * variogram.correlation_of_square(square) + nugget
+        return variogram.modulated(np.asarray(stationary, float), a, b)
 
     def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Covariance between the samples and the places, shape (samples, places)."""
@@ -150,15 +151,16 @@ class _Kriging:
             return self.covariance(self.xy, xy)
         variogram = self.soil_map.variogram
         correlation = Points(variogram, self.xy, xy, self._spread).correlation(slice(None))
-        return np.asarray(variogram.structured_sill * correlation.T)
+        return variogram.modulated(variogram.structured_sill * correlation.T, self.xy, xy)
 
     def _between_samples(self) -> NDArray[np.float64]:
         from soilmoist_ros.mapping.variogram.support import Supports
 
         if not self._spread.any():
             return self.covariance(self.xy, self.xy)
+        variogram = self.soil_map.variogram
         smooth = Supports(self.xy, self._spread).average(self.towards)
-        return smooth + self.soil_map.variogram.nugget * np.eye(len(self.xy))
+        return smooth + variogram.modulated(variogram.nugget * np.eye(len(self.xy)), self.xy, self.xy)
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
         from scipy.linalg import cho_solve

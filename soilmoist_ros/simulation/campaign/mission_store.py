@@ -170,7 +170,8 @@ def unpack(content: bytes) -> StoredMission:
 
 def _settings(values: dict[str, Any]) -> MissionSettings:
     properties = tuple(PropertySettings(**one) for one in values["properties"])
-    return MissionSettings(**{"noise": "mean", **values, "properties": properties})  # earlier files have no noise
+    earlier = {"noise": "mean", "local": "off"}  # in files without these keys
+    return MissionSettings(**{**earlier, **values, "properties": properties})
 
 
 _STATE = ("time_s", "distance_m", "samples", "counting_s")

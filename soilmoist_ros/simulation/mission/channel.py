@@ -63,6 +63,7 @@ class Channel:
             footprint_radius_m=radius_m,
             for_planning=True,
             noise=settings.noise,
+            local=settings.local,
         )
         self.field_map = FieldMap(grid, choices)
         self.truth = field.rate_at(grid.cells)

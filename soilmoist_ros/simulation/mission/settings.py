@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.dwell import DwellRule
     from soilmoist_ros.exploration.strategies.strategy import Strategy
     from soilmoist_ros.mapping.variogram.correlation import ModelName
-    from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
+    from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Preset = Literal["recommended", "paper", "authors"]
@@ -32,6 +32,7 @@ _RECOMMENDED = MappingProxyType(
         "model": "matern32",
         "fit": "reml",
         "noise": "local",
+        "local": "auto",
         "map_from": "records",
     }
 )
@@ -42,6 +43,7 @@ _PUBLISHED = MappingProxyType(
         "model": "gaussian",
         "fit": "soft_l1",
         "noise": "mean",
+        "local": "off",
         "map_from": "stops",
     }
 )
@@ -284,6 +286,10 @@ class MissionSettings:
     noise: NoiseModel = _setting(
         None, "Rate in the Poisson noise of a sample: local to its place, or the mean rate as published.", str,
         choices=("local", "mean"),
+    )  # fmt: skip
+    local: LocalModel = _setting(
+        None, "Whether the variance may differ from place to place where the counts clearly ask for it (auto), or "
+        "never (off).", str, choices=("auto", "off"),
     )  # fmt: skip
     preset: Preset = _setting(
         "recommended", "Settings where none are given: the recommended ones, those of the paper, or those of the "

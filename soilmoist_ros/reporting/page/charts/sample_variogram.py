@@ -68,7 +68,7 @@ def fitted_mode(soil_map: SoilMap) -> Variogram:
     A REML fit gives posterior means, which are the mode times ``exp(log_sd^2 / 2)`` (a log-normal mean).
     """
     fit, used = soil_map.fit, soil_map.variogram
-    if fit is None or fit.log_sd is None:
+    if fit is None or fit.log_sd is None or used.amplitude is not None:
         return used
     structured = used.structured_sill * math.exp(-0.5 * fit.log_sd[0] ** 2)
     nugget = used.nugget * math.exp(-0.5 * fit.log_sd[2] ** 2)
@@ -166,7 +166,8 @@ def _sample_covariance(variogram: Variogram, places: Samples) -> Array:
         return supports.average(lambda own: _correlation(variogram, points[:, None] - own)).T
 
     smooth = Supports(places.xy, places.spread).average(towards)
-    return np.asarray(variogram.structured_sill * smooth + variogram.nugget * np.eye(len(places)))
+    stationary = variogram.structured_sill * smooth + variogram.nugget * np.eye(len(places))
+    return variogram.modulated(np.asarray(stationary), places.xy, places.xy)
 
 
 def _simulated(covariance: Array) -> Array:

@@ -1,0 +1,141 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram import local_fit
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.local_fit import MIN_EVIDENCE, MIN_PLACES, fit_amplitude
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood
+from soilmoist_ros.simulation.fields.rate_formula import formula
+from soilmoist_ros.simulation.fields.rate_grid import Extent
+
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 2.0)
+EXTENT = Extent.of(np.array([[0.0, 0.0], [60.0, 50.0]]), 2.0)
+MODE = Variogram("matern32", 0.02, 11.0, 0.35, 2.0, 40.0)
+UNEVEN = {"family": "halves", "mean": 4.0, "sd": 0.9, "flat_sd": 0.12, "range_m": 8.0, "angle_deg": 0.0}
+EVEN = {"family": "exponential", "mean": 4.0, "sd": 0.6, "range_m": 12.0}
+
+
+def survey(parameters, seed, n=200, exposure_s=40.0):
+    """Samples at random places of a drawn field, and its true rate."""
+    rng = np.random.default_rng(seed)
+    parameters = dict(parameters)
+    truth = formula(parameters.pop("family"), **parameters).function(EXTENT, rng)
+    xy = rng.uniform((0, 0), (60, 50), (n, 2))
+    return Samples(xy, rng.poisson(truth(xy) * exposure_s).astype(float), np.full(n, exposure_s)), truth
+
+
+def estimate(samples, box=GRID.box):
+    return estimate_variogram(
+        samples.xy, samples.counts, samples.exposure_s, extent_m=60.0, spread=samples.spread, local_noise=True,
+        box=box,
+    )  # fmt: skip
+
+
+def likelihood(samples, mode=MODE, rate=4.0):
+    return local_fit._Likelihood(samples, mode, rate, GRID.box, Prior.of(samples, mode.model, 60.0))
+
+
+@pytest.mark.parametrize("driven", [False, True])
+def test_the_gradient_is_that_of_the_value(driven):
+    samples, _ = survey(UNEVEN, 1, 60)
+    if driven:
+        samples = replace(samples, spread=np.tile([3.0, 1.0, 0.5], (60, 1)))
+    problem = likelihood(samples)
+    at = problem.start + np.random.default_rng(0).normal(0, 0.2, len(problem.start))
+    gradient = problem.expand(at)[1]
+    for number in (0, 1, 2, 3, 11, len(at) - 1):
+        step = np.zeros(len(at))
+        step[number] = 1e-5
+        difference = (problem.expand(at + step)[0] - problem.expand(at - step)[0]) / 2e-5
+        assert gradient[number] == pytest.approx(difference, rel=1e-4, abs=1e-5)
+
+
+def test_without_an_amplitude_the_likelihood_is_the_stationary_one():
+    samples, _ = survey(EVEN, 2, 50)
+    mode = replace(MODE, anisotropy=1.0)
+    problem = likelihood(samples, mode, samples.mean_rate_cps)
+    value = 0.5 * problem.start @ problem.start - problem.expand(problem.start)[0]
+    log = np.log([mode.structured_sill, mode.range_m, mode.nugget])
+    assert value == pytest.approx(RestrictedLikelihood(samples, "matern32").value(log), rel=1e-9)
+
+
+def test_the_information_is_symmetric_and_positive_definite():
+    problem = likelihood(survey(UNEVEN, 3, 80)[0])
+    information = problem.expand(problem.start)[2]
+    np.testing.assert_allclose(information, information.T, atol=1e-9)
+    assert np.linalg.eigvalsh(information).min() >= 1 - 1e-9
+
+
+def test_stationary_fields_keep_their_variogram_bit_for_bit():
+    used = 0
+    for seed in range(6):
+        samples, _ = survey(EVEN, seed)
+        plain, tested = estimate(samples, None), estimate(samples)
+        assert tested.local is not None
+        assert tested.stationary == plain.variogram
+        used += tested.variogram != plain.variogram
+        assert (tested.variogram.amplitude is None) == (tested.local.evidence < MIN_EVIDENCE)
+    assert used <= 1
+
+
+def test_an_uneven_field_has_an_amplitude_that_follows_it():
+    fits = [estimate(survey(UNEVEN, seed)[0]) for seed in range(4)]
+    local = [fit.variogram for fit in fits if fit.variogram.amplitude is not None]
+    assert len(local) >= 3
+    flat, rough = np.array([[10.0, y] for y in range(5, 50, 5)]), np.array([[50.0, y] for y in range(5, 50, 5)])
+    ratio = [np.mean(one.amplitude(rough)) / np.mean(one.amplitude(flat)) for one in local]
+    assert np.mean(ratio) > 2
+    assert "differs from place to place" in next(fit for fit in fits if fit.variogram.amplitude).local_text
+    for one in local:  # the sill is the mean variance
+        assert np.mean(one.amplitude(GRID.cells) ** 2) == pytest.approx(1.0, abs=0.2)
+
+
+def test_too_few_samples_or_a_flat_box_are_not_tested():
+    samples, _ = survey(UNEVEN, 0, MIN_PLACES - 1)
+    assert estimate(samples).local is None
+    assert estimate(samples).local_text == "not tested"
+    more, _ = survey(UNEVEN, 0, 40)
+    assert estimate(more, ((0, 0), (0, 50))).local is None
+    assert fit_amplitude(more, MODE, replace(MODE, nugget=0.0), 4.0, GRID.box, 60.0) is None
+
+
+@pytest.mark.slow
+def test_intervals_cover_the_truth_on_rough_and_on_flat_ground():
+    """On the rough half, stationary intervals are too narrow; those of a local model are right on both halves."""
+    inside, error = {"local": [], "stationary": []}, {"local": [], "stationary": []}
+    rough = GRID.cells[:, 0] > 34
+    for seed in range(20, 32):
+        samples, truth = survey(UNEVEN, seed)
+        fit = estimate(samples)
+        for name, variogram in (("local", fit.variogram), ("stationary", fit.stationary)):
+            kriging = PoissonKriging(variogram, True, fit.noise_rate)
+            rate, variance = kriging.fit(samples.xy, samples.counts, samples.exposure_s).predict(GRID.cells)
+            miss = rate - truth(GRID.cells)
+            covered = np.abs(miss) < 1.96 * np.sqrt(variance)
+            inside[name].append([covered[rough].mean(), covered[~rough].mean()])
+            error[name].append(np.mean(miss**2))
+    local, stationary = (np.mean(inside[name], axis=0) for name in ("local", "stationary"))
+    assert stationary[0] < local[0]
+    assert 0.90 <= local[0] <= 0.98
+    assert 0.90 <= local[1] <= 0.995
+    assert np.mean(error["local"]) < 0.95 * np.mean(error["stationary"])
+
+
+def test_a_map_can_stay_stationary():
+    samples, _ = survey(UNEVEN, 1)
+    maps = {}
+    for choice in ("auto", "off"):
+        field_map = FieldMap(GRID, FieldMapSettings(local=choice))
+        field_map.set_samples(samples)
+        maps[choice] = field_map.update()
+    assert maps["auto"].variogram.amplitude is not None
+    assert maps["off"].variogram == maps["auto"].fit.stationary
+    assert maps["off"].fit.local is None
+    sd = maps["auto"].rate_sd
+    assert np.nanmean(sd[:, :12]) < 0.7 * np.nanmean(sd[:, -12:])
