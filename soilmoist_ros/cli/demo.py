@@ -36,6 +36,11 @@ DEMO = (
     "local",
     "preset",
     "properties",
+    "stop_overhead_s",
+    "turn_s_per_rad",
+    "stop_cost_s",
+    "metre_cost_s",
+    "min_dwell_s",
 )
 """Mission settings that are options of the demo."""
 DEMO_HOURS = 1.0

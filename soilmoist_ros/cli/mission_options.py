@@ -77,7 +77,7 @@ def _option(setting: Setting) -> Callable[[Command], Command]:
     unit = f" [{setting.unit}]" if setting.unit else ""
     text = f"{first.rstrip('.')}{unit}. {rest if dot else ''}".strip()
     return click.option(
-        setting.option, setting.name, type=_Value(setting),
+        setting.option, *filter(None, [setting.short]), setting.name, type=_Value(setting),
         help=f"{text} {_default(setting)}".rstrip(),
     )  # fmt: skip
 

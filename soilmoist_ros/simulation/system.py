@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.travel.travel import GraphTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel import GraphTravel
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.settings import MissionSettings
@@ -47,8 +47,7 @@ class VirtualSystem:
         self.grid = self.field.field.grid(settings.cell_m)
         self.map = mission_map(self.field.field, self.grid, settings.graph)
         _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
-        motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
-        travel = GraphTravel(self.map.graph, motion)
+        travel = GraphTravel(self.map.graph, settings.motion)
         start = start_stop(self.field.field, fenced_map(self.field.field, self.map).stops)
         self.robots = tuple(
             SimulatedRobot(

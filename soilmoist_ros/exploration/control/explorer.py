@@ -151,11 +151,11 @@ class Explorer:
         if len(kept) < len(candidates):
             candidates = tuple(self.stops[index] for index in kept)
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
-        travel_s = self.travel.travel_s(position_xy, candidates)
+        travel_s, cost_s = self._trips(position_xy, candidates)
         staying = None
         if stay is not None and free[stay]:
             staying = int(np.searchsorted(kept, stay))
-            travel_s[staying] = 0.0
+            travel_s[staying] = cost_s[staying] = 0.0
         fits = travel_s + self.needed_dwell_s + home_s <= request.budget_left_s
         known_rate = counted.soil_map is not None
         weighed = free & self._considered
@@ -184,9 +184,15 @@ class Explorer:
             overhead_s=self.travel.motion.stop_overhead_s,
             counting=self.counting,
             dwell=self.dwell,
+            travel_cost_s=np.where(fits, cost_s, np.inf),
             prospect=cache(
                 lambda: self._prospect(
-                    maps, considered, travel_s[np.searchsorted(kept, considered)], place, request
+                    maps,
+                    considered,
+                    travel_s[np.searchsorted(kept, considered)],
+                    cost_s[np.searchsorted(kept, considered)],
+                    place,
+                    request,
                 )
             ),
         )
@@ -216,10 +222,11 @@ class Explorer:
         maps: Sequence[Property],
         numbers: NDArray[np.intp],
         travel_s: Array,
+        cost_s: Array,
         position_xy: tuple[float, float],
         request: RequestPlan,
     ) -> Prospect | None:
-        """The stops of these numbers, and travel times, as a planner weighs them; ``None`` without a map."""
+        """The stops of these numbers, travel times and costs, as a planner weighs them; ``None`` without a map."""
         places, models = self._xy[numbers], []
         shapes = [self._shape(each) for each in maps]
         for each, shape in zip(maps, shapes, strict=True):
@@ -234,8 +241,8 @@ class Explorer:
         staying = None
         if here is not None and here in numbers:
             staying = int(np.searchsorted(numbers, here))
-            travel_s = travel_s.copy()
-            travel_s[staying] = 0.0
+            travel_s, cost_s = travel_s.copy(), cost_s.copy()
+            travel_s[staying] = cost_s[staying] = 0.0
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.needed_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(
@@ -248,7 +255,15 @@ class Explorer:
             self.counting,
             staying,
             self.min_dwell_s,
+            cost_s,
         )
+
+    def _trips(self, position_xy: tuple[float, float], stops: Sequence[Stop]) -> tuple[Array, Array]:
+        """Times of the trips to stops [s], and their costs in a comparison [s]."""
+        travel_s = self.travel.travel_s(position_xy, stops)
+        if not self.travel.motion.has_costs:
+            return travel_s, travel_s.copy()
+        return travel_s, self.travel.cost_s(position_xy, stops)
 
     def _number(self, name: str) -> int | None:
         """Number of the stop of this name, ``None`` if there is none."""
@@ -264,8 +279,8 @@ class Explorer:
             chosen = self._numbers[stop.name]
             numbers = np.union1d(np.flatnonzero(self._considered), [chosen])
             place = (*situation.position_xy.tolist(),)
-            travel_s = self.travel.travel_s(place, [self.stops[number] for number in numbers.tolist()])
-            prospect = self._prospect(self._maps(others), numbers, travel_s, place, request)
+            trips = self._trips(place, [self.stops[number] for number in numbers.tolist()])
+            prospect = self._prospect(self._maps(others), numbers, *trips, place, request)
         return None if prospect is None else prospect.dwell(stop, self.dwell.longest_s)
 
     def _shape(self, of: Property) -> Array:

@@ -46,7 +46,8 @@ class Worth:
     :param rate: rate expected at the stop [counts/s]
     :param travel_s: time of the trip, stop overhead included [s]
     :param dwell_s: dwell with the highest value [s], the shortest one if counting on the way is worth more
-    :param value: reduction of the integrated variance per second of trip and dwell, with ``dwell_s``
+    :param value: reduction of the integrated variance per second of dwell and trip, an operator's costs of the
+        trip included, with ``dwell_s``
     :param others: A, B and noise n of each further property; ``on_way`` and ``value`` include all properties
     """
 
@@ -150,6 +151,7 @@ class PlanningModel:
         overhead_s: float | Array,
         longest_s: Array,
         min_dwell_s: float = 0.0,
+        cost_s: Array | None = None,
     ) -> Worth:
         """Value of the trip to each candidate and of counting there.
 
@@ -161,13 +163,16 @@ class PlanningModel:
             shape (k,) [s]
         :param longest_s: longest dwell possible at each, shape (k,) [s]
         :param min_dwell_s: shortest dwell [s]
+        :param cost_s: what each trip costs in the comparison, shape (k,) [s]; its time if ``None``
         """
         node = self.stop_nodes[stops]
         nodes = np.column_stack([ways, node])
         seconds = np.column_stack([exposure_s, np.broadcast_to(np.asarray(overhead_s, float), len(node))])
         each = [model._at_stops(node, nodes, seconds) for model in (self, *self.others)]
         on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
-        dwell_s, value = best_dwell(on_way, gain, variance, noise, travel_s, longest_s, min_dwell_s)
+        dwell_s, value = best_dwell(
+            on_way, gain, variance, noise, travel_s if cost_s is None else cost_s, longest_s, min_dwell_s
+        )
         return Worth(
             on_way.sum(axis=0),
             gain[0],

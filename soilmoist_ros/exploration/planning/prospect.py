@@ -52,6 +52,8 @@ class Prospect:
     :param staying: number of the candidate at which the robot stands and may count on: its travel time is 0, with
         no way and no stop overhead; ``None`` if there is none
     :param min_dwell_s: shortest dwell [s]
+    :param travel_cost_s: travel times with the costs that an operator adds, shape (k,) [s]; for comparisons of
+        stops, never for the clock. The times alone if ``None``
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class Prospect:
         counting: Counting,
         staying: int | None = None,
         min_dwell_s: float = 0.0,
+        travel_cost_s: Array | None = None,
     ) -> None:
         self.model = model
         self.stops = stops
@@ -75,6 +78,7 @@ class Prospect:
         self._counting = counting
         self.staying = staying
         self.min_dwell_s = min_dwell_s
+        self.travel_cost_s = travel_s if travel_cost_s is None else travel_cost_s
 
     @cached_property
     def reachable(self) -> Indices:
@@ -96,7 +100,14 @@ class Prospect:
         longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], MAX_DWELL_S)
         overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
         return self.model.worth(
-            stops, self._travel_s[stops], ways, exposure_s, overhead_s, longest_s, self.min_dwell_s
+            stops,
+            self._travel_s[stops],
+            ways,
+            exposure_s,
+            overhead_s,
+            longest_s,
+            self.min_dwell_s,
+            self.travel_cost_s[stops],
         )
 
     @property
@@ -135,6 +146,10 @@ class Prospect:
     def travel_from(self, row: int) -> Array:
         """Travel times from a reachable candidate to all reachable candidates [s]."""
         return self._travel.travel_s(self.place(row), self._reachable_stops)
+
+    def cost_from(self, row: int) -> Array:
+        """As :meth:`travel_from` with the costs that an operator adds [s]."""
+        return self._travel.cost_s(self.place(row), self._reachable_stops)
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
         """Nodes on the route from a place to a reachable candidate, and the exposure at each [s].

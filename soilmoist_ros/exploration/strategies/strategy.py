@@ -39,6 +39,8 @@ class Situation:
     :param overhead_s: time lost at each stop, a part of the travel times [s]
     :param counting: when the robot counts
     :param dwell: dwell rule of the mission, ``None`` if unknown
+    :param travel_cost_s: ``travel_s`` with the costs that an operator adds for a stop and a metre, for comparisons
+        of trips [s], shape (k,); the clock runs by ``travel_s``. ``None``: the same
     :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
         time is 0, and no goal is sent when it is chosen; ``None`` if there is none
     :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
@@ -61,6 +63,7 @@ class Situation:
     counting: Counting = RECORDS_OF_10_S
     dwell: DwellRule | None = None
     prospect: Callable[[], Prospect | None] | None = None
+    travel_cost_s: Array | None = None
     staying: int | None = None
 
 

@@ -26,16 +26,21 @@ class RobotMotion:
     :param stop_overhead_s: time lost at each stop: braking, settling, the next goal [s], >= 0
     :param turn_s_per_rad: time for each radian turned on the way [s/rad], >= 0; turning towards the
         first corner is not counted, since the heading at the start is not known
+    :param stop_cost_s: time that it is worth to avoid a stop [s], >= 0; makes a planner choose fewer stops
+    :param metre_cost_s: time that it is worth to avoid a metre [s/m], >= 0; makes it drive less. Both costs count
+        where trips are compared, never on the clock
     """
 
     speed_mps: float = 0.6
     stop_overhead_s: float = 12.0
     turn_s_per_rad: float = 0.0
+    stop_cost_s: float = 0.0
+    metre_cost_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.speed_mps) and self.speed_mps > 0):
             raise ValueError(f"speed_mps must be > 0 and finite, got {self.speed_mps}")
-        for name in ("stop_overhead_s", "turn_s_per_rad"):
+        for name in ("stop_overhead_s", "turn_s_per_rad", "stop_cost_s", "metre_cost_s"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be >= 0 and finite, got {value}")
@@ -44,6 +49,17 @@ class RobotMotion:
         """Time for lengths and turns of routes, one stop overhead included [s]; inf for an infinite length."""
         way = np.asarray(length_m, float) / self.speed_mps
         return np.asarray(way + np.asarray(turn_rad, float) * self.turn_s_per_rad + self.stop_overhead_s)
+
+    def cost_s(self, length_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
+        """What routes cost in a comparison: their time and what an operator adds to it [s]."""
+        length = np.asarray(length_m, float)
+        added = self.stop_cost_s + self.metre_cost_s * np.where(np.isfinite(length), length, 0.0)
+        return np.asarray(self.travel_s(length_m, turn_rad) + added)
+
+    @property
+    def has_costs(self) -> bool:
+        """Whether a trip costs more than its time."""
+        return self.stop_cost_s > 0 or self.metre_cost_s > 0
 
     def polyline_s(self, polyline: Array) -> float:
         """Time for a route given by its corners, shape (p, 2) [m], one stop overhead included [s]."""
@@ -70,6 +86,10 @@ class TravelModel(Protocol):
 
     def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
         """Time from a place to each stop, one stop overhead included, shape (k,) [s]; inf if unreachable."""
+        ...
+
+    def cost_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
+        """As :meth:`travel_s` with the operator's costs of a stop and of a metre, for comparisons of trips."""
         ...
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
@@ -102,16 +122,24 @@ class _Model:
 
     def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
         """See :class:`TravelModel`."""
+        return self.motion.travel_s(*self._lengths_and_turns(from_xy, stops))
+
+    def cost_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
+        """See :class:`TravelModel`."""
+        return self.motion.cost_s(*self._lengths_and_turns(from_xy, stops))
+
+    def _lengths_and_turns(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> tuple[Array, ArrayLike]:
+        """Lengths of the routes from a place [m], and their turns [rad] if turning costs time."""
         if not len(stops):
-            return np.empty(0)
+            return np.empty(0), 0.0
         start = np.asarray(from_xy, float)
         lengths = self._lengths(start, stops)
         if self.motion.turn_s_per_rad == 0:
-            return self.motion.travel_s(lengths)
+            return lengths, 0.0
         turns = np.zeros(len(stops))
         for index in np.flatnonzero(np.isfinite(lengths)).tolist():
             turns[index] = polyline_turn_rad(self.route(start, stops[index]))
-        return self.motion.travel_s(lengths, turns)
+        return lengths, turns
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""

@@ -151,6 +151,9 @@ PARAMETERS: Final = (
     *ANTENNA,
     of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
     of_setting("stop_overhead_s"),
+    of_setting("turn_s_per_rad"),
+    of_setting("stop_cost_s"),
+    of_setting("metre_cost_s"),
     _row("arrival_radius_m", 3.0, "the robot is at a stop within this distance", "m", 0.01),
     _row(
         "settle_s",
@@ -228,7 +231,13 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
         preset=text("preset"),
         seed=parameters.whole("seed"),
         dwell=parse_dwell(text("dwell"), number("longest_dwell_s")),
-        motion=RobotMotion(number("speed_mps"), number("stop_overhead_s")),
+        motion=RobotMotion(
+            number("speed_mps"),
+            number("stop_overhead_s"),
+            number("turn_s_per_rad"),
+            number("stop_cost_s"),
+            number("metre_cost_s"),
+        ),
         curve=_required(calibration) if text("target") == "vwc" else None,
         calibration=calibration,
         access=AccessRules(

@@ -66,6 +66,10 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         }
         for one in mission.properties
     }
+    trips = {name: getattr(mission, name) for name in ("stop_overhead_s", "turn_s_per_rad")}
+    planned = {name: getattr(mission, name) for name in ("stop_cost_s", "metre_cost_s")}
+    if mission.min_dwell_s is not None:
+        planned["min_dwell_s"] = mission.min_dwell_s
     properties = [f"{one.name}:{one.weight}" for one in mission.properties]
     nodes: dict[str, dict[str, object]] = {
         # The recorder starts first and ends last, so that it records everything.
@@ -80,6 +84,8 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
                 "hours": mission.hours,
                 "seed": mission.seed + number,
                 "preset": mission.preset,
+                **trips,
+                **planned,
                 "navigator": settings.navigator,
                 "autostart": settings.autostart,
                 "exit_when_finished": settings.exit_when_finished,
@@ -94,6 +100,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
             **({"properties": [_absolute(one.field_name) for one in mission.properties]} if mappers else {}),
             "seed": mission.seed,
             "robots": mission.robots,
+            **trips,
             "speed": settings.time_factor,
             "scenario": settings.scenario,
             "logger_port": 0,

@@ -19,6 +19,7 @@ from soilmoist_ros.foundation.suggestions import did_you_mean
 if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.dwell import DwellRule
     from soilmoist_ros.exploration.strategies.strategy import Strategy
+    from soilmoist_ros.exploration.travel.travel import RobotMotion
     from soilmoist_ros.mapping.variogram.correlation import ModelName
     from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
@@ -67,6 +68,7 @@ class Setting:
     :param choices: permitted values; any if empty
     :param registered: function that returns the registered names; called when a value is checked
     :param check: function that returns a value in its plain form, or raises :class:`InputError`
+    :param short: another, shorter option
     :param method: in Python, objects with this method are permitted instead of a name; empty for names only
     """
 
@@ -81,6 +83,7 @@ class Setting:
     registered: Callable[[], Sequence[str]] | None = None
     check: Callable[[Any], Any] | None = None
     method: str = ""
+    short: str = ""
 
     @property
     def option(self) -> str:
@@ -310,12 +313,18 @@ class MissionSettings:
         None, "Topological map to travel on, a file. Default: an open lattice of about 300 nodes.", str
     )
     speed_mps: float = _setting(0.6, "Speed of the robot.", unit="m/s", low=0, above=True)
-    stop_overhead_s: float = _setting(12.0, "Time lost at each stop.", unit="s", low=0)
+    stop_overhead_s: float = _setting(12.0, "Time lost at each stop.", unit="s", low=0, short="--overhead")
     min_dwell_s: float | None = _setting(
         None, "Shortest time at a stop, whatever the dwell rule says; stops that leave less are skipped. Default: "
         "one record.", float, unit="s", low=0, above=True,
     )  # fmt: skip
     turn_s_per_rad: float = _setting(0.0, "Time for each radian turned.", unit="s/rad", low=0)
+    stop_cost_s: float = _setting(
+        0.0, "Time that it is worth to avoid a stop: the planner chooses fewer of them.", unit="s", low=0
+    )
+    metre_cost_s: float = _setting(
+        0.0, "Time that it is worth to avoid a metre: the planner drives less.", unit="s/m", low=0
+    )
     cadence_s: float = _setting(10.0, "Duration of a record.", unit="s", low=0, above=True)
     cell_m: float | None = _setting(
         None, "Cell size of the map. Default: the field's.", float, unit="m", low=0, above=True
@@ -368,6 +377,15 @@ class MissionSettings:
             )
         if mistakes:
             raise InputError(mistakes)
+
+    @property
+    def motion(self) -> RobotMotion:
+        """How the robots move, as the planner expects."""
+        from soilmoist_ros.exploration.travel.travel import RobotMotion
+
+        return RobotMotion(
+            self.speed_mps, self.stop_overhead_s, self.turn_s_per_rad, self.stop_cost_s, self.metre_cost_s
+        )
 
     @property
     def field_name(self) -> str:

@@ -152,7 +152,7 @@ class _Simulation:
             )
         self.field = field
         self.grid = field.field.grid(settings.cell_m)
-        self.motion = RobotMotion(settings.speed_mps, settings.stop_overhead_s, settings.turn_s_per_rad)
+        self.motion = settings.motion
         self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
         # The calibration belongs to the mission field; other properties have no moisture.
         self.channels = [

@@ -104,3 +104,15 @@ def test_graph_travel_enters_at_the_nearest_node_and_follows_the_ways():
     np.testing.assert_allclose(travel.route((-1, 0), nodes[2]), [[-1, 0], [0, 0], [10, 0], [10, 10]])
     np.testing.assert_allclose(travel.travel_s((-1, 0), nodes), [1, 11, 21])
     np.testing.assert_allclose(travel.between_s(nodes, np.array([2, 0])), [[0, np.hypot(10, 10)], [20, 0]])
+
+
+def test_an_operators_costs_count_in_comparisons_only():
+    motion = RobotMotion(0.5, 10.0, stop_cost_s=30.0, metre_cost_s=2.0)
+    travel = FreeTravel(motion)
+    stops = (Stop("a", 10.0, 0.0), Stop("b", 0.0, 40.0))
+    np.testing.assert_allclose(travel.travel_s((0.0, 0.0), stops), [30.0, 90.0])
+    np.testing.assert_allclose(travel.cost_s((0.0, 0.0), stops), [80.0, 200.0])
+    assert np.isinf(RobotMotion(stop_cost_s=5.0).cost_s(np.inf))
+    assert not RobotMotion().has_costs
+    with pytest.raises(ValueError, match="metre_cost_s"):
+        RobotMotion(metre_cost_s=-1.0)
