@@ -25,7 +25,7 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
     :param status: the status
     :param more: further values to display
     """
-    target, end_s = status.target, status.estimated_end_s
+    target, end_s, forecast = status.target, status.estimated_end_s, status.forecast
     values = {
         "state": str(status.phase),
         "reason": status.reason,
@@ -53,13 +53,16 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "emergency": str(bool(status.emergency)),
         "stop_requests": str(int(status.stop_requests)),
         "queue": json.dumps(list(status.queue)),
+        "forecast": forecast.text if forecast else "",
+        "map_sd": _text(forecast.sd if forecast else math.nan),
+        "map_sd_at_end": _text(forecast.sd_end if forecast else math.nan),
         **(more or {}),
     }
     return health_to_status(Health("mission", status_level(status), f"{status.phase}: {status.reason}", values))
 
 
 def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
-    """Status of a message; further values are ignored.
+    """Status of a message; further values, such as the forecast, are ignored.
 
     :raises ValueError: if a value is missing or impossible
     """

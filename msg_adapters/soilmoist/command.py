@@ -22,6 +22,8 @@ def request_to_message(request: OperatorRequest) -> Command.Request:
         strategy=request.strategy,
         target=request.target,
         home=request.home,
+        until_sd=_to_limit(request.until_sd),
+        until_gain=_to_limit(request.until_gain),
     )
 
 
@@ -39,7 +41,18 @@ def request_from_message(message: Command.Request) -> OperatorRequest:
         strategy=message.strategy,
         target=message.target,
         home=message.home,
+        until_sd=_from_limit(message.until_sd),
+        until_gain=_from_limit(message.until_gain),
     )
+
+
+def _to_limit(value: float | None) -> float:
+    """0 leaves a limit as it is, below 0 removes it."""
+    return 0.0 if value is None else float(value) or -1.0
+
+
+def _from_limit(value: float) -> float | None:
+    return None if value == 0 else max(float(value), 0.0)
 
 
 def reply_to_message(reply: Reply) -> Command.Response:

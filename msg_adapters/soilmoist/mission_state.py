@@ -39,7 +39,7 @@ def mission_state_to_message(
     :param stamp_s: time of the message [s since 1970-01-01 UTC]
     :param robot: namespace of the planner
     """
-    stop = status.target
+    stop, forecast = status.target, status.forecast
     return MissionMessage(
         header=Header(stamp=to_time(stamp_s), frame_id=frame_id),
         robot=robot,
@@ -72,11 +72,15 @@ def mission_state_to_message(
         ruled_out=list(status.blacklisted),
         ruled_out_areas=[Polygon(points=[_corner(*corner) for corner in area]) for area in status.ruled_out],
         strategy=status.strategy,
+        map_sd=float(forecast.sd if forecast else math.nan),
+        map_sd_at_end=float(forecast.sd_end if forecast else math.nan),
+        map_sd_is_vwc=bool(forecast and forecast.moisture),
+        forecast=forecast.text if forecast else "",
     )
 
 
 def mission_state_from_message(message: MissionMessage) -> MissionStatus:
-    """Status of a message.
+    """Status of a message, without its forecast.
 
     :raises ValueError: if a code is not known
     """

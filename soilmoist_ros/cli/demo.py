@@ -35,6 +35,8 @@ DEMO = (
     "noise",
     "local",
     "preset",
+    "until_sd",
+    "until_gain",
     "properties",
     "stop_overhead_s",
     "turn_s_per_rad",

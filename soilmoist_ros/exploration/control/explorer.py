@@ -13,6 +13,9 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen,
 from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
+from soilmoist_ros.exploration.planning.forecast import Forecast
+from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS as FORECAST_CELLS
+from soilmoist_ros.exploration.planning.forecaster import Forecaster
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
@@ -32,10 +35,12 @@ class Plan:
 
     :param choice: the next stop, ``None`` if nothing is worth going to or can be reached
     :param travel_s: travel time to it [s], ``None`` without a choice
+    :param forecast: a new forecast of the map, ``None`` if the last one is recent
     """
 
     choice: Choice | None
     travel_s: float | None
+    forecast: Forecast | None = None
 
 
 class Explorer:
@@ -95,6 +100,8 @@ class Explorer:
         self._cells_xy = self._map_xy[self._cells]
         self._considered = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
+        few = spread_cells(self.grid.mask, FORECAST_CELLS)[self.grid.mask]
+        self._forecaster = Forecaster(self._map_xy[few], self.grid.extent_m, nominal_rate_cps)
 
     def go_on_from(self, earlier: Explorer, same_strategy: bool) -> None:
         """Take the place of another explorer of the same mission, whose settings were changed.
@@ -122,12 +129,15 @@ class Explorer:
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
         choice = strategy.choose(situation, self.rng)
+        left_s, robots = request.time_left_s, 1 + len(others)
+        forecast = self._forecaster.forecast(self.properties[0], request.time_used_s, left_s, robots)
         if choice is None:
-            return Plan(None, None)
+            return Plan(None, None, forecast)
         if isinstance(self.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         stays = bool(request.staying) and choice.stop.name == request.staying
-        return Plan(choice, 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0]))
+        travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
+        return Plan(choice, travel_s, forecast)
 
     def situation(
         self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()

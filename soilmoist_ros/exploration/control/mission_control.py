@@ -334,6 +334,8 @@ class MissionControl:
             "strategy": explorer.strategy,
             "target": "rate" if explorer.curve is None else "vwc",
             "home": home,
+            "until_sd": rules.until_sd,
+            "until_gain": rules.until_gain,
         }
 
     def fix(self, place: tuple[float, float], sd_m: float = math.nan, stamp_s: float = math.nan) -> None:

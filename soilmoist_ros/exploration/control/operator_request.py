@@ -54,6 +54,8 @@ class OperatorRequest:
     :param strategy: how stops are chosen; empty: as it is
     :param target: which map is to be good; empty: as it is
     :param home: name of the stop to return to; empty: as it is
+    :param until_sd: standard deviation of the map at which the mission ends; 0: never, ``None``: as it is
+    :param until_gain: gain in ten minutes below which it ends [%]; 0: never, ``None``: as it is
     """
 
     verb: str
@@ -67,6 +69,8 @@ class OperatorRequest:
     strategy: str = ""
     target: str = ""
     home: str = ""
+    until_sd: float | None = None
+    until_gain: float | None = None
 
 
 @dataclass(frozen=True)
@@ -256,9 +260,11 @@ class Requests:
             target=self._target(request.target) if request.target else None,
             home=self._home(request.home) if request.home else None,
             warm_up_stops=self._warm_up_stops(request.strategy) if request.strategy else None,
+            until_sd=self._limit("until_sd", request.until_sd),
+            until_gain=self._limit("until_gain", request.until_gain),
         )
         if changes == Changes():
-            remedy = "give hours, dwell, strategy, target or home"
+            remedy = "give hours, dwell, strategy, target, home, until_sd or until_gain"
             raise RequestError(ReplyCode.BAD_SETTING, "there is nothing to change", remedy)
         return replace(command, changes=changes)
 
@@ -271,6 +277,12 @@ class Requests:
             remedy = "give the time from the start of the mission, or use return_home or abort"
             raise RequestError(ReplyCode.BAD_SETTING, message, remedy)
         return hours * 3600
+
+    def _limit(self, name: str, value: float | None) -> float | None:
+        if value is not None and not (math.isfinite(value) and value >= 0):
+            remedy = "give a number above 0, or 0 for no such end"
+            raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
+        return value
 
     def _target(self, target: str) -> str:
         if target not in TARGETS:

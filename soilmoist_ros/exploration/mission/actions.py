@@ -32,6 +32,7 @@ class RequestPlan:
         when the choice does not fit.
     :param staying: name of the stop where the robot stands with its visit open: to choose it again means to count
         on there, without a trip; empty if the visit is closed
+    :param time_used_s: time since the start of the mission [s]
     """
 
     plan_id: int
@@ -41,6 +42,7 @@ class RequestPlan:
     budget_left_s: float
     ruled_out: Polygons = ()
     staying: str = ""
+    time_used_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from soilmoist_ros.exploration.mission.types import Alarm, Changes, Polygon, Verb
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing.records import CountRecord
@@ -56,6 +57,7 @@ class Planned:
     :param choice: next stop, ``None`` if no stop is useful and reachable
     :param travel_s: expected travel time to it [s]; estimated from the straight distance if ``None``
     :param reason: why there is no choice
+    :param forecast: a new forecast of the map's standard deviation, ``None`` if the last one is recent
     """
 
     now_s: float
@@ -63,6 +65,7 @@ class Planned:
     choice: Choice | None
     travel_s: float | None = None
     reason: str = ""
+    forecast: Forecast | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,7 @@ from soilmoist_ros.exploration.mission.state import (
 from soilmoist_ros.exploration.mission.stored import state_from_json, state_to_dict
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
 from soilmoist_ros.exploration.travel.stop import inside_any
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -193,6 +194,11 @@ class _Turn(Commands, Dangers):
 
     def on_plan(self, event: Planned) -> None:
         choice = event.choice
+        if event.forecast is not None:
+            self.state = replace(self.state, forecast=event.forecast, forecast_s=self.now_s)
+            if (end := satisfied(self.rules, event.forecast)) is not None:
+                self.end(*end)
+                return
         staying = self.staying
         if choice is None:
             reason = "nothing is left that is worth measuring or can be reached" + after_colon(event.reason)
@@ -291,6 +297,23 @@ class _Turn(Commands, Dangers):
             longest = judged_s >= dwell.longest_s
             code = VisitEnd.MAX_DWELL if longest else VisitEnd.ENOUGH
             self.dwell_is_over(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
+
+
+def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:
+    """Why a mission ends by its forecast, as code and in words; ``None`` if it goes on."""
+    if rules.until_sd > 0 and forecast.sd <= rules.until_sd:
+        limit = f"{100 * rules.until_sd:.3g} {forecast.unit}"
+        return MissionEnd.GOOD_ENOUGH, f"the map is good enough: ±{100 * forecast.sd:.3g} of {limit} demanded"
+    if rules.until_gain > 0 and not forecast.is_guess:
+        if forecast.hidden is not None:
+            return MissionEnd.NOTHING_VARIES, f"nothing varies: {forecast.uniform}"
+        if 100 * forecast.gain < rules.until_gain:
+            return (
+                MissionEnd.LITTLE_GAIN,
+                f"little is to be gained: in {SOON_S / 60:.0f} min the map would become "
+                f"{100 * forecast.gain:.2g} % better, less than the {rules.until_gain:g} % demanded",
+            )
+    return None
 
 
 def _usable(record: CountRecord) -> bool:

@@ -45,6 +45,8 @@ _RESUMES = {
     Phase.RETURNING: Todo.RETURN,
 }
 """What to go on with after a pause."""
+SATISFIED = (MissionEnd.GOOD_ENOUGH, MissionEnd.LITTLE_GAIN, MissionEnd.NOTHING_VARIES)
+"""Ends of a mission whose map is as good as demanded, or would not become much better."""
 _MAX_AT_ONCE = 10
 """Maximum number of deadlines per step; more are due only if limits are below the resolution of the clock."""
 
@@ -177,7 +179,7 @@ class Moves:
         budget_left_s = self.left_s
         out, areas = blacklisted(self.state), self.state.ruled_out
         at = "" if staying is None else staying.stop.name
-        self.do(RequestPlan(plan_id, kind, out, left_s, budget_left_s, areas, at))
+        self.do(RequestPlan(plan_id, kind, out, left_s, budget_left_s, areas, at, self.state.time_used_s))
         plan = PendingPlan(plan_id, self.now_s + self.rules.plan_limit_s)
         self.state = replace(self.state, plan=plan, plans=plan_id, target=staying)
         number = f"warm-up stop {samples + 1} of {self.rules.warm_up_stops}"
@@ -334,7 +336,11 @@ class Moves:
 
     def end(self, code: MissionEnd, reason: str) -> None:
         """Stop measuring: go home if there is a home, then finish."""
-        early = {MissionEnd.RETURNED: VisitEnd.RETURNED, MissionEnd.FAILSAFE: VisitEnd.FAILSAFE}
+        early = {
+            MissionEnd.RETURNED: VisitEnd.RETURNED,
+            MissionEnd.FAILSAFE: VisitEnd.FAILSAFE,
+            **dict.fromkeys(SATISFIED, VisitEnd.ENOUGH),
+        }
         self.leave_stop(early.get(code, VisitEnd.TIME_UP), reason)
         self.state = replace(self.state, ending=reason, ended=code, returns=0, wait_until_s=None)
         self.then(Todo.RETURN, reason)

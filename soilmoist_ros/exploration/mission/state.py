@@ -21,6 +21,7 @@ from soilmoist_ros.exploration.mission.types import (
 )
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_dwell
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 
 
@@ -177,6 +178,7 @@ class MissionState:
     :param ruled_out: polygons in which no stop is chosen, corners [m]
     :param changes: settings that an operator has changed
     :param raw_counts: counts of all records of this mission, ``exposure_s`` their exposure [s]
+    :param forecast: the last forecast of the map's standard deviation, ``forecast_s`` when it was made [s]
     """
 
     phase: Phase = Phase.IDLE
@@ -221,6 +223,8 @@ class MissionState:
     queue: tuple[QueuedStop, ...] = ()
     ruled_out: Polygons = ()
     changes: Changes | None = None
+    forecast: Forecast | None = None
+    forecast_s: float | None = None
 
     @property
     def time_used_s(self) -> float:
@@ -318,6 +322,8 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         strategy=(state.changes and state.changes.strategy) or "",
         clock_offset_s=state.stamp_offset_s,
         ruled_out=state.ruled_out,
+        forecast=state.forecast,
+        forecast_s=state.forecast_s,
     )
 
 
@@ -348,7 +354,7 @@ def changed_rules(rules: MissionRules, changes: Changes | None) -> MissionRules:
         return rules
     new: dict[str, Any] = {
         name: value
-        for name in ("budget_s", "home", "warm_up_stops")
+        for name in ("budget_s", "home", "warm_up_stops", "until_sd", "until_gain")
         if (value := getattr(changes, name)) is not None
     }
     if changes.dwell is not None:
@@ -366,7 +372,7 @@ def shown(state: MissionState) -> tuple[object, ...]:
     """What is worth publishing a status for when it changes."""
     counted = state.counting and state.counting.records
     guarded = state.alarms, state.emergency, state.queue, state.ruled_out, state.changes, state.stamp_offset_s
-    return state.phase, state.reason, state.target, state.samples, counted, *guarded
+    return state.phase, state.reason, state.target, state.samples, counted, state.forecast, *guarded
 
 
 def blacklisted(state: MissionState) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 
 from soilmoist_ros.exploration.planning.dwell import DwellRule
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 
 Polygon = tuple[tuple[float, float], ...]
@@ -94,6 +95,12 @@ class MissionEnd(StrEnum):
     """The operator sent the robot home."""
     FAILSAFE = "failsafe"
     """The guard reported a danger that ends the mission."""
+    GOOD_ENOUGH = "good_enough"
+    """The standard deviation of the map is as small as demanded."""
+    LITTLE_GAIN = "little_gain"
+    """The map would become less better than demanded."""
+    NOTHING_VARIES = "nothing_varies"
+    """The counts show no differences within the field, and the rules demand a gain."""
 
 
 class OnSilence(StrEnum):
@@ -139,6 +146,10 @@ class MissionRules:
         planner may choose to count on; what is left of the time is used where the robot stands. Without, the
         visit closes first, as published
     :param odometer_step_m: moves shorter than this count as noise of the position [m]
+    :param until_sd: the mission ends when the standard deviation of the map is at most this: of the moisture
+        [m^3/m^3], or of the rate as a share of its mean [-]; see :class:`Forecast`. 0: never
+    :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes [%],
+        or when the counts show no differences within the field. 0: never
     :raises ValueError: if a value is out of its range
     """
 
@@ -167,6 +178,8 @@ class MissionRules:
     on_silence: OnSilence = OnSilence.WAIT
     odometer_step_m: float = 0.5
     stays: bool = False
+    until_sd: float = 0.0
+    until_gain: float = 0.0
 
     def __post_init__(self) -> None:
         above_zero = {
@@ -212,6 +225,8 @@ class Changes:
     :param target: which map is to be good, ``rate`` or ``vwc``
     :param home: where to go at the end
     :param warm_up_stops: number of stops before the map guides the choice; follows from the strategy
+    :param until_sd: standard deviation of the map at which the mission ends; 0: never
+    :param until_gain: gain in ten minutes below which it ends [%]; 0: never
     """
 
     budget_s: float | None = None
@@ -220,6 +235,8 @@ class Changes:
     target: str | None = None
     home: Stop | None = None
     warm_up_stops: int | None = None
+    until_sd: float | None = None
+    until_gain: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,6 +285,8 @@ class MissionStatus:
     :param strategy: how stops are chosen, if an operator has changed it
     :param clock_offset_s: how far the clock that stamps the records has been set since the start [s]
     :param ruled_out: areas in which no stop is chosen
+    :param forecast: the last forecast of the map's standard deviation
+    :param forecast_s: when it was made [s]; ``None`` without one
     """
 
     now_s: float
@@ -296,3 +315,5 @@ class MissionStatus:
     strategy: str = ""
     clock_offset_s: float = 0.0
     ruled_out: Polygons = ()
+    forecast: Forecast | None = None
+    forecast_s: float | None = None

@@ -42,6 +42,8 @@ PARAMETERS: Final = (
     _row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     _row("longest_dwell_s", 3600.0, "longest time at a stop", "s", 1.0),
     of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01, live=True),
+    of_setting("until_sd", live=True),
+    of_setting("until_gain", live=True),
     _row(
         "others",
         [],
@@ -288,4 +290,6 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
         failures_to_pause=parameters.whole("failures_to_pause"),
         silence_limit_s=number("silence_limit_s"),
         on_silence=OnSilence(parameters.text("on_silence")),
+        until_sd=number("until_sd"),
+        until_gain=number("until_gain"),
     )

@@ -82,6 +82,8 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
                 "strategy": mission.strategy,
                 "dwell": mission.dwell,
                 "hours": mission.hours,
+                "until_sd": mission.until_sd,
+                "until_gain": mission.until_gain,
                 "seed": mission.seed + number,
                 "preset": mission.preset,
                 **trips,

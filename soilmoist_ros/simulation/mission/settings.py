@@ -345,6 +345,14 @@ class MissionSettings:
         1, "Robots that share one map. All start at the same corner of the field; each avoids the stops of the "
         "others, and collisions are not simulated.", low=1,
     )  # fmt: skip
+    until_sd: float = _setting(
+        0.0, "End when the standard deviation of the map is at most this. With target rate a share of the mean "
+        "rate (0.02: 2 %), with target vwc in m3/m3; 0: never.", low=0,
+    )  # fmt: skip
+    until_gain: float = _setting(
+        0.0, "End when the standard deviation of the map will fall by less than this in ten minutes. Or when the "
+        "counts show no differences within the field after a fifth of the time; 0: never.", unit="%", low=0,
+    )  # fmt: skip
     random_field: bool = _setting(
         False, "Draw what is random in the field (patches, random fields) from the seed as well."
     )

@@ -189,6 +189,8 @@ class _Simulation:
                 standstill_s=0.0,  # a simulated robot stands at once
                 backoff_s=0.0,
                 silence_limit_s=max(60.0, 3 * settings.cadence_s),
+                until_sd=settings.until_sd,
+                until_gain=settings.until_gain,
             )
         )
         explorer = Explorer(
@@ -281,7 +283,8 @@ class _Simulation:
                 self.update_map()
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
-                self.give(robot, Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s))
+                answer = Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s, forecast=plan.forecast)
+                self.give(robot, answer)
             case GoTo():
                 way = self.travel.route(robot.body.at(self.now_s), action.stop)
                 robot.goal = (robot.body.go(self.now_s, way), action)

@@ -243,11 +243,15 @@ def test_changes_take_effect_at_the_next_plan():
     around = Around(budget_s=3600.0)
     around.begin()
     before = around.control.settings
-    assert before == {"hours": 1.0, "dwell": "fmi:30", "strategy": "greedy", "target": "rate", "home": ""}
-    reply = ask(around, "change", hours=1.5, dwell="fmi:20", strategy="ivr", home="r0c0")
+    assert before == {
+        "hours": 1.0, "dwell": "fmi:30", "strategy": "greedy", "target": "rate", "home": "", "until_sd": 0.0,
+        "until_gain": 0.0,
+    }  # fmt: skip
+    reply = ask(around, "change", hours=1.5, dwell="fmi:20", strategy="ivr", home="r0c0", until_gain=0.1)
     assert reply.accepted
     assert around.control.settings == {
-        "hours": 1.5, "dwell": "fmi:20", "strategy": "ivr", "target": "rate", "home": "r0c0",
+        "hours": 1.5, "dwell": "fmi:20", "strategy": "ivr", "target": "rate", "home": "r0c0", "until_sd": 0.0,
+        "until_gain": 0.1,
     }  # fmt: skip
     assert around.status.time_left_s + around.status.time_used_s == 5400.0
     around.arrive()

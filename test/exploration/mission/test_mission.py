@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,9 +33,10 @@ from soilmoist_ros.exploration.mission.events import (
 from soilmoist_ros.exploration.mission.mission import Mission, step
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import MissionEnd, OnSilence, Phase, PlanKind, Verb
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, OnSilence, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
@@ -733,3 +735,42 @@ def test_a_simulator_drives_it_from_record_to_record():
     assert 3400 < mission.status.time_used_s <= 3600
     assert mission.status.samples == len(visits) > 15
     assert all(visit.raw_counts >= 400 for visit in visits[:-1])
+
+
+FORECAST = Forecast(0.03, (600.0, 3600.0), (0.028, 0.02), 0.028, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("rules", "forecast", "end"),
+    [
+        ({"until_sd": 0.03}, FORECAST, MissionEnd.GOOD_ENOUGH),
+        ({"until_sd": 0.029}, FORECAST, None),
+        ({"until_gain": 7.0}, FORECAST, MissionEnd.LITTLE_GAIN),
+        ({"until_gain": 6.0}, FORECAST, None),
+        ({"until_gain": 1.0}, replace(FORECAST, hidden=0.06), MissionEnd.NOTHING_VARIES),
+        ({"until_gain": 99.0}, replace(FORECAST, is_guess=True), None),
+        ({}, replace(FORECAST, hidden=0.06, sd_soon=0.03), None),
+    ],
+)
+def test_a_mission_ends_when_the_map_is_good_enough_or_little_is_to_be_gained(rules, forecast, end):
+    driver = Driver(home=HOME, **rules).counting().record().command("skip").plan(NORTH, forecast=forecast)
+    assert driver.mission.status.forecast == forecast
+    assert driver.mission.status.ended is end
+    assert Mission.restore(driver.mission.rules, driver.mission.snapshot()).state == driver.mission.state
+    if end is None:
+        assert driver.phase is Phase.TRAVELLING
+        return
+    assert driver.phase is Phase.RETURNING, "the robot goes home as with time up"
+    driver.reach()
+    assert driver.last(Finish).code is end
+    assert not driver.last(Finish).aborted
+
+
+def test_an_operator_changes_when_the_map_is_good_enough():
+    driver = Driver(until_sd=0.01).counting().record()
+    driver.send(Command, Verb.CHANGE, changes=Changes(until_sd=0.05)).command("skip")
+    driver.plan(NORTH, forecast=FORECAST)
+    assert driver.mission.status.ended is MissionEnd.GOOD_ENOUGH
+    driver = Driver(until_sd=0.05).counting().record()
+    driver.send(Command, Verb.CHANGE, changes=Changes(until_sd=0.0)).command("skip")
+    assert driver.plan(NORTH, forecast=FORECAST).phase is Phase.TRAVELLING

@@ -1,0 +1,181 @@
+"""Makes forecasts of the map's standard deviation.
+
+The kriging variance depends on places and exposures, not on the counts. If further counting of T seconds were
+spread evenly over g cells, each would have noise ``n_g = g rate_g / T``. With the posterior covariance C, the
+diagonal D of ``g rate_g`` and the eigenvalues l and eigenvectors U of ``D^-1/2 C D^-1/2``, the integrated variance
+would be::
+
+    IV(T) = sum_i a_i l_i / (1 + T l_i),    a_i = sum_g omega_g D_g U_gi^2
+
+One decomposition gives the curve for all T. Two constants lead from there to a mission, fitted to simulated
+missions (``scripts/bench_forecast.py``): a second of a plan is worth :data:`EFFICIENCY` s of even counting, and
+the standard deviation falls by a further power of the counting time, because the variogram becomes certain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
+from soilmoist_ros.exploration.planning.properties import Property
+from soilmoist_ros.exploration.planning.uniformity import hidden_variation
+from soilmoist_ros.mapping.variogram.correlation import correlation_model
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+
+Array = NDArray[np.float64]
+
+MAX_CELLS = 100
+"""Approximate number of cells that represent the field."""
+EFFICIENCY = 0.85
+"""Even counting time that a second of a plan is worth [-]."""
+LEARNING = 0.12
+"""Power of the counting time by which the standard deviation falls because the variogram becomes certain [-]."""
+MIN_EVERY_S = 60.0
+"""Shortest mission time between two forecasts [s]."""
+MAX_FORECASTS = 60
+"""Number of forecasts in a long mission."""
+UNIFORM_FROM = 0.2
+"""Share of the mission time after which a field may be called uniform."""
+_STEPS = 8
+_GUESSED_VARIATION, _GUESSED_NUGGET = 0.15, 0.05
+_PRIOR_EXPOSURE_S = 120.0
+_MIN_SHARE = 0.05
+_MIN_RATE_CPS = 1e-3
+
+
+class Forecaster:
+    """Makes the forecasts of a mission, at most one per :data:`MIN_EVERY_S`.
+
+    :param cells_xy: cells that represent the field, shape (g, 2) [m]
+    :param extent_m: extent of the field [m]
+    :param nominal_rate_cps: rate to expect before there is a map [counts/s]
+    """
+
+    def __init__(self, cells_xy: Array, extent_m: float, nominal_rate_cps: float) -> None:
+        self._cells_xy = cells_xy
+        self._extent_m = extent_m
+        self._nominal_rate_cps = nominal_rate_cps
+        self._due_s = -math.inf
+        self._varies = False
+
+    def forecast(self, of: Property, used_s: float, left_s: float, robots: int = 1) -> Forecast | None:
+        """The forecast now; ``None`` if the last one is recent.
+
+        :param of: what is mapped
+        :param used_s: mission time used [s]
+        :param left_s: mission time left for measuring [s]
+        :param robots: number of robots that map the field
+        """
+        if used_s < self._due_s or left_s <= 0:
+            return None
+        self._due_s = used_s + max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
+        if of.field_map.kriging is None:
+            return prior_forecast(self._cells_xy, self._extent_m, self._nominal_rate_cps, left_s, of.curve)
+        counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
+        share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
+        hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
+        return map_forecast(of, self._cells_xy, left_s, share, hidden)
+
+    def _hidden(self, of: Property) -> float | None:
+        """Upper limit of the variation, ``None`` once differences were found."""
+        if self._varies:
+            return None
+        kriging, samples = of.field_map.kriging, of.field_map.samples
+        assert kriging is not None
+        hidden = hidden_variation(samples, kriging.variogram.model, self._extent_m)
+        self._varies = hidden is None
+        return hidden
+
+
+def map_forecast(
+    of: Property, cells_xy: Array, left_s: float, share: float = 1.0, hidden: float | None = None
+) -> Forecast:
+    """Forecast from a map.
+
+    :param of: what is mapped; it has a map
+    :param cells_xy: cells that represent the field, shape (g, 2) [m]
+    :param left_s: mission time left for measuring, > 0 [s]
+    :param share: counting time per mission time [-]
+    :param hidden: see :class:`Forecast`
+    """
+    kriging = of.field_map.kriging
+    assert kriging is not None
+    rate, variance = kriging.predict(cells_xy)
+    mean = float(rate.mean())
+    rate = np.maximum(rate, _MIN_RATE_CPS)
+    weight = np.full(len(rate), 1 / mean**2) if of.curve is None else of.curve.weight(rate)
+    weight = weight / len(rate)
+    covariance = kriging.covariance(cells_xy)
+    # The nugget: counting does not lower it.
+    fixed = float(weight @ np.maximum(variance - np.diag(covariance), 0.0))
+    counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
+    curve = _Curve(covariance, weight, of.factor * rate, fixed, counted_s, share)
+    return curve.forecast(left_s, mean, of.curve is not None, hidden)
+
+
+def prior_forecast(
+    cells_xy: Array, extent_m: float, rate_cps: float, left_s: float, curve: MoistureCurve | None = None
+) -> Forecast:
+    """Forecast before there is a map, for a field that varies as the prior of the variogram guesses.
+
+    :param cells_xy: cells that represent the field, shape (g, 2) [m]
+    :param extent_m: extent of the field [m]
+    :param rate_cps: rate to expect [counts/s]
+    :param left_s: mission time left for measuring, > 0 [s]
+    :param curve: calibration, for the moisture
+    """
+    from scipy.spatial.distance import cdist
+
+    sill = (_GUESSED_VARIATION * rate_cps) ** 2
+    range_m = extent_m / 3 / correlation_model("matern32").practical
+    variogram = Variogram("matern32", 0.0, range_m, sill)
+    apart = cdist(cells_xy, cells_xy, "sqeuclidean") / range_m**2
+    covariance = sill * (1 + variogram.correlation_of_square(apart))  # the mean is as unknown as the places
+    rate = np.full(len(cells_xy), rate_cps)
+    weight = np.full(len(rate), 1 / rate_cps**2) if curve is None else curve.weight(rate)
+    fixed = _GUESSED_NUGGET * sill * float(weight[0])
+    found = _Curve(covariance, weight / len(rate), rate, fixed, _PRIOR_EXPOSURE_S, 1.0)
+    return replace(found.forecast(left_s, rate_cps, curve is not None), is_guess=True)
+
+
+class _Curve:
+    """Standard deviation against further counting time.
+
+    :param covariance: posterior covariance of the cells, shape (g, g) [(counts/s)^2]
+    :param weight: omega of each cell, shape (g,)
+    :param noise: variance of a second of counts in each cell, shape (g,) [(counts/s)^2 s]
+    :param fixed: integrated variance that counting does not lower
+    :param counted_s: exposure of the map so far [s]
+    :param share: counting time per mission time [-]
+    """
+
+    def __init__(
+        self, covariance: Array, weight: Array, noise: Array, fixed: float, counted_s: float, share: float
+    ) -> None:
+        root = np.sqrt(len(noise) * noise)
+        values, vectors = np.linalg.eigh(covariance / root / root[:, None])
+        self._values = np.maximum(values, 0.0)
+        self._parts = ((weight * root**2) @ vectors**2) * self._values
+        self._fixed = fixed
+        self._counted_s = counted_s
+        self._share = share
+
+    def sd(self, after_s: float) -> float:
+        """Standard deviation after some mission time [s]."""
+        counted_s = self._share * after_s
+        even_s = EFFICIENCY * counted_s
+        variance = self._fixed + float((self._parts / (1 + even_s * self._values)).sum())
+        return float(math.sqrt(variance) * (1 + counted_s / max(self._counted_s, 1.0)) ** -LEARNING)
+
+    def forecast(
+        self, left_s: float, mean_rate_cps: float, moisture: bool, hidden: float | None = None
+    ) -> Forecast:
+        """The forecast over the time left [s]."""
+        times_s = tuple(left_s * step / _STEPS for step in range(1, _STEPS + 1))
+        sds = tuple(map(self.sd, times_s))
+        return Forecast(self.sd(0.0), times_s, sds, self.sd(SOON_S), mean_rate_cps, moisture, hidden)
