@@ -109,7 +109,7 @@ class Explorer:
         :param earlier: the other one; its random stream goes on, so that no choice is repeated
         :param same_strategy: whether the strategy goes on with what it has planned, too
         """
-        self.rng = earlier.rng
+        self.rng, self._forecaster = earlier.rng, earlier._forecaster
         if same_strategy:
             self.strategy, self.warm_up = earlier.strategy, earlier.warm_up
 

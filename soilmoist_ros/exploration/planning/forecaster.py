@@ -31,9 +31,9 @@ Array = NDArray[np.float64]
 
 MAX_CELLS = 100
 """Approximate number of cells that represent the field."""
-EFFICIENCY = 0.85
+EFFICIENCY = 0.7
 """Even counting time that a second of a plan is worth [-]."""
-LEARNING = 0.12
+LEARNING = 0.08
 """Power of the counting time by which the standard deviation falls because the variogram becomes certain [-]."""
 MIN_EVERY_S = 60.0
 """Shortest mission time between two forecasts [s]."""
