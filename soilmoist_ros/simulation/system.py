@@ -47,7 +47,7 @@ class VirtualSystem:
         self.grid = self.field.field.grid(settings.cell_m)
         self.map = mission_map(self.field.field, self.grid, settings.graph)
         _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
-        travel = GraphTravel(self.map.graph, settings.motion)
+        travel = GraphTravel(self.map.graph, settings.real_motion)
         start = start_stop(self.field.field, fenced_map(self.field.field, self.map).stops)
         self.robots = tuple(
             SimulatedRobot(

@@ -45,6 +45,7 @@ from soilmoist_ros.exploration.mission.actions import (
     Publish,
     RequestPlan,
     Save,
+    StartCounting,
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.events import (
@@ -63,6 +64,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
@@ -176,6 +178,7 @@ class MissionControl:
         self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
+        self._learned = LearnedMotion(settings.motion)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self.navigator = make_navigator(self.ended)
 
@@ -229,6 +232,7 @@ class MissionControl:
         if access.warning and (self._access is None or access.warning != self._access.warning):
             _log.warning(access.warning)
         self._mission.rules = replace(self._mission.rules, home=access.home)
+        access.travel.motion = self._learned.motion
         self._access, self._graph, self._asked_at = access, graph, place
         self._watching.use(access)
 
@@ -497,6 +501,7 @@ class MissionControl:
         self._shown_stamp_s, self._shown_place_s = self._record_stamp_s, self._feed.place_s
         more = {
             "on_the_way": self.navigator.on_the_way,
+            "travel": str(self._learned),
             "records_without_place": str(self._records_lost),
             RECORD_STAMP: repr(self._record_stamp_s),
             PLACE_TIME: repr(self._feed.place_s + offset_s),
@@ -554,7 +559,10 @@ class MissionControl:
                 self._plan_if_due()
             case GoTo():
                 self._go(action)
+            case StartCounting():
+                self._learn()
             case CancelGoal():
+                self._learned.give_up()
                 self.navigator.cancel(action.goal_id)
             case VisitDone(visit=visit):
                 self._journal.visit(visit)
@@ -584,7 +592,17 @@ class MissionControl:
         except InputError as refusal:
             self._feed.give(GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
+            self._learned.set_off(self._clock.now_s(), way.corners)
             self.navigator.go(goal.goal_id, goal.stop, way)
+
+    def _learn(self) -> None:
+        """Learn from the leg that has just ended, if one has, how the robot moves."""
+        if self._settings.learn_travel and self._learned.arrive(self._clock.now_s()) and self._access is not None:
+            self._access.travel.motion = self._learned.motion
+            cautious = self._learned.cautious
+            self._mission.rules = replace(
+                self._mission.rules, speed_mps=cautious.speed_mps, stop_overhead_s=cautious.stop_overhead_s
+            )
 
     # Planning ------------------------------------------------------------------------------------------------
 

@@ -57,6 +57,7 @@ class ExplorerSettings:
     :param motion: how the robot moves
     :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
     :param access: where the robot may drive
+    :param learn_travel: whether speed, turning time and stop overhead are learned from the legs driven
     :param calibration: calibration that is there for an operator who asks for the map of the moisture
     """
 
@@ -68,6 +69,7 @@ class ExplorerSettings:
     curve: MoistureCurve | None = None
     access: AccessRules = NO_MARGIN
     calibration: MoistureCurve | None = None
+    learn_travel: bool = True
 
     @property
     def needs_map(self) -> bool:

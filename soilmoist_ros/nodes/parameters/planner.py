@@ -154,6 +154,11 @@ PARAMETERS: Final = (
     of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
     of_setting("stop_overhead_s"),
     of_setting("turn_s_per_rad"),
+    of_setting(
+        "learn_travel",
+        description="learn speed, turning time and time lost at stops from the legs driven; "
+        "the parameters are what is known before",
+    ),
     of_setting("stop_cost_s"),
     of_setting("metre_cost_s"),
     _row("arrival_radius_m", 3.0, "the robot is at a stop within this distance", "m", 0.01),
@@ -242,6 +247,7 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
         ),
         curve=_required(calibration) if text("target") == "vwc" else None,
         calibration=calibration,
+        learn_travel=parameters.flag("learn_travel"),
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
             beyond_m=number("beyond_m"),

@@ -31,6 +31,8 @@ NAMES = {
     "speed_mps": "{} m/s",
     "stop_overhead_s": "{} s lost at each stop",
     "turn_s_per_rad": "{} s/rad for turning",
+    "learn_travel": "travel times learned: {}",
+    "real_speed_mps": "{} m/s in truth",
     "stop_cost_s": "a stop avoided for {} s",
     "metre_cost_s": "a metre avoided for {} s",
     "min_dwell_s": "at least {} s at a stop",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
@@ -218,10 +219,22 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
         "ended": mission.ended,
         "stops": len(mission.visits),
         "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
+        "travel": [_travel(learned) for learned in mission.motion],
         "efficiency": _efficiency(mission),
         "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
         "properties": further,
         "also": further[0] if len(further) == 1 else None,
+    }
+
+
+def _travel(learned: LearnedMotion) -> dict[str, float | int]:
+    """How a robot moves, as the planner has learned, and from how many legs."""
+    motion = learned.motion
+    return {
+        "speed_mps": motion.speed_mps,
+        "stop_overhead_s": motion.stop_overhead_s,
+        "turn_s_per_rad": motion.turn_s_per_rad,
+        "legs": len(learned.legs),
     }
 
 

@@ -14,6 +14,7 @@ from soilmoist_ros.simulation.mission.map_errors import MapErrors
 
 if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.visit import Visit
+    from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
     from soilmoist_ros.foundation.geodesy import LocalFrame
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.sensing.records import CountRecord
@@ -120,6 +121,7 @@ class MissionResult:
     :param properties: mapped properties; the first belongs to the mission field
     :param frame: plane of the field
     :param ended: reason for the end
+    :param motion: what the planner of each robot has learned of its motion
     :param log: lines of the mission log
     """
 
@@ -130,6 +132,7 @@ class MissionResult:
     properties: Sequence[MappedProperty]
     frame: LocalFrame
     ended: str = ""
+    motion: Sequence[LearnedMotion] = ()
     log: Sequence[str] = field(default_factory=tuple)
 
     @property

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -319,6 +319,14 @@ class MissionSettings:
         "one record.", float, unit="s", low=0, above=True,
     )  # fmt: skip
     turn_s_per_rad: float = _setting(0.0, "Time for each radian turned.", unit="s/rad", low=0)
+    learn_travel: bool = _setting(
+        True, "Let the planner learn speed, turning time and time lost at stops from the legs driven; the "
+        "settings are what it knows before.",
+    )  # fmt: skip
+    real_speed_mps: float | None = _setting(
+        None, "Speed of the robot where the planner expects another. Default: as expected.", float, unit="m/s",
+        low=0, above=True,
+    )  # fmt: skip
     stop_cost_s: float = _setting(
         0.0, "Time that it is worth to avoid a stop: the planner chooses fewer of them.", unit="s", low=0
     )
@@ -394,6 +402,11 @@ class MissionSettings:
         return RobotMotion(
             self.speed_mps, self.stop_overhead_s, self.turn_s_per_rad, self.stop_cost_s, self.metre_cost_s
         )
+
+    @property
+    def real_motion(self) -> RobotMotion:
+        """How the robots move."""
+        return replace(self.motion, speed_mps=self.real_speed_mps or self.speed_mps)
 
     @property
     def field_name(self) -> str:

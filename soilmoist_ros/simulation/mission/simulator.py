@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -25,6 +26,7 @@ from soilmoist_ros.exploration.mission.actions import (
     GoTo,
     Publish,
     RequestPlan,
+    StartCounting,
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.events import (
@@ -50,6 +52,7 @@ from soilmoist_ros.exploration.planning.properties import Property, correction_f
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
+from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.topological_map import (
     TopologicalMap,
@@ -116,6 +119,7 @@ class _Robot:
         self.body = body
         self.sensors = sensors
         self.noise_m = noise_m
+        self.learned = LearnedMotion(explorer.travel.motion)
         self.goal: tuple[float, GoTo] | None = None  # time of arrival, and the action
         self.records: list[list[CountRecord]] = []  # in order of time, each with one record per sensor
         self.ended = ""
@@ -152,8 +156,7 @@ class _Simulation:
             )
         self.field = field
         self.grid = field.field.grid(settings.cell_m)
-        self.motion = settings.motion
-        self.travel, self.stops = travel_and_stops(field.field, self.grid, self.motion, settings)
+        self.travel, self.stops = travel_and_stops(field.field, self.grid, settings.motion, settings)
         # The calibration belongs to the mission field; other properties have no moisture.
         self.channels = [
             Channel(one, self.grid, settings, one.curve if one is field else None, wanted)
@@ -203,7 +206,7 @@ class _Simulation:
                 for channel in self.channels
             ],
             self.stops,
-            self.travel,
+            copy(self.travel),  # each robot learns its own motion
             make_strategy(settings.strategy, settings.preset),
             first_strategy,
             dwell,
@@ -214,7 +217,7 @@ class _Simulation:
             min_last_dwell_s=mission.rules.min_last_dwell_s,
         )
         start = start_stop(field.field, self.stops)
-        body = VirtualRobot(self.motion, (start.x_m, start.y_m))
+        body = VirtualRobot(settings.real_motion, (start.x_m, start.y_m))
         sensors = [
             VirtualSensor(
                 channel.field,
@@ -288,11 +291,16 @@ class _Simulation:
             case GoTo():
                 way = self.travel.route(robot.body.at(self.now_s), action.stop)
                 robot.goal = (robot.body.go(self.now_s, way), action)
+                robot.learned.set_off(self.now_s, way)
                 self.note(robot, f"go to {action.stop.name}: {action.reason}")
             case CancelGoal():
                 robot.body.stop(self.now_s)
                 robot.goal = None
+                robot.learned.give_up()
                 self.give(robot, GoalFailed(self.now_s, action.goal_id, "cancelled"))
+            case StartCounting():
+                if self.settings.learn_travel and robot.learned.arrive(self.now_s):
+                    robot.explorer.travel.motion = robot.learned.motion
             case VisitDone(visit=visit):
                 self.take(robot, replace(visit, robot=robot.number))
             case Finish(reason=reason):
@@ -374,6 +382,7 @@ class _Simulation:
             tracks=tuple(np.array(robot.body.track) for robot in self.robots),
             properties=tuple(channel.mapped for channel in self.channels),
             frame=self.field.frame,
+            motion=tuple(robot.learned for robot in self.robots),
             ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),
             log=tuple(self.log),
         )

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
 from soilmoist_ros.exploration.guard.place_filter import PlaceLimits
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -391,3 +393,37 @@ def test_a_clock_that_is_set_changes_nothing_but_the_stamps(step_s):
     assert around.visits[-1].end_stamp_s == pytest.approx(around.time_s)
     pass_time(1000.0)
     assert around.status.ended is MissionEnd.TIME_UP, "limits still work"
+
+
+def test_it_learns_how_fast_the_robot_is():
+    around = Around(strategy="random")
+    around.begin()
+    for _ in range(5):
+        around.arrive()
+        around.count()
+        around.map()
+        around.planned()
+    control = around.control
+    assert len(control._learned.legs) == 5
+    assert control._learned.motion.stop_overhead_s != 12.0
+    assert control._access.travel.motion == control._learned.motion
+    assert control._mission.rules.stop_overhead_s >= 12.0
+    assert "per stop, learned from 5 legs" in str(control._learned)
+
+
+def test_the_robot_counts_on_where_the_planner_chooses_its_stop_again():
+    around = Around(dwell="optimal", strategy="ivr", stays=True)
+    around.begin()
+    while around.finished is None:
+        around.arrive()
+        goals = len(around.goals)
+        while around.finished is None and len(around.goals) == goals:
+            around.count(1)
+            if around.status.phase is Phase.PLANNING:
+                around.map()
+                around.planned()
+    stops = [stop for _, stop in around.goals if stop is not None]
+    assert all(one != other for one, other in pairwise(stops)), "no goal to the node under the wheels"
+    assert around.finished.reason.startswith("the mission time is used up")
+    assert sum(visit.records for visit in around.visits) >= len(around.visits) > 2
+    assert around.visits[-1].ended is VisitEnd.TIME_UP

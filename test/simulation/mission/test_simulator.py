@@ -220,3 +220,18 @@ def test_a_field_of_its_own_for_each_seed():
     np.testing.assert_array_equal(own[0], own[2])
     assert np.nanmax(np.abs(own[0] - own[1])) > 0.5
     assert np.nanmax(np.abs(own[0] - same[0])) > 0.5
+
+
+def test_a_planner_learns_how_slow_the_robot_really_is():
+    slow = replace(SHORT, strategy="random", dwell="fmi:30", map_from="records", real_speed_mps=0.3)
+    learned = simulate_mission(slow).motion[0]
+    assert learned.motion.speed_mps == pytest.approx(0.3, rel=0.1)
+    told = simulate_mission(replace(slow, learn_travel=False)).motion[0]
+    assert told.motion is told.prior
+
+
+def test_learning_changes_nothing_where_the_settings_are_true():
+    usual = replace(SHORT, strategy="random", dwell="fmi:30", map_from="records")
+    with_it, without = simulate_mission(usual), simulate_mission(replace(usual, learn_travel=False))
+    assert with_it.series == without.series
+    assert len(with_it.motion[0].legs) > 2
