@@ -40,6 +40,13 @@ from numpy.typing import NDArray
 import soilmoist_ros
 from soilmoist_ros.exploration.strategies import lattice
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.campaign.hindsight import (
+    LATTICE_DWELLS,
+    QUARTER,
+    Against,
+    Outcome,
+    against_best_lattice,
+)
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
 from soilmoist_ros.simulation.mission.map_errors import map_errors
 from soilmoist_ros.simulation.mission.result import MissionResult
@@ -53,7 +60,7 @@ STATIONARY = (
     "rough", "smooth", "patches", "ridge", "synthetic-high", "synthetic-low", "airfield-simulated", "validation",
 )  # fmt: skip
 NON_STATIONARY = ("halves", "rough-patch", "strips")
-LATTICES = tuple(f"lattice:fmi:{dwell_s}" for dwell_s in (10, 20, 30, 60))
+LATTICES = tuple(f"lattice:{dwell}" for dwell in LATTICE_DWELLS)
 CODE = ("foundation", "sensing", "mapping", "exploration", "simulation")
 """Folders that decide the result of a mission."""
 WINDOW_M = 10.0
@@ -82,12 +89,12 @@ class Job:
     @property
     def settings(self) -> MissionSettings:
         """Settings of the simulator."""
-        strategy, _, dwell = self.strategy.partition(":")
+        strategy, dwell = combination(self.strategy)
         cell_m = surrogate_field(self.field).field.cell_m
         return MissionSettings(
             field=self.field,
             strategy=strategy,
-            dwell=dwell or "optimal",
+            dwell=dwell,
             hours=self.hours,
             seed=self.seed,
             speed_mps=self.speed_mps,
@@ -106,6 +113,12 @@ class Job:
         """Digest of the settings and the field, and of the code of lattices, without all other code."""
         own = Path(lattice.__file__).read_text(encoding="utf-8") if self.is_lattice else ""
         return digest(json.dumps(asdict(self) | {"field": Path(self.field).stem}) + field_digest + own)
+
+
+def combination(text: str) -> tuple[str, str]:
+    """Strategy and dwell rule of ``NAME`` or ``NAME:DWELL``."""
+    strategy, _, dwell = text.partition(":")
+    return strategy, dwell or "optimal"
 
 
 def digest(text: str) -> str:
@@ -256,14 +269,6 @@ def all_rows(jobs: Sequence[Job], cache: Cache, processes: int) -> dict[Job, Row
     return rows
 
 
-def ratio(mine: Array, theirs: Array) -> tuple[float, float]:
-    """Ratio of the means of paired values, and its standard error by the delta method."""
-    value = float(mine.mean() / theirs.mean())
-    if len(mine) < 2:
-        return value, math.nan
-    return value, float(np.std(mine - value * theirs, ddof=1) / math.sqrt(len(mine)) / theirs.mean())
-
-
 def column(rows: Iterable[Row], name: str, share: float = 1.0) -> Array:
     """Values of a quantity at a share of the mission time, one per mission."""
     return np.array([row[name][round(share * (len(row[name]) - 1))] for row in rows])
@@ -271,19 +276,10 @@ def column(rows: Iterable[Row], name: str, share: float = 1.0) -> Array:
 
 @dataclass(frozen=True)
 class Line:
-    """One line of the table: a strategy on a field against the best lattices."""
+    """One line of the table: a strategy on a field, and how it compares with the best lattices."""
 
     field: str
-    strategy: str
-    mse: float
-    end: float
-    end_se: float
-    end_best: str
-    quarter: float
-    quarter_se: float
-    quarter_best: str
-    way: float
-    distance_m: float
+    against: Against
     coverage: float
     quarters: tuple[float, ...]
     stops: float
@@ -292,40 +288,30 @@ class Line:
     per_s: float
 
 
-def line(field: str, strategy: str, rows: Mapping[str, Sequence[Row]]) -> Line:
-    """Compare a strategy with the best lattices of a field.
+def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
+    """Compare the strategies on a field with its best lattices.
 
     :param rows: outcomes by strategy, all with the same seeds
     """
-    mine = rows[strategy]
-
-    def best(share: float) -> str:
-        errors = {name: column(rows[name], "mse", share).mean() for name in LATTICES}
-        return min(LATTICES, key=lambda name: (math.isnan(errors[name]), errors[name]))  # NaN before the first map
-
-    end, then = best(1.0), best(0.25)
-    final = ratio(column(mine, "mse"), column(rows[end], "mse"))
-    early = ratio(column(mine, "mse", 0.25), column(rows[then], "mse", 0.25))
-    distance = column(mine, "distance_m").mean()
-    return Line(
-        field=Path(field).stem,
-        strategy=strategy,
-        mse=float(column(mine, "mse").mean()),
-        end=final[0],
-        end_se=final[1],
-        end_best=end.rpartition(":")[2],
-        quarter=early[0],
-        quarter_se=early[1],
-        quarter_best=then.rpartition(":")[2],
-        way=float(distance / column(rows[end], "distance_m").mean()),
-        distance_m=float(distance),
-        coverage=float(column(mine, "coverage95").mean()),
-        quarters=tuple(np.mean([row["quarters"] for row in mine], axis=0).tolist()),
-        stops=float(column(mine, "samples").mean()),
-        again=float(np.mean([row["again"] for row in mine])),
-        ended=float(np.mean([row["ended_s"] / row["time_s"][-1] for row in mine])),
-        per_s=float(1 / np.mean([row["cpu_s"] for row in mine])),
-    )
+    outcomes = {
+        combination(strategy): dict(
+            enumerate(map(Outcome, column(mine, "mse", QUARTER), column(mine, "mse"), column(mine, "distance_m")))
+        )
+        for strategy, mine in rows.items()
+    }
+    return [
+        Line(
+            field=Path(field).stem,
+            against=against,
+            coverage=float(column(mine, "coverage95").mean()),
+            quarters=tuple(np.mean([row["quarters"] for row in mine], axis=0).tolist()),
+            stops=float(column(mine, "samples").mean()),
+            again=float(np.mean([row["again"] for row in mine])),
+            ended=float(np.mean([row["ended_s"] / row["time_s"][-1] for row in mine])),
+            per_s=float(1 / np.mean([row["cpu_s"] for row in mine])),
+        )
+        for against, mine in zip(against_best_lattice(outcomes), rows.values(), strict=True)
+    ]
 
 
 HEAD = (
@@ -337,14 +323,15 @@ HEAD = (
 
 def cells(one: Line) -> tuple[str, ...]:
     """A line as text."""
+    about = one.against
     return (
         one.field,
-        one.strategy,
-        f"{1e3 * one.mse:.3g}",
-        f"{one.end:.2f} +- {one.end_se:.2f} (fmi:{one.end_best})",
-        f"{one.quarter:.2f} +- {one.quarter_se:.2f} (fmi:{one.quarter_best})",
-        f"{one.distance_m:.0f}",
-        f"{one.way:.2f}",
+        about.strategy if about.dwell == "optimal" else f"{about.strategy} {about.dwell}",
+        f"{1e3 * about.mse:.3g}",
+        f"{about.end_ratio:.2f} +- {about.end_ratio_se:.2f} ({about.end_best})",
+        f"{about.quarter_ratio:.2f} +- {about.quarter_ratio_se:.2f} ({about.quarter_best})",
+        f"{about.distance_m:.0f}",
+        f"{about.distance_ratio:.2f}",
         f"{100 * one.coverage:.1f}",
         " ".join(f"{100 * share:.0f}" for share in one.quarters),
         f"{one.stops:.0f}",
@@ -395,22 +382,25 @@ def main() -> None:
         for strategy in strategies
     }
     found = all_rows([job for some in jobs.values() for job in some], cache, given.processes)
-    lines = []
+    shown = []
     for field in fields:
-        rows = {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
-        lines += [line(field, name, rows) for name in (strategies if given.all else given.strategies)]
+        found_here = {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
+        names = strategies if given.all else given.strategies
+        shown += [one for name, one in zip(strategies, lines(field, found_here), strict=True) if name in names]
     print(
         f"{given.hours:g} h, {given.speed:g} m/s, {given.overhead:g} s per stop, seeds 1 to {given.seeds}, "
         f"cells of {f'at least {given.cell:g} m' if given.cell else 'the field'}\n"
     )
     print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
-    for one in lines:
+    for one in shown:
         print("| " + " | ".join(cells(one)) + " |")
     if given.csv:
+        rows = [asdict(one) for one in shown]
+        rows = [{**row.pop("against"), **row} for row in rows]
         with given.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(asdict(lines[0])))
+            writer = csv.DictWriter(file, list(rows[0]))
             writer.writeheader()
-            writer.writerows(asdict(one) for one in lines)
+            writer.writerows(rows)
 
 
 if __name__ == "__main__":

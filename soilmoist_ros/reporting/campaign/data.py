@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
+from soilmoist_ros.simulation.campaign.hindsight import hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.campaign.table import missions_table, results_table
-from soilmoist_ros.simulation.mission.settings import SETTINGS
+from soilmoist_ros.simulation.campaign.table import CASE, missions_table, results_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-COMPARED = ("strategy", "dwell", "seed")
-"""Settings that may differ between the missions of a case."""
 NAMES = {
     "hours": "{} h",
     "model": "{} variogram",
@@ -83,8 +81,7 @@ class CampaignData:
         self.results["case"] = self.results["key"].map(by_key)
 
     def _cases_by_key(self) -> dict[str, int]:
-        columns = [name for name in SETTINGS if name not in COMPARED]
-        number = self.missions.groupby(columns, sort=False, dropna=False).ngroup()
+        number = self.missions.groupby(list(CASE), sort=False, dropna=False).ngroup()
         return dict(zip(self.missions["key"], number.astype(int).tolist(), strict=True))
 
     @cached_property
@@ -94,14 +91,17 @@ class CampaignData:
         found = []
         for row in first.to_dict("records"):
             siblings = first[first["field"] == row["field"]]
-            differing = [
-                name for name in SETTINGS if name not in COMPARED and siblings[name].nunique(dropna=False) > 1
-            ]
+            differing = [name for name in CASE if siblings[name].nunique(dropna=False) > 1]
             extra = [NAMES.get(name, name + ": {}").format(_plain(row[name])) for name in differing]
             namesakes = first[first["field_title"] == row["field_title"]]["field"].nunique() > 1
             name = f"{row['field_title']} ({row['field']})" if namesakes else str(row["field_title"])
             found.append(Case(int(row["case"]), str(row["field"]), ", ".join([name, *extra]), float(row["hours"])))
         return found
+
+    @cached_property
+    def hindsight(self) -> pd.DataFrame:
+        """Combinations against the best lattice in hindsight, by the number of the case."""
+        return hindsight_table(self.missions, ["case"])
 
     @cached_property
     def strategy_cases(self) -> list[Case]:

@@ -20,6 +20,7 @@ from soilmoist_ros.reporting.page.numbers import length, number, plain
 from soilmoist_ros.reporting.page.style import Section, picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, stored_missions
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
+from soilmoist_ros.simulation.campaign.hindsight import LATTICES
 from soilmoist_ros.simulation.campaign.mission_store import code_version
 
 if TYPE_CHECKING:
@@ -56,6 +57,27 @@ class FinalRow:
     dwell: str
     runs: int
     values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class HindsightRow:
+    """A combination against the best lattice in hindsight, as text."""
+
+    strategy: str
+    dwell: str
+    pairs: int
+    end: str
+    distance: str
+    quarter: str
+
+
+@dataclass(frozen=True)
+class HindsightField:
+    """The best lattices of a field in words, and the other combinations."""
+
+    title: str
+    best: str
+    rows: tuple[HindsightRow, ...]
 
 
 @dataclass(frozen=True)
@@ -121,6 +143,7 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
         optimal="optimal" in set(data.missions["dwell"]),
         sections=list(_sections(data)),
         finals=list(_finals(data)),
+        hindsight=list(_hindsight(data)),
         findings=[(finding, [_as_text(item) for item in finding.comparisons]) for finding in found],
         runs=len(data.campaign.runs),
     )
@@ -268,6 +291,39 @@ def _finals(data: CampaignData) -> Iterator[FinalRow]:
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1
             yield FinalRow(case.title, first, last, strategy_text(strategy), dwell_text(dwell), len(rows), values)
+
+
+def _hindsight(data: CampaignData) -> Iterator[HindsightField]:
+    """Fields with lattices from which hindsight chooses."""
+    for case in data.cases:
+        table = data.hindsight[data.hindsight["case"] == case.number]
+        if table.empty:
+            continue
+        first = table.iloc[0]
+        driven = " ".join(length(first["end_best_distance_m"]))
+        best = (
+            f"best lattice in hindsight: {dwell_text(first['end_best'])}, {number(first['end_best_mse'])} "
+            f"(counts/s)², {driven}; at a quarter of the time: {dwell_text(first['quarter_best'])}"
+        )
+        rows = tuple(
+            HindsightRow(
+                strategy_text(row["strategy"]),
+                dwell_text(row["dwell"]),
+                row["pairs"],
+                _ratio(row["end_ratio"], row["end_ratio_se"]),
+                f"{row['distance_ratio']:.2f}",
+                _ratio(row["quarter_ratio"], row["quarter_ratio_se"]),
+            )
+            for row in table.to_dict("records")
+            if (row["strategy"], row["dwell"]) not in LATTICES
+        )
+        yield HindsightField(case.title, best, rows)
+
+
+def _ratio(value: float, error: float) -> str:
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:.2f} ± {error:.2f}" if np.isfinite(error) else f"{value:.2f}"
 
 
 def mean_sd_text(values: pd.Series, max_decimals: int = 6) -> str:

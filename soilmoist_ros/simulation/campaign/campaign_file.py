@@ -26,6 +26,7 @@ from soilmoist_ros.foundation.configuration import (
     resource_names,
 )
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.simulation.campaign.hindsight import LATTICE_DWELLS
 from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings, PropertySettings
 from soilmoist_ros.simulation.mission.settings import Setting as MissionSetting
 
@@ -117,6 +118,8 @@ class Experiment(Choices):
     """Heading in the report."""
     description: str = ""
     """Description in the report."""
+    hindsight: bool = False
+    """Run lattices with fixed dwells of 10, 20, 30 and 60 s too; the report compares all with the best of them."""
 
 
 class Published(Section):
@@ -221,15 +224,22 @@ def missions(campaign: Campaign) -> list[Mission]:
 
 
 def combinations(campaign: Campaign, experiment: Experiment) -> Iterator[MissionSettings]:
-    """Settings of the missions of an experiment: all seeds of a combination, then the next combination."""
+    """Settings of the missions of an experiment: all seeds of a combination, then the next combination.
+
+    The lattices from which hindsight chooses come last.
+    """
     grid = {
         name: values
         for name in Choices.model_fields
         if (values := getattr(experiment, name) or getattr(campaign.defaults, name)) is not None
     }
-    for combination in itertools.product(*grid.values()):
-        for seed in campaign.runs:
-            yield MissionSettings(**dict(zip(grid, combination, strict=True)), seed=seed)
+    grids = [grid]
+    if experiment.hindsight:
+        grids.append({**grid, "strategy": ("lattice",), "dwell": LATTICE_DWELLS})
+    for one in grids:
+        for combination in itertools.product(*one.values()):
+            for seed in campaign.runs:
+                yield MissionSettings(**dict(zip(one, combination, strict=True)), seed=seed)
 
 
 def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission
+from soilmoist_ros.simulation.campaign.hindsight import QUARTER, hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import SeriesRow, series_columns
@@ -26,6 +27,14 @@ Finished = Sequence[tuple[Mission, StoredMission]]
 
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 """Columns of the mission and its first property; columns of additional properties end in their names."""
+
+COMPARED = ("strategy", "dwell", "seed")
+"""Settings that may differ between the missions of a case."""
+CASE = tuple(name for name in SETTINGS if name not in COMPARED)
+"""Settings that are equal for all missions of a case."""
+
+_NUMBERS = {name: "float64" for name, setting in SETTINGS.items() if setting.kind is float}
+"""Types of columns that would not be numbers where a setting is left to the field or the robot."""
 
 
 def require_pandas() -> Any:
@@ -56,7 +65,7 @@ def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
     grids = [time_grid(stored.settings.hours, every_s) for _, stored in finished]
     values = [metrics_at(stored, grid) for (_, stored), grid in zip(finished, grids, strict=True)]
     heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in finished]
-    head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype({"cell_m": "float64"})
+    head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype(_NUMBERS)
     table = head.loc[head.index.repeat([len(grid) for grid in grids])].reset_index(drop=True)
     table["time_s"] = np.concatenate([np.empty(0), *grids])
     for name in _metric_names(values):
@@ -71,13 +80,15 @@ def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
 def missions_table(finished: Finished) -> pd.DataFrame:
     """One row per mission: settings, final metrics, and the reason for the end.
 
-    ``border_share`` is the share of stops in the strip along the boundary that contains half of the field's area
-    (0.5 for uniformly distributed stops). ``end_s`` is the time at which the mission ended, and ``efficiency`` is
-    that of its plan (:class:`Efficiency`).
+    ``border_share`` is the share of stops in the strip along the boundary that contains half of the field's
+    area (0.5 for uniformly distributed stops). ``mse_quarter`` is the mean squared error at a quarter of the
+    mission time, ``end_s`` the time at which the mission ended, and ``efficiency`` is that of its plan
+    (:class:`Efficiency`).
     """
     pandas = require_pandas()
     rows, finals = [], [metrics_at(stored, np.array([np.inf])) for _, stored in finished]
     for (mission, stored), final in zip(finished, finals, strict=True):
+        quarter_s = np.array([QUARTER * 3600 * stored.settings.hours])
         end_s = stored.series[-1].time_s if stored.series else float("nan")
         rows.append(
             {
@@ -87,22 +98,27 @@ def missions_table(finished: Finished) -> pd.DataFrame:
                 "field_title": stored.field_title or stored.settings.field,
                 "end_s": end_s,
                 **{name: values[0] for name, values in final.items()},
+                "mse_quarter": metrics_at(stored, quarter_s)["mse"][0],
                 "border_share": border_share(stored),
                 "ended": stored.ended,
                 "efficiency": stored.efficiency,
             }
         )
     columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *_metric_names(finals)]
-    columns += ["border_share", "ended", "efficiency"]
-    return pandas.DataFrame(rows, columns=columns).astype({"cell_m": "float64"})
+    columns += ["mse_quarter", "border_share", "ended", "efficiency"]
+    return pandas.DataFrame(rows, columns=columns).astype(_NUMBERS)
 
 
 def write_tables(out: Path, campaign: Campaign, finished: Finished) -> list[Path]:
-    """Write ``results`` and ``missions`` as Parquet and CSV; returns the paths.
+    """Write ``results`` and ``missions`` as Parquet and CSV, and ``hindsight`` if an experiment has its lattices.
+
+    :returns: the paths
 
     :raises InputError: if they cannot be written
     """
     tables = {"results": results_table(finished, campaign.table_every_s), "missions": missions_table(finished)}
+    if not (hindsight := hindsight_table(tables["missions"], CASE)).empty:
+        tables["hindsight"] = hindsight
     written = []
     for name, table in tables.items():
         for suffix in ("parquet", "csv"):

@@ -408,3 +408,19 @@ def test_texts():
     assert mean_sd_text(pd.Series([1.0, 2.0, np.nan])) == "1.50 ± 0.71"
     assert mean_sd_text(pd.Series([380.0, 460.0])) == "420 ± 57"
     assert mean_sd_text(pd.Series([np.nan])) == "–"
+
+
+def test_the_best_lattice_in_hindsight_is_named_and_all_others_are_compared_with_it():
+    listed = {
+        "title": "Hindsight",
+        "runs": 3,
+        "experiments": [{"name": "all", "field": ["high", "low"], "strategy": "gcb", "dwell": "optimal"}],
+    }
+    plain = Campaign.model_validate(listed)
+    listed["experiments"][0] |= {"hindsight": True, "field": "high"}
+    error = {"fmi:10": 0.5, "fmi:20": 0.4, "fmi:30": 0.7, "fmi:60": 0.9, "optimal": 0.3}
+    there = data(Campaign.model_validate(listed), mse=lambda s: error[s.dwell], distance=lambda s: 100.0)
+    page = render_campaign_report(there)
+    assert "best lattice in hindsight: FMI 20 s" in page
+    assert re.search(r"0\.75 ± 0\.00</td><td class=\"n\">1\.00<", page)
+    assert "best lattice" not in render_campaign_report(data(plain))
