@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.diagnostics import health_from_status, health_to_status
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.planning.forecast import forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health, Level
 
@@ -54,15 +55,14 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "stop_requests": str(int(status.stop_requests)),
         "queue": json.dumps(list(status.queue)),
         "forecast": forecast.text if forecast else "",
-        "map_sd": _text(forecast.sd if forecast else math.nan),
-        "map_sd_at_end": _text(forecast.sd_end if forecast else math.nan),
+        "forecast_data": forecast_to_text(forecast),
         **(more or {}),
     }
     return health_to_status(Health("mission", status_level(status), f"{status.phase}: {status.reason}", values))
 
 
 def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
-    """Status of a message; further values, such as the forecast, are ignored.
+    """Status of a message; further values are ignored.
 
     :raises ValueError: if a value is missing or impossible
     """
@@ -93,6 +93,7 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             emergency=values.get("emergency") == "True",
             stop_requests=int(values.get("stop_requests", 0)),
             queue=tuple(json.loads(values.get("queue", "[]"))),
+            forecast=forecast_from_text(values.get("forecast_data", "")),
         )
     except KeyError as error:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None

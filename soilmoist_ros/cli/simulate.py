@@ -26,6 +26,7 @@ def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
     from soilmoist_ros.exploration.travel.travel import polyline_length_m
     from soilmoist_ros.reporting.mission_report import write_mission
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+    from soilmoist_ros.simulation.mission.forecasts import forecast_text
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
     settings = chosen_settings(choices)
@@ -48,6 +49,7 @@ def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
         click.echo(f"moisture   {rmse if result.soil_map.curve else 'not mapped: the field has no calibration'}")
         for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
             click.echo(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
+        click.echo(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
         if (plan := mission_efficiency(result)) is not None:
             click.echo(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
     for path in written:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.planning.forecast import forecast_from_text
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.properties import ReplayedProperty
 from soilmoist_ros.replay.statuses import Status
 from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation.mission.forecasts import TimedForecast
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult, SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
@@ -107,7 +109,22 @@ def replay_mission(
         frame=survey.field.frame,
         ended="; ".join(ends),
         log=mission_log(robots, later_s),
+        forecasts=tuple(_forecasts([(time_s, status.forecast_data) for _, status, time_s in course])),
     )
+
+
+def _forecasts(course: Sequence[tuple[float, str]]) -> Iterator[TimedForecast]:
+    """The forecasts of statuses, with the times at which they were new."""
+    known = {""}
+    for time_s, text in course:
+        if text not in known:
+            known.add(text)
+            try:
+                forecast = forecast_from_text(text)
+            except ValueError:  # of another version
+                continue
+            assert forecast is not None
+            yield TimedForecast(time_s, forecast)
 
 
 def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> list[str]:

@@ -27,6 +27,7 @@ class Status(NamedTuple):
     :param stamp_s: time of the status [s]
     :param last_command: last command of an operator, with its answer; empty without one
     :param last_command_s: its time, on the clock of ``stamp_s`` [s]; NaN without one
+    :param forecast_data: the last forecast as JSON; empty without one
     """
 
     state: str
@@ -44,6 +45,7 @@ class Status(NamedTuple):
     stamp_s: float
     last_command: str = ""
     last_command_s: float = math.nan
+    forecast_data: str = ""
 
 
 _MAY_BE_UNKNOWN = {"target_x_m", "target_y_m", "stamp_s", "last_command_s"}

@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from msg_adapters.mission import mission_from_message, mission_to_message
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 
 NUMBER = st.floats(0, 1e9)
@@ -25,6 +26,7 @@ STATUS = st.builds(
     blacklisted=st.lists(WORD, max_size=3).map(tuple), estimated_end_s=st.none() | NUMBER,
     needs_operator=st.booleans(), silent=st.booleans(),
     ended=st.none() | st.sampled_from(MissionEnd),
+    forecast=st.none() | st.just(Forecast(0.03, (60.0, 600.0), (0.02, 0.01), (1.1, 1.2), 0.01, 4.0, hidden=0.06)),
 )  # fmt: skip
 QUIET = MissionStatus(
     now_s=math.nan, phase=Phase.IDLE, reason="waiting for start", target=None, planned_dwell_s=0.0, dwell_s=0.0,
@@ -62,6 +64,10 @@ def test_what_people_read():
     assert (message.name, message.message) == ("mission", "planning: started")
     assert values["estimated_end"] == "2026-06-01T08:00:00+00:00"
     assert values["reason"] == "started"
+    assert values["forecast"] == ""
+    forecast = Forecast(0.03, (600.0,), (0.02,), (1.2,), 0.02, 4.0)
+    values = {pair.key: pair.value for pair in mission_to_message(replace(status, forecast=forecast)).values}
+    assert values["forecast"] == "±3.0 % of the rate now, ±2.0 % (1.7 to 2.4) in 10 min"
 
 
 def test_a_message_of_something_else():

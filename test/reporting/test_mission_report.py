@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 import rasterio
 
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import make_soil_map
+from soilmoist_ros.reporting.files.summary import mission_summary
 from soilmoist_ros.reporting.mission_report import mission_run, write_mission
 from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.irrigation import irrigation
@@ -24,6 +26,7 @@ from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.viewer.layers import viewer_data
 from soilmoist_ros.reporting.page.wording import facts, headline
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.simulation.mission.forecasts import TimedForecast
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings
@@ -210,3 +213,47 @@ def test_without_a_truth_the_course_is_the_distance(mission):
     (chart,) = course_charts(rows, has_truth=False)
     assert chart.y_label == "Distance [m]"
     assert mission_part(mission_run(unknown, NOW)).charts[0].key == chart.key
+
+
+def forecasts(*times_s, planned_s=3600.0):
+    def made(time_s):
+        sd, left_s = 0.1 * (1 + time_s / 600) ** -0.5, planned_s - time_s
+        if left_s <= 0:
+            return Forecast(sd, (), (), (), sd, 4.0)
+        ahead = (left_s / 2, left_s)
+        return Forecast(sd, ahead, (0.9 * sd, 0.8 * sd), (1.1, 1.2), 0.95 * sd, 4.0, is_guess=time_s == 0)
+
+    return tuple(TimedForecast(time_s, made(time_s)) for time_s in times_s)
+
+
+def test_the_forecast_is_compared_with_what_was_reached(mission):
+    known = dataclasses.replace(mission, forecasts=forecasts(0.0, 500.0, 1000.0, 1900.0, 2800.0, 3600.0))
+    part = mission_part(mission_run(known, NOW))
+    assert [chart.key for chart in part.charts][-1] == "course-sd"
+    names = [name for _, name in part.charts[-1].names]
+    assert names == ["forecast at the start", "forecast after a quarter", "forecast after half", "reached"]
+    assert "±3.8 % of the rate reached; forecast ±8.0 % (6.7 to 9.6) at the start" in part.text
+    about = mission_summary(known)["forecast"]
+    assert [one["time_s"] for one in about["made"]] == [0.0, 1000.0, 1900.0, 2800.0]
+    assert {one["end_s"] for one in about["made"]} == {3600.0}
+    assert about["reached"]["time_s"] == 3600.0
+    assert about["unit"] == "share of the mean rate"
+
+
+def test_a_mission_without_forecasts_has_none(mission):
+    for some in ((), forecasts(0.0), forecasts(0.0, 600.0)):
+        known = dataclasses.replace(mission, forecasts=some)
+        part = mission_part(mission_run(known, NOW))
+        assert "course-sd" not in {chart.key for chart in part.charts}
+        assert (mission_summary(known)["forecast"] is None) == (len(some) < 2)
+        assert ("Standard deviation of the map" in part.text) == (len(some) > 1)
+
+
+def test_an_early_end_has_the_forecasts_until_then(mission):
+    early = forecasts(0.0, 300.0, 1000.0)
+    early = (
+        *early[:-1],
+        TimedForecast(1000.0, dataclasses.replace(early[-1].forecast, times_s=(), sds=(), factors=())),
+    )
+    about = mission_summary(dataclasses.replace(mission, forecasts=early))["forecast"]
+    assert [one["time_s"] for one in about["made"]] == [0.0]

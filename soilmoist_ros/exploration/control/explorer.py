@@ -139,6 +139,10 @@ class Explorer:
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
         return Plan(choice, travel_s, forecast)
 
+    def achieved(self) -> Forecast | None:
+        """Standard deviation of the map now, ``None`` without a map."""
+        return self._forecaster.achieved(self.properties[0])
+
     def situation(
         self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()
     ) -> Situation:

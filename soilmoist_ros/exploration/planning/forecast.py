@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 SOON_S = 600.0
 """Time ahead for which a gain is stated [s]."""
-BAND = 0.25
-"""Relative half width of the band about a forecast within which the standard deviation ends up nearly always."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +19,10 @@ class Forecast:
     Standard deviations of a rate map are shares of the mean rate [-], those of a moisture map are [m^3/m^3].
 
     :param sd: now
-    :param times_s: times from now, rising; the last is the end of the mission [s]
+    :param times_s: times from now, rising; the last is the end of the mission [s]; none at the end
     :param sds: at these times, if the mission goes on
+    :param factors: bands about them: in four of five missions the standard deviation ends up between
+        ``sd / factor`` and ``sd * factor``
     :param sd_soon: after :data:`SOON_S`, if the mission goes on
     :param mean_rate_cps: mean rate of the map [counts/s]
     :param moisture: whether the standard deviations are those of the moisture
@@ -32,6 +34,7 @@ class Forecast:
     sd: float
     times_s: tuple[float, ...]
     sds: tuple[float, ...]
+    factors: tuple[float, ...]
     sd_soon: float
     mean_rate_cps: float
     moisture: bool = False
@@ -46,7 +49,13 @@ class Forecast:
     @property
     def sd_end(self) -> float:
         """Standard deviation at the end of the mission."""
-        return self.sds[-1]
+        return self.sds[-1] if self.sds else self.sd
+
+    @property
+    def band_end(self) -> tuple[float, float]:
+        """Band of the standard deviation at the end of the mission."""
+        factor = self.factors[-1] if self.factors else 1.0
+        return self.sd_end / factor, self.sd_end * factor
 
     def at(self, after_s: float) -> float:
         """Standard deviation after some time [s], up to the end."""
@@ -59,9 +68,17 @@ class Forecast:
 
     @property
     def text(self) -> str:
-        """The forecast in words, as ``±2.4 % of the rate now, ±2.0 % in 35 min``."""
-        text = f"±{_percent(self.sd)} {self.unit} now, ±{_percent(self.sd_end)} % in {_minutes(self.times_s[-1])}"
+        """The forecast in words, as ``±2.4 % of the rate now, ±2.0 % (1.7 to 2.4) in 35 min``."""
+        text = f"±{hundredths(self.sd)} {self.unit} now"
+        if self.times_s:
+            text += f", {self.end_text} in {self.times_s[-1] / 60:.0f} min"
         return text if self.hidden is None else f"{text}; {self.uniform}"
+
+    @property
+    def end_text(self) -> str:
+        """Standard deviation and band at the end of the mission, as ``±2.0 % (1.7 to 2.4)``."""
+        low, high = map(hundredths, self.band_end)
+        return f"±{hundredths(self.sd_end)} % ({low} to {high})"
 
     @property
     def uniform(self) -> str:
@@ -70,9 +87,34 @@ class Forecast:
         return f"the counts show no differences, and the rate varies by less than ±{100 * self.hidden:.0f} %"
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.{1 if share < 0.0995 else 0}f}"
+def hundredths(sd: float) -> str:
+    """A standard deviation in hundredths, to two digits."""
+    return f"{100 * sd:.{1 if sd < 0.0995 else 0}f}"
 
 
-def _minutes(time_s: float) -> str:
-    return f"{time_s / 60:.0f} min"
+def forecast_to_text(forecast: Forecast | None) -> str:
+    """A forecast as JSON, to four digits; empty without one."""
+    return "" if forecast is None else json.dumps(_rounded(asdict(forecast)), separators=(",", ":"))
+
+
+def forecast_from_text(text: str) -> Forecast | None:
+    """The forecast that :func:`forecast_to_text` wrote.
+
+    :raises ValueError: if the text is not one
+    """
+    if not text:
+        return None
+    try:
+        values = json.loads(text)
+        lists = {name: tuple(float(value) for value in values[name]) for name in ("times_s", "sds", "factors")}
+        return Forecast(**{**values, **lists})
+    except (TypeError, KeyError, ValueError) as error:
+        raise ValueError(f"{text[:40]!r} is not a forecast: {error}") from None
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(item) for item in value]
+    return float(f"{value:.4g}") if isinstance(value, float) else value

@@ -41,6 +41,8 @@ MAX_FORECASTS = 60
 """Number of forecasts in a long mission."""
 UNIFORM_FROM = 0.2
 """Share of the mission time after which a field may be called uniform."""
+SPREAD = 0.26
+"""Logarithm of the band's factor when the exposure has grown e-fold; 80 % of missions end within the band."""
 _STEPS = 8
 _GUESSED_VARIATION, _GUESSED_NUGGET = 0.15, 0.05
 _PRIOR_EXPOSURE_S = 120.0
@@ -81,6 +83,10 @@ class Forecaster:
         hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
         return map_forecast(of, self._cells_xy, left_s, share, hidden)
 
+    def achieved(self, of: Property) -> Forecast | None:
+        """Standard deviation of the map now, ``None`` without a map."""
+        return None if of.field_map.kriging is None else map_forecast(of, self._cells_xy, 0.0)
+
     def _hidden(self, of: Property) -> float | None:
         """Upper limit of the variation, ``None`` once differences were found."""
         if self._varies:
@@ -99,7 +105,7 @@ def map_forecast(
 
     :param of: what is mapped; it has a map
     :param cells_xy: cells that represent the field, shape (g, 2) [m]
-    :param left_s: mission time left for measuring, > 0 [s]
+    :param left_s: mission time left for measuring [s]; 0: the map as it is
     :param share: counting time per mission time [-]
     :param hidden: see :class:`Forecast`
     """
@@ -167,15 +173,20 @@ class _Curve:
 
     def sd(self, after_s: float) -> float:
         """Standard deviation after some mission time [s]."""
-        counted_s = self._share * after_s
-        even_s = EFFICIENCY * counted_s
+        even_s = EFFICIENCY * self._share * after_s
         variance = self._fixed + float((self._parts / (1 + even_s * self._values)).sum())
-        return float(math.sqrt(variance) * (1 + counted_s / max(self._counted_s, 1.0)) ** -LEARNING)
+        return float(math.sqrt(variance) * self._growth(after_s) ** -LEARNING)
+
+    def _growth(self, after_s: float) -> float:
+        """Exposure of the map after some mission time [s], divided by that now."""
+        return 1 + self._share * after_s / max(self._counted_s, 1.0)
 
     def forecast(
         self, left_s: float, mean_rate_cps: float, moisture: bool, hidden: float | None = None
     ) -> Forecast:
         """The forecast over the time left [s]."""
-        times_s = tuple(left_s * step / _STEPS for step in range(1, _STEPS + 1))
+        steps = range(1, _STEPS + 1) if left_s > 0 else ()
+        times_s = tuple(left_s * step / _STEPS for step in steps)
         sds = tuple(map(self.sd, times_s))
-        return Forecast(self.sd(0.0), times_s, sds, self.sd(SOON_S), mean_rate_cps, moisture, hidden)
+        factors = tuple(math.exp(SPREAD * math.sqrt(math.log(self._growth(time_s)))) for time_s in times_s)
+        return Forecast(self.sd(0.0), times_s, sds, factors, self.sd(SOON_S), mean_rate_cps, moisture, hidden)

@@ -32,6 +32,7 @@ from soilmoist_ros.reporting.page.statistics import (
 )
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+from soilmoist_ros.simulation.mission.forecasts import achieved, reported
 from soilmoist_ros.simulation.mission.settings import PropertySettings
 
 if TYPE_CHECKING:
@@ -221,6 +222,7 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
         "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
         "travel": [_travel(learned) for learned in mission.motion],
         "efficiency": _efficiency(mission),
+        "forecast": _forecast(mission),
         "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
         "properties": further,
         "also": further[0] if len(further) == 1 else None,
@@ -275,6 +277,30 @@ def _efficiency(mission: MissionResult) -> dict[str, float | bool] | None:
         return None
     variances = {"least_variance": plan.least, "left_variance": plan.left}
     return {"reached": plan.reached, **variances, "of_truth": plan.of_truth}
+
+
+def _forecast(mission: MissionResult) -> dict[str, Any] | None:
+    """Standard deviation of the map that was forecast for the end, and that was reached.
+
+    Of a rate map it is a share of the mean rate, of a moisture map it is in m^3/m^3.
+    """
+    end = achieved(mission.forecasts)
+    if end is None:
+        return None
+    made = [
+        {
+            "time_s": one.time_s,
+            "sd": one.forecast.sd,
+            "end_s": one.time_s + one.forecast.times_s[-1],
+            "sd_at_end": one.forecast.sd_end,
+            "sd_at_end_low": one.forecast.band_end[0],
+            "sd_at_end_high": one.forecast.band_end[1],
+            "text": one.forecast.text,
+        }
+        for _, one in reported(mission.forecasts, 3600 * mission.settings.hours)
+    ]
+    unit = "m3/m3" if end.forecast.moisture else "share of the mean rate"
+    return {"unit": unit, "made": made, "reached": {"time_s": end.time_s, "sd": end.forecast.sd}}
 
 
 def _irrigation(run: MapRun) -> dict[str, Any]:

@@ -107,6 +107,8 @@ class LiveMission:
             facts[several or "state"] = robot.state
             if status and status["target"] and not several:
                 facts["target"] = _counted(status)
+            if status and status.get("forecast"):
+                facts[f"{several} forecast".lstrip()] = status["forecast"]
             if robot.sensor_fault:
                 facts[f"{several} sensor".lstrip()] = robot.sensor_fault
         if self.clock_waits_for:

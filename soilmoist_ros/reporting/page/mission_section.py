@@ -11,10 +11,12 @@ import numpy as np
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.reporting.page.charts.chart import Chart, Dots, Line, limits_of
+from soilmoist_ros.reporting.page.charts.forecast_chart import forecast_chart
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import duration, length, number, percent
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+from soilmoist_ros.simulation.mission.forecasts import forecast_text
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow, series_columns
 
 MAX_VISITS = 100
@@ -48,6 +50,8 @@ def mission_part(run: MapRun) -> MissionPart | None:
         return None
     has_truth = bool(np.isfinite(mission.truth_rate).any())
     charts = tuple(course_charts(mission.series, has_truth)) if mission.series else ()
+    if (forecasts := forecast_chart(mission.forecasts, 3600 * mission.settings.hours)) is not None:
+        charts = (*charts, forecasts)
     shown = tuple(mission.visits[:MAX_VISITS])
     hidden = len(mission.visits) - len(shown)
     several = len(mission.tracks) > 1
@@ -96,6 +100,8 @@ def _text(mission: MissionResult) -> str:
             sentences[-1] += " (with the variogram of the truth, so that missions on this field can be compared)"
         else:
             sentences[-1] += " (with the variogram of this map: not comparable with other missions)"
+    if forecast := forecast_text(mission.forecasts, 3600 * settings.hours):
+        sentences.append(f"Standard deviation of the map: {forecast}")
     if mission.ended:
         sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
     return ". ".join(sentences) + "."

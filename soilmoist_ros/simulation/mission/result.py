@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.geodesy import LocalFrame
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.sensing.records import CountRecord
+    from soilmoist_ros.simulation.mission.forecasts import TimedForecast
     from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 Array = NDArray[np.float64]
@@ -123,6 +124,7 @@ class MissionResult:
     :param ended: reason for the end
     :param motion: what the planner of each robot has learned of its motion
     :param log: lines of the mission log
+    :param forecasts: forecasts of the map's standard deviation; the last one may be the map at the end
     """
 
     settings: MissionSettings
@@ -134,6 +136,7 @@ class MissionResult:
     ended: str = ""
     motion: Sequence[LearnedMotion] = ()
     log: Sequence[str] = field(default_factory=tuple)
+    forecasts: Sequence[TimedForecast] = ()
 
     @property
     def records(self) -> Sequence[CountRecord]:

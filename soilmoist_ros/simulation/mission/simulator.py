@@ -66,6 +66,7 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
+from soilmoist_ros.simulation.mission.forecasts import TimedForecast
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.streams import gnss_stream, sensor_stream
@@ -169,6 +170,7 @@ class _Simulation:
         self.visits: list[Visit] = []
         self.series: list[SeriesRow] = []
         self.log: list[str] = []
+        self.forecasts: list[TimedForecast] = []
 
     def robot(self, number: int) -> _Robot:
         """Create a robot at the start, numbered from 0; all robots share the maps."""
@@ -287,6 +289,8 @@ class _Simulation:
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
                 answer = Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s, forecast=plan.forecast)
+                if plan.forecast is not None:
+                    self.forecasts.append(TimedForecast(self.now_s, plan.forecast))
                 self.give(robot, answer)
             case GoTo():
                 way = self.travel.route(robot.body.at(self.now_s), action.stop)
@@ -375,6 +379,8 @@ class _Simulation:
     def result(self) -> MissionResult:
         """Result of the mission."""
         assert all(robot.mission.state.phase in (Phase.FINISHED, Phase.IDLE) for robot in self.robots)
+        if (last := self.robots[0].explorer.achieved()) is not None:
+            self.forecasts.append(TimedForecast(self.now_s, last))
         return MissionResult(
             settings=self.settings,
             series=tuple(self.series),
@@ -385,6 +391,7 @@ class _Simulation:
             motion=tuple(robot.learned for robot in self.robots),
             ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),
             log=tuple(self.log),
+            forecasts=tuple(self.forecasts),
         )
 
 

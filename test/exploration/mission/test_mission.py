@@ -737,7 +737,7 @@ def test_a_simulator_drives_it_from_record_to_record():
     assert all(visit.raw_counts >= 400 for visit in visits[:-1])
 
 
-FORECAST = Forecast(0.03, (600.0, 3600.0), (0.028, 0.02), 0.028, 4.0)
+FORECAST = Forecast(0.03, (600.0, 3600.0), (0.028, 0.02), (1.1, 1.2), 0.028, 4.0)
 
 
 @pytest.mark.parametrize(

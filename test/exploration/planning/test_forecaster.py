@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.planning import forecaster
-from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.planning.forecaster import Forecaster, map_forecast, prior_forecast
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.uniformity import hidden_variation
@@ -80,6 +79,23 @@ def test_it_falls_with_the_time_and_the_share_of_it_that_counts(curve):
     assert map_forecast(mapped(curve=curve), CELLS, 3600.0, share=0.5).sd_end > found.sd_end
 
 
+def test_the_band_widens_with_the_time_ahead():
+    factors = map_forecast(mapped(), CELLS, 3600.0).factors
+    assert list(factors) == sorted(factors)
+    assert factors[0] > 1
+    later = map_forecast(mapped(exposure_s=500.0), CELLS, 3600.0).factors
+    assert later[-1] < factors[-1], "what is known for longer is known better"
+
+
+def test_at_the_end_nothing_is_ahead():
+    of = mapped()
+    found = Forecaster(CELLS, GRID.extent_m, 4.0).achieved(of)
+    assert (found.times_s, found.sds, found.sd_end) == ((), (), found.sd)
+    assert found.sd == map_forecast(of, CELLS, 60.0).sd
+    empty = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
+    assert Forecaster(CELLS, GRID.extent_m, 4.0).achieved(empty) is None
+
+
 def test_before_the_first_map_the_prior_is_a_guess():
     found = prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0)
     assert found.is_guess
@@ -143,10 +159,3 @@ def test_a_uniform_field_is_told_after_a_fifth_of_the_time_and_never_again_once_
     varying = mapped(np.where(PLACES[:, 0] < 20, 3.0, 5.0), exposure_s=200.0)
     assert maker.forecast(varying, 3000.0, 4200.0).hidden is None
     assert maker.forecast(uniform, 4000.0, 3200.0).hidden is None
-
-
-def test_a_forecast_in_words():
-    found = Forecast(0.0243, (1050.0, 2100.0), (0.022, 0.0199), 0.023, 4.0)
-    assert found.text == "±2.4 % of the rate now, ±2.0 % in 35 min"
-    assert replace(found, moisture=True, sd=0.12).text == "±12 % by volume now, ±2.0 % in 35 min"
-    assert found.gain == pytest.approx(1 - 230 / 243)

@@ -48,6 +48,8 @@ def test_what_is_told():
     }
     live.maps[0].cells = cells()
     assert live.view().targets_xy == [(12.5, 3.0)]
+    live.robots[0].status = {**STATUS, "forecast": "±3.0 % of the rate now"}
+    assert live.view().facts["forecast"] == "±3.0 % of the rate now"
 
 
 def test_several_robots_have_a_line_each():

@@ -1,0 +1,52 @@
+"""Missions that end when the map is good enough, or when the field shows no differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.mission.forecasts import achieved
+from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
+
+UNIFORM = replace(surrogate_field("smooth"), name="uniform", truth=lambda xy: np.full(len(xy), 8.0))
+
+
+def mission(**settings):
+    result = simulate_mission(MissionSettings(**{"hours": 1.0, "cell_m": 4.0, "seed": 2, **settings}))
+    return result, result.series[-1].time_s / 3600
+
+
+@pytest.mark.slow
+def test_a_uniform_field_is_told_after_a_quarter_of_the_time():
+    result, hours = mission(field=UNIFORM, until_gain=1.0)
+    assert "nothing varies" in result.ended
+    assert 0.2 <= hours <= 0.27
+    assert simulate_mission(result.settings).ended == result.ended
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("field", ["smooth", "synthetic-low", "ridge"])
+def test_a_field_that_varies_is_explored_to_the_end(field):
+    result, hours = mission(field=field, until_gain=1.0)
+    assert "varies" not in result.ended
+    assert hours > 0.9
+
+
+@pytest.mark.slow
+def test_a_map_that_is_good_enough_ends_the_mission():
+    result, hours = mission(field="smooth", until_sd=0.07)
+    assert "good enough" in result.ended
+    assert hours < 0.8
+    assert achieved(result.forecasts).forecast.sd == pytest.approx(0.07, abs=0.01)
+    wet, _ = mission(field="patches", target="vwc", until_sd=0.06)
+    assert "% by volume" in wet.ended
+
+
+@pytest.mark.slow
+def test_without_a_limit_forecasts_change_nothing():
+    result, _ = mission(field=UNIFORM, hours=0.5)
+    asked, _ = mission(field=UNIFORM, hours=0.5, until_sd=1e-6)
+    assert result.series == asked.series
+    assert any(one.forecast.hidden is not None for one in result.forecasts), "it is told, and the mission goes on"
