@@ -385,6 +385,7 @@ def blacklisted(state: MissionState) -> tuple[str, ...]:
 def raw_rate(state: MissionState) -> float:
     """Raw rate at this stop, or of the mission before anything is counted here [counts/s]; NaN if unknown."""
     for gathered in (state.counting, state):
-        if gathered is not None and gathered.raw_counts > 0:
-            return gathered.raw_counts / gathered.exposure_s
+        if gathered is not None and gathered.exposure_s > 0:
+            # No count at all is a measurement, too: of a low rate, as in the dwell rules.
+            return max(gathered.raw_counts, 0.5) / gathered.exposure_s
     return math.nan

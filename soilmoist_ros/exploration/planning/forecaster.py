@@ -112,7 +112,7 @@ def map_forecast(
     kriging = of.field_map.kriging
     assert kriging is not None
     rate, variance = kriging.predict(cells_xy)
-    mean = float(rate.mean())
+    mean = max(float(rate.mean()), _MIN_RATE_CPS)
     rate = np.maximum(rate, _MIN_RATE_CPS)
     weight = np.full(len(rate), 1 / mean**2) if of.curve is None else of.curve.weight(rate)
     weight = weight / len(rate)

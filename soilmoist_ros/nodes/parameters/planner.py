@@ -223,6 +223,9 @@ PARAMETERS: Final = (
     _row("exit_when_finished", False, "end the process with the mission, for simulations"),
 )
 
+RECORD_S: Final = 10.0
+"""Usual duration of a record [s]; one that is counted wholly at a stop may begin this long after the arrival."""
+
 
 def explorer_settings(parameters: Parameters) -> ExplorerSettings:
     """Settings for the choice of stops.
@@ -279,7 +282,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
         home=home,
         warm_up_stops=settings.warm_up_stops,
         min_dwell_s=number("min_dwell_s"),
-        min_last_dwell_s=0.0 if recommended else PUBLISHED_MIN_LAST_DWELL_S,
+        min_last_dwell_s=number("min_dwell_s") + RECORD_S if recommended else PUBLISHED_MIN_LAST_DWELL_S,
         stays=recommended,
         speed_mps=settings.motion.speed_mps,
         stop_overhead_s=settings.motion.stop_overhead_s,

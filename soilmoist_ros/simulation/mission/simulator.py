@@ -178,6 +178,7 @@ class _Simulation:
         seed = settings.seed
         dwell = dwell_rule(settings.dwell)
         recommended = settings.preset == "recommended"
+        min_dwell_s = settings.min_dwell_s or settings.cadence_s
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
         mission = Mission(
             MissionRules(
@@ -187,8 +188,11 @@ class _Simulation:
                 speed_mps=settings.speed_mps,
                 detour=1.0,
                 stop_overhead_s=settings.stop_overhead_s,
-                min_dwell_s=settings.min_dwell_s or settings.cadence_s,
-                min_last_dwell_s=0.0 if recommended else settings.min_dwell_s or PUBLISHED_MIN_LAST_DWELL_S,
+                min_dwell_s=min_dwell_s,
+                # A record must be counted wholly at the stop, and the time of its beginning is not chosen.
+                min_last_dwell_s=min_dwell_s + settings.cadence_s
+                if recommended
+                else settings.min_dwell_s or PUBLISHED_MIN_LAST_DWELL_S,
                 stays=recommended and settings.map_from == "records",
                 arrival_radius_m=max(3.0, 5 * settings.position_sd_m),
                 standstill_s=0.0,  # a simulated robot stands at once

@@ -10,6 +10,7 @@ from soilmoist_ros.exploration.mission.events import Command, EmergencyStop, Mov
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
 
 
 def done(records=6, **rules):
@@ -147,3 +148,15 @@ def test_a_robot_pushed_away_counts_nothing_at_the_stop():
     driver = done()
     driver.send(Moved, 50.0, 0.0).record(place=(50.0, 0.0)).plan(NORTH)
     assert driver.last(VisitDone).visit.records == 6
+
+
+def test_a_stop_without_a_count_is_a_visit_and_may_be_stayed_at():
+    driver = Driver(stays=True, dwell=parse_dwell("optimal")).counting()
+    for _ in range(6):
+        driver.record(raw_counts=0)
+    assert driver.phase is Phase.PLANNING
+    driver.plan(EAST, "value:0.02,0.5,1e-6,1.0")
+    assert driver.record(raw_counts=0).mission.status.planned_dwell_s < 3600.0
+    driver.command("skip")
+    visit = driver.last(VisitDone).visit
+    assert (visit.raw_counts, visit.records, driver.mission.state.samples) == (0, 7, 1)
