@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
 from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.exploration.planning.uniformity import hidden_variation
+from soilmoist_ros.exploration.planning.uniformity import CERTAIN, differences
 from soilmoist_ros.mapping.variogram.correlation import correlation_model
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
@@ -88,14 +88,14 @@ class Forecaster:
         return None if of.field_map.kriging is None else map_forecast(of, self._cells_xy, 0.0)
 
     def _hidden(self, of: Property) -> float | None:
-        """Upper limit of the variation, ``None`` once differences were found."""
+        """Upper limit of the variation, ``None`` if differences were found or may be hidden."""
         if self._varies:
             return None
         kriging, samples = of.field_map.kriging, of.field_map.samples
         assert kriging is not None
-        hidden = hidden_variation(samples, kriging.variogram.model, self._extent_m)
-        self._varies = hidden is None
-        return hidden
+        found = differences(samples, kriging.variogram.model, self._extent_m)
+        self._varies = found.evidence >= CERTAIN
+        return found.hidden
 
 
 def map_forecast(

@@ -9,7 +9,6 @@ import pytest
 from soilmoist_ros.exploration.planning import forecaster
 from soilmoist_ros.exploration.planning.forecaster import Forecaster, map_forecast, prior_forecast
 from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.exploration.planning.uniformity import hidden_variation
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
@@ -116,35 +115,6 @@ def test_forecasts_are_not_made_more_often_than_useful():
     )
     assert guess is not None
     assert guess.is_guess
-
-
-LATTICE = np.array([(x, y) for x in np.arange(2.0, 60, 8) for y in np.arange(2.0, 50, 8)])
-
-
-def test_most_uniform_fields_are_told_and_no_varying_one():
-    limits = [hidden_variation(samples_of(4.0, seed, 40.0, LATTICE), "matern32", 78.0) for seed in range(20)]
-    told = [limit for limit in limits if limit is not None]
-    assert len(told) >= 18
-    assert 0.01 < np.median(told) <= 0.08
-    steps = [np.where(LATTICE[:, 0] < 30, 3.6, 4.4), 4 + 0.6 * np.sin(LATTICE[:, 1] / 8)]
-    for rate in steps:
-        assert [hidden_variation(samples_of(rate, s, 40.0, LATTICE), "matern32", 78.0) for s in range(5)] == [
-            None
-        ] * 5
-
-
-def test_few_counts_do_not_tell_a_uniform_field():
-    assert hidden_variation(samples_of(0.05, 0, 40.0, LATTICE), "matern32", 78.0) is None
-    assert hidden_variation(samples_of(0.0, 0, 40.0, LATTICE), "matern32", 78.0) is None
-
-
-def test_many_samples_are_pooled():
-    many = np.random.default_rng(1).uniform((0, 0), (60, 50), (600, 2))
-    limit = hidden_variation(samples_of(4.0, 1, 10.0, many), "matern32", 78.0)
-    assert limit is not None
-    assert limit <= 0.08
-    west = np.where(many[:, 0] < 30, 3.6, 4.4)
-    assert hidden_variation(samples_of(west, 1, 10.0, many), "matern32", 78.0) is None
 
 
 def test_a_uniform_field_is_told_after_a_fifth_of_the_time_and_never_again_once_it_varies():
