@@ -7,7 +7,12 @@ the row sums of ``(P - q q') o C``, so a hundred coefficients cost little more t
 
 Two tests keep stationary fields stationary, bit for bit. The score test takes the gradient at the stationary
 maximum and predicts the logarithm of the Bayes factor by one Newton step. Only if this is promising, the amplitude
-is fitted, and used if Laplace's approximation of the Bayes factor favours it clearly.
+is fitted, and used if Laplace's approximation of the Bayes factor favours it.
+
+In 16 simulated surveys of each of ten kinds of fields, with 120 to 240 samples of 10 to 60 s on 60 x 50 m, the
+amplitude was used in 13 of a rough and a flat half, in 12 with one rough patch and in 5 with strips, where the mean
+squared error changed by -8, -16 and +1 %; and in 0 to 2 of stationary fields, where it changed by at most 1 %.
+Coverage in the quarter of the field that varies most rose from 91 to 94 %, from 81 to 90 % and from 88 to 89 %.
 """
 
 from __future__ import annotations
@@ -35,15 +40,17 @@ MAX_PLACES = ONE_BLOCK_PLACES
 """Maximum number of places; with more, the model is stationary."""
 MIN_SCORE = 0.5
 """Logarithm of the Bayes factor that the score test must predict for a fit."""
-MIN_EVIDENCE = 2.0
-"""Logarithm of the Bayes factor from which the amplitude is used: odds of seven to one."""
-LOG_SD = 1.0
+MIN_EVIDENCE = 0.5
+"""Logarithm of the Bayes factor from which the amplitude is used."""
+LOG_SD = 0.8
 """Prior standard deviation of the logarithm of the amplitude."""
 RANGE_LOG_SD = 0.3
 """Prior standard deviation of the logarithm of the range about that of the stationary model. With a free range, a
 long one would make the amplitude explain the mean of the rate."""
 _KNOTS, _REACH = 1.2, 2.0
 """Distance of the knots, and range of the amplitude's prior, in ranges of the variogram."""
+_NEGLIGIBLE = 0.01
+"""Share of the largest eigenvalue of the amplitude's prior below which eigenvectors are left out."""
 _MAX_INTERVALS = 8
 """Maximum number of intervals between knots along each axis."""
 _BOUND, _TOLERANCE, _MAX_STEPS = 6.0, 0.01, 25
@@ -139,7 +146,7 @@ class _Likelihood:
         self._shape = _table_shape(box, mode)
         self._root = _prior_root(box, self._shape, mode)
         self._basis = spline_matrix(*box, self._shape, places.xy) @ self._root
-        self.start = np.concatenate([(of_mode - self._median) / self._sd, np.zeros(len(self._root))])
+        self.start = np.concatenate([(of_mode - self._median) / self._sd, np.zeros(self._root.shape[1])])
 
     def expand(self, u: Array) -> Expansion:
         """Minus the logarithm of likelihood times prior, its gradient, and the average information."""
@@ -183,7 +190,9 @@ class _Likelihood:
         middles = spline_matrix(*self._box, self._shape, knots(*self._box, self._shape)) @ self._root
         slopes = np.column_stack([np.full(len(middles), self._sd[0]), 2 * middles])  # of the log variance there
         log_variance = np.einsum("ij,jk,ik->i", slopes, covariance[np.ix_(some, some)], slopes)
-        coefficients = self._root @ u[3:] + 0.25 * log_variance
+        coefficients = (
+            self._root @ u[3:] + 0.25 * log_variance
+        )  # of a standard deviation: half of that of a variance
 
         def amplitude(table: Array) -> Amplitude:
             return Amplitude(*self._box, tuple(map(tuple, table.reshape(self._shape).tolist())))
@@ -230,11 +239,13 @@ def _table_shape(box: Box, mode: Variogram) -> tuple[int, int]:
 
 
 def _prior_root(box: Box, shape: tuple[int, int], mode: Variogram) -> Array:
-    """A square root of the prior covariance of the coefficients, shape (k, k)."""
+    """A square root of the prior covariance of the coefficients without what hardly varies, shape (k, m)."""
     from scipy.spatial.distance import cdist
 
     middles = knots(*box, shape)
     extent_m = max(b - a for a, b in zip(*box, strict=True))
     reach_m = max(_REACH * mode.range_m, 1.6 * extent_m / _MAX_INTERVALS)
     covariance = correlation_model("matern32").correlation((cdist(middles, middles) / reach_m) ** 2)
-    return np.asarray(LOG_SD * np.linalg.cholesky(covariance + 1e-8 * np.eye(len(middles))))
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > _NEGLIGIBLE * values[-1]
+    return np.asarray(LOG_SD * vectors[:, kept] * np.sqrt(values[kept]))
