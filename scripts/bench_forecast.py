@@ -90,7 +90,8 @@ def mission(name: str, seed: int, options: argparse.Namespace) -> MissionResult:
             preset=options.preset,
             cell_m=max(min(options.cell, extent_m / 20), extent_m / 60),
             random_field=not made,
-        )
+        ),
+        forecasts=True,
     )
 
 

@@ -32,7 +32,7 @@ def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
     settings = chosen_settings(choices)
     prepare_output(out, overwrite)
     with progress_bar() as progress:
-        result = simulate_mission(settings, lambda share: progress("exploring", share))
+        result = simulate_mission(settings, lambda share: progress("exploring", share), forecasts=True)
         progress("writing the results", 1.0)
         written = write_mission(out, result)
     last = result.series[-1]

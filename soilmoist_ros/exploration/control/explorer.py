@@ -61,6 +61,7 @@ class Explorer:
     :param kept_for_home_s: time that the mission keeps for the way home from a place [s]; stops that it would find
         too late for are not offered
     :param min_last_dwell_s: a stop must leave at least this for counting [s], if it is more than ``min_dwell_s``
+    :param forecasts: whether plans have forecasts of the map
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class Explorer:
         counting: Counting = _ON_THE_WAY_TOO,
         kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
         min_last_dwell_s: float = 0.0,
+        forecasts: bool = True,
     ) -> None:
         self.properties = list(properties)
         self.grid = self.properties[0].field_map.grid
@@ -100,6 +102,7 @@ class Explorer:
         self._cells_xy = self._map_xy[self._cells]
         self._considered = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
+        self._forecasts = forecasts
         few = spread_cells(self.grid.mask, FORECAST_CELLS)[self.grid.mask]
         self._forecaster = Forecaster(self._map_xy[few], self.grid.extent_m, nominal_rate_cps)
 
@@ -129,8 +132,7 @@ class Explorer:
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
         choice = strategy.choose(situation, self.rng)
-        left_s, robots = request.time_left_s, 1 + len(others)
-        forecast = self._forecaster.forecast(self.properties[0], request.time_used_s, left_s, robots)
+        forecast = self._forecast(request, 1 + len(others)) if self._forecasts else None
         if choice is None:
             return Plan(None, None, forecast)
         if isinstance(self.dwell, Optimal) and choice.dwell is None:
@@ -138,6 +140,9 @@ class Explorer:
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
         return Plan(choice, travel_s, forecast)
+
+    def _forecast(self, request: RequestPlan, robots: int) -> Forecast | None:
+        return self._forecaster.forecast(self.properties[0], request.time_used_s, request.time_left_s, robots)
 
     def achieved(self) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""

@@ -84,14 +84,18 @@ PLACES_PER_RECORD = 10
 _LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-def simulate_mission(settings: MissionSettings, progress: Callable[[float], None] | None = None) -> MissionResult:
+def simulate_mission(
+    settings: MissionSettings, progress: Callable[[float], None] | None = None, forecasts: bool = False
+) -> MissionResult:
     """Simulate one mission. The settings determine the result, bit for bit.
 
     :param settings: everything that determines the mission
     :param progress: called regularly with the elapsed share of the mission time [0..1]
+    :param forecasts: whether to forecast the map's standard deviation, some milliseconds each; always done where a
+        forecast may end the mission
     :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
     """
-    return _Simulation(settings).run(progress or (lambda share: None))
+    return _Simulation(settings, forecasts).run(progress or (lambda share: None))
 
 
 class _Robot:
@@ -145,9 +149,10 @@ class _Robot:
 class _Simulation:
     """State of one running mission."""
 
-    def __init__(self, settings: MissionSettings) -> None:
+    def __init__(self, settings: MissionSettings, forecasts: bool = False) -> None:
         settings.check()
         self.settings = settings
+        self.forecasts_wanted = forecasts or settings.until_sd > 0 or settings.until_gain > 0
         fields = mission_fields(settings)
         field = fields[0]
         if settings.target == "vwc" and field.curve is None:
@@ -221,6 +226,7 @@ class _Simulation:
             nominal_rate_cps=_nominal_rate(field),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
             min_last_dwell_s=mission.rules.min_last_dwell_s,
+            forecasts=self.forecasts_wanted,
         )
         start = start_stop(field.field, self.stops)
         body = VirtualRobot(settings.real_motion, (start.x_m, start.y_m))
@@ -383,7 +389,7 @@ class _Simulation:
     def result(self) -> MissionResult:
         """Result of the mission."""
         assert all(robot.mission.state.phase in (Phase.FINISHED, Phase.IDLE) for robot in self.robots)
-        if (last := self.robots[0].explorer.achieved()) is not None:
+        if self.forecasts_wanted and (last := self.robots[0].explorer.achieved()) is not None:
             self.forecasts.append(TimedForecast(self.now_s, last))
         return MissionResult(
             settings=self.settings,

@@ -46,7 +46,10 @@ def test_a_map_that_is_good_enough_ends_the_mission():
 
 @pytest.mark.slow
 def test_without_a_limit_forecasts_change_nothing():
-    result, _ = mission(field=UNIFORM, hours=0.5)
+    plain, _ = mission(field=UNIFORM, hours=0.5)
+    assert plain.forecasts == ()
+    result = simulate_mission(plain.settings, forecasts=True)
+    assert result.series == plain.series
     asked, _ = mission(field=UNIFORM, hours=0.5, until_sd=1e-6)
     assert result.series == asked.series
     assert any(one.forecast.hidden is not None for one in result.forecasts), "it is told, and the mission goes on"
