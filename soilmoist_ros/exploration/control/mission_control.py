@@ -178,7 +178,7 @@ class MissionControl:
         self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
         self._others: dict[str, MissionStatus | None] = {}
-        self._learned = LearnedMotion(settings.motion)
+        self._learned = LearnedMotion(settings.motion, settings.learn_travel)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self.navigator = make_navigator(self.ended)
 
@@ -390,6 +390,8 @@ class MissionControl:
             return
         self._record_stamp_s = max((record.stamp_s for record in arrived), default=self._record_stamp_s)
         self._watching.quarantined(arrived, now_s)
+        for record in records:
+            self._learned.count((record.x_m, record.y_m), record.exposure_s)
         before_s = self._feed.place_s
         self._watching.records(records, now_s)
         self._feed.records(now_s, records, more)
@@ -553,6 +555,8 @@ class MissionControl:
     def _carry_out(self, action: Action) -> None:
         match action:
             case RequestPlan():
+                if self._access is not None:
+                    self._access.travel.motion = self._learned.motion
                 if action.staying and self._mission.state.last_stamp_s is not None:
                     self._measured(self._mission.state.last_stamp_s)
                 self._queue.ask(action, self._clock.now_s())
@@ -597,8 +601,7 @@ class MissionControl:
 
     def _learn(self) -> None:
         """Learn from the leg that has just ended, if one has, how the robot moves."""
-        if self._settings.learn_travel and self._learned.arrive(self._clock.now_s()) and self._access is not None:
-            self._access.travel.motion = self._learned.motion
+        if self._learned.arrive(self._clock.now_s()):
             cautious = self._learned.cautious
             self._mission.rules = replace(
                 self._mission.rules, speed_mps=cautious.speed_mps, stop_overhead_s=cautious.stop_overhead_s

@@ -136,7 +136,8 @@ class Prospect:
     @property
     def overhead_s(self) -> float:
         """Time of each trip in which the robot already counts at the stop [s]."""
-        return self._travel.motion.stop_overhead_s if self._counting.on_way else 0.0
+        motion = self._travel.motion
+        return motion.stop_overhead_s * motion.overhead_counted if self._counting.on_way else 0.0
 
     def place(self, row: int) -> tuple[float, float]:
         """Place of a :attr:`reachable` candidate [m]."""

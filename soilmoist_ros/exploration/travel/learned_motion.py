@@ -6,6 +6,7 @@ the legs; errors follow a Student t distribution, so that a leg with an obstacle
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
 
@@ -26,9 +27,15 @@ LEG_SD, LEG_SD_S = 0.05, 1.0
 """Standard deviation of the time of a leg without an obstacle: a share of its time, and seconds that are added."""
 DEGREES_OF_FREEDOM = 3.0
 """Of the errors; few make outliers count little."""
+NEAR_M = 1.0
+"""A record was counted at the stop if its place is this near [m]."""
+COUNTED_LEGS = 10
+"""Number of legs that the prior of the counted share of the overhead is worth: all of it is counted."""
+COUNTED_SAME = 0.15
+"""Smallest share of the overhead, not counted at the stop, that replaces the prior."""
 SAME = 0.01
 """Smallest relative change of a leg's time that is worth replacing the parameters."""
-_ROUNDS = 30
+_ROUNDS, _CONVERGED = 30, 1e-6
 _SLOWEST, _FASTEST = 0.1, 10.0
 
 
@@ -52,6 +59,7 @@ class LearnedMotion:
     The turning time is learned only if its parameter is not 0, the costs of an operator never.
 
     :param prior: parameters
+    :param learns: whether the motion follows the legs; otherwise it stays the prior
 
     Attributes
     ----------
@@ -59,11 +67,17 @@ class LearnedMotion:
         the prior itself until the legs differ from it
     """
 
-    def __init__(self, prior: RobotMotion) -> None:
+    def __init__(self, prior: RobotMotion, learns: bool = True) -> None:
         self.prior = prior
+        self._learns = learns
+        self._driven = prior
         self.motion = prior
         self.legs: deque[Leg] = deque(maxlen=MAX_LEGS)
         self._begun: tuple[float, float, float] | None = None
+        self._stop: tuple[float, float] | None = None  # whose records before the arrival are sought
+        self._leg_counted_s = 0.0
+        self._counted_s = 0.0
+        self._counted_legs = 0
 
     def set_off(self, now_s: float, way: Array) -> None:
         """The robot gets a goal.
@@ -72,10 +86,29 @@ class LearnedMotion:
         :param way: corners of the route, shape (p, 2) [m]
         """
         self._begun = (now_s, polyline_length_m(way), polyline_turn_rad(way))
+        self._stop, self._leg_counted_s = (float(way[-1, 0]), float(way[-1, 1])), 0.0
 
     def give_up(self) -> None:
         """The goal has ended in another way than by arrival."""
-        self._begun = None
+        self._begun = self._stop = None
+
+    def count(self, place: tuple[float, float], exposure_s: float) -> None:
+        """A record has come: what is counted at the stop before the arrival counts there, too.
+
+        :param place: where it was counted [m]
+        :param exposure_s: its exposure [s]
+        """
+        if self._stop is None:
+            return
+        near = math.dist(place, self._stop) <= NEAR_M
+        if self._begun is not None:
+            self._leg_counted_s = self._leg_counted_s + exposure_s if near else 0.0
+            return
+        # The first record after the arrival began before it: on average half of it belongs to the overhead.
+        self._counted_s += self._leg_counted_s + (exposure_s / 2 if near else 0.0)
+        self._counted_legs += 1
+        self._stop = None
+        self._combine()
 
     def arrive(self, now_s: float) -> bool:
         """The robot has arrived and counts; whether a leg was learned from.
@@ -91,7 +124,19 @@ class LearnedMotion:
     def add(self, leg: Leg) -> None:
         """Learn from a leg."""
         self.legs.append(leg)
-        self.motion = learned_motion(self.prior, tuple(self.legs))
+        if self._learns:
+            self._driven = learned_motion(self.prior, tuple(self.legs))
+            self._combine()
+
+    def _combine(self) -> None:
+        """The motion by the legs, with the share of the overhead that is counted."""
+        motion = self._driven
+        if not self._learns:
+            return
+        known_s = COUNTED_LEGS * motion.stop_overhead_s
+        all_s = known_s + self._counted_legs * motion.stop_overhead_s
+        share = (known_s + self._counted_s) / all_s if all_s > 0 else 1.0
+        self.motion = motion if share > 1 - COUNTED_SAME else replace(motion, overhead_counted=share)
 
     @property
     def cautious(self) -> RobotMotion:
@@ -124,12 +169,14 @@ def learned_motion(prior: RobotMotion, legs: tuple[Leg, ...]) -> RobotMotion:
     driven = np.array([(leg.length_m, leg.turn_rad, 1.0) for leg in legs])
     time_s = np.array([leg.time_s for leg in legs])
     sd_s = LEG_SD * time_s + LEG_SD_S
-    estimate = start
+    estimate, late_s = start, time_s - driven @ start
     for _ in range(_ROUNDS):
         error = (time_s - driven @ estimate) / sd_s
         weight = (DEGREES_OF_FREEDOM + 1) / (DEGREES_OF_FREEDOM + error**2) / sd_s**2
         precision = driven.T @ (weight[:, None] * driven) + np.diag(1 / spread**2)
-        estimate = start + np.linalg.solve(precision, driven.T @ (weight * (time_s - driven @ start)))
+        before, estimate = estimate, start + np.linalg.solve(precision, driven.T @ (weight * late_s))
+        if np.abs(estimate - before).max() <= _CONVERGED:
+            break
     estimate = np.clip(estimate, [start[0] * _SLOWEST, 0.0, 0.0], [start[0] * _FASTEST, np.inf, np.inf])
     usual_s = driven @ start
     if (np.abs(driven @ estimate - usual_s) <= SAME * usual_s).all():

@@ -29,6 +29,7 @@ class RobotMotion:
     :param stop_cost_s: time that it is worth to avoid a stop [s], >= 0; makes a planner choose fewer stops
     :param metre_cost_s: time that it is worth to avoid a metre [s/m], >= 0; makes it drive less. Both costs count
         where trips are compared, never on the clock
+    :param overhead_counted: share of the stop overhead in which the robot stands at the stop and counts [0..1]
     """
 
     speed_mps: float = 0.6
@@ -36,6 +37,7 @@ class RobotMotion:
     turn_s_per_rad: float = 0.0
     stop_cost_s: float = 0.0
     metre_cost_s: float = 0.0
+    overhead_counted: float = 1.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.speed_mps) and self.speed_mps > 0):
@@ -44,6 +46,8 @@ class RobotMotion:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be >= 0 and finite, got {value}")
+        if not 0 <= self.overhead_counted <= 1:
+            raise ValueError(f"overhead_counted must be from 0 to 1, got {self.overhead_counted}")
 
     def travel_s(self, length_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
         """Time for lengths and turns of routes, one stop overhead included [s]; inf for an infinite length."""

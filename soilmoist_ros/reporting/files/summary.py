@@ -236,6 +236,7 @@ def _travel(learned: LearnedMotion) -> dict[str, float | int]:
         "speed_mps": motion.speed_mps,
         "stop_overhead_s": motion.stop_overhead_s,
         "turn_s_per_rad": motion.turn_s_per_rad,
+        "overhead_counted": motion.overhead_counted,
         "legs": len(learned.legs),
     }
 

@@ -107,6 +107,7 @@ class _Robot:
     :param body: simulated motion
     :param sensors: one sensor per property
     :param noise_m: successive position errors, east and north [m]
+    :param learned: how it moves, as its planner knows
     """
 
     def __init__(
@@ -117,6 +118,7 @@ class _Robot:
         body: VirtualRobot,
         sensors: Sequence[VirtualSensor],
         noise_m: Iterator[tuple[float, float]],
+        learned: LearnedMotion,
     ) -> None:
         self.number = number
         self.mission = mission
@@ -124,7 +126,7 @@ class _Robot:
         self.body = body
         self.sensors = sensors
         self.noise_m = noise_m
-        self.learned = LearnedMotion(explorer.travel.motion)
+        self.learned = learned
         self.goal: tuple[float, GoTo] | None = None  # time of arrival, and the action
         self.records: list[list[CountRecord]] = []  # in order of time, each with one record per sensor
         self.ended = ""
@@ -241,7 +243,8 @@ class _Simulation:
             for kind, channel in enumerate(self.channels)
         ]
         noise_m = _noise(gnss_stream(seed, number), settings.position_sd_m)
-        return _Robot(number + 1, mission, explorer, body, sensors, noise_m)
+        learned = LearnedMotion(settings.motion, settings.learn_travel)
+        return _Robot(number + 1, mission, explorer, body, sensors, noise_m, learned)
 
     def run(self, progress: Callable[[float], None]) -> MissionResult:
         """Process events in order of time until the missions of all robots have ended."""
@@ -296,6 +299,7 @@ class _Simulation:
                 pass
             case RequestPlan():
                 self.update_map()
+                robot.explorer.travel.motion = robot.learned.motion
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
                 answer = Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s, forecast=plan.forecast)
@@ -313,8 +317,7 @@ class _Simulation:
                 robot.learned.give_up()
                 self.give(robot, GoalFailed(self.now_s, action.goal_id, "cancelled"))
             case StartCounting():
-                if self.settings.learn_travel and robot.learned.arrive(self.now_s):
-                    robot.explorer.travel.motion = robot.learned.motion
+                robot.learned.arrive(self.now_s)
             case VisitDone(visit=visit):
                 self.take(robot, replace(visit, robot=robot.number))
             case Finish(reason=reason):
@@ -354,6 +357,7 @@ class _Simulation:
         reported = self.reported(robot, (x_m, y_m))
         records = [sensor.record(self.now_s, places, reported) for sensor in robot.sensors]
         robot.records.append(records)
+        robot.learned.count((records[0].x_m, records[0].y_m), records[0].exposure_s)
         for channel, mapped, record in zip(self.channels, robot.explorer.properties, records, strict=True):
             channel.take(record)
             mapped.factor = correction_factor(record)

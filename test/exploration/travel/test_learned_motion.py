@@ -67,6 +67,21 @@ def test_a_turning_time_of_zero_is_not_learned():
     assert learned.motion.speed_mps < 0.6
 
 
+@pytest.mark.parametrize(("near_s", "counted"), [(0, 0.4), (10, 1.0)])
+def test_overhead_counts_only_as_far_as_it_is_counted_at_the_stop(near_s, counted):
+    learned, way = LearnedMotion(PRIOR), np.array([[0.0, 0.0], [30.0, 0.0]])
+    for leg in range(40):
+        learned.set_off(100.0 * leg, way)
+        learned.count((10.0, 0.0), 10.0)
+        for _ in range(near_s // 10):
+            learned.count((29.5, 0.0), 10.0)
+        learned.arrive(100.0 * leg + 62.0)
+        learned.count((30.0, 0.0), 10.0)
+        learned.count((30.0, 0.0), 10.0)
+    assert learned.motion.overhead_counted == pytest.approx(counted, abs=0.15)
+    assert learned.motion.stop_overhead_s == PRIOR.stop_overhead_s
+
+
 def test_only_a_leg_that_ends_at_its_stop_counts():
     learned, way = LearnedMotion(PRIOR), np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 10.0]])
     assert not learned.arrive(5.0)
