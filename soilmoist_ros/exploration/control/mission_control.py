@@ -21,6 +21,7 @@ from soilmoist_ros.exploration.control.mission_setup import (
     ExplorerSettings,
     FieldAccess,
     changed_settings,
+    first_forecast,
 )
 from soilmoist_ros.exploration.control.operator_request import (
     OperatorRequest,
@@ -495,6 +496,10 @@ class MissionControl:
             status = replace(status, reason=f"waiting for start, which is refused: {self.dangers}")
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
             status = replace(status, reason=f"{self._interrupted}; resume or abort", needs_operator=True)
+        if status.phase is Phase.IDLE and self._access is not None:
+            rules, changes = self._mission.current_rules, self._mission.state.changes
+            settings = changed_settings(self._settings, rules, changes)
+            status = replace(status, forecast=first_forecast(self._access.grid, settings, rules.budget_s))
         target, choice = status.target, self._choice
         requested = tuple(queued.stop for queued in self._mission.state.queue)
         ahead = requested if target is None else (target, *requested)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules
 from soilmoist_ros.exploration.planning.dwell import DwellRule
+from soilmoist_ros.exploration.planning.forecast import Forecast
+from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS, prior_forecast
+from soilmoist_ros.exploration.planning.planning_model import spread_cells
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
@@ -21,6 +26,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 
@@ -229,9 +235,33 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
         strategy_stream(settings.seed),
         rules.min_dwell_s,
         home=rules.home,
+        nominal_rate_cps=nominal_rate_cps(settings.calibration),
         kept_for_home_s=rules.way_home_s,
         min_last_dwell_s=rules.min_last_dwell_s,
     )
+
+
+def nominal_rate_cps(calibration: MoistureCurve | None) -> float:
+    """Expected rate before the first record: that at 15 % moisture by the calibration, if any [counts/s]."""
+    return 4.0 if calibration is None else float(calibration.rate_cps(0.15))
+
+
+def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float) -> Forecast:
+    """The forecast before a mission starts.
+
+    :param grid: grid of the field
+    :param settings: how stops are chosen
+    :param budget_s: mission time [s]
+    """
+    rate_cps = nominal_rate_cps(settings.calibration)
+    slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))
+    return _first_forecast(grid, rate_cps, budget_s, slope)
+
+
+@lru_cache(maxsize=4)
+def _first_forecast(grid: FieldGrid, rate_cps: float, budget_s: float, slope: float | None) -> Forecast:
+    cells_xy = grid.cells[spread_cells(grid.mask, MAX_CELLS)[grid.mask]]
+    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope)
 
 
 def _inside(stops: tuple[Stop, ...], fence: Fence) -> tuple[Stop, ...]:

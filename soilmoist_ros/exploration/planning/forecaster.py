@@ -25,7 +25,6 @@ from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.uniformity import CERTAIN, differences
 from soilmoist_ros.mapping.variogram.correlation import correlation_model
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 Array = NDArray[np.float64]
 
@@ -77,7 +76,9 @@ class Forecaster:
             return None
         self._due_s = used_s + max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
         if of.field_map.kriging is None:
-            return prior_forecast(self._cells_xy, self._extent_m, self._nominal_rate_cps, left_s, of.curve)
+            rate_cps = self._nominal_rate_cps
+            slope = None if of.curve is None else math.sqrt(float(of.curve.weight([rate_cps])[0]))
+            return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope)
         counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
         share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
         hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
@@ -125,7 +126,7 @@ def map_forecast(
 
 
 def prior_forecast(
-    cells_xy: Array, extent_m: float, rate_cps: float, left_s: float, curve: MoistureCurve | None = None
+    cells_xy: Array, extent_m: float, rate_cps: float, left_s: float, slope: float | None = None
 ) -> Forecast:
     """Forecast before there is a map, for a field that varies as the prior of the variogram guesses.
 
@@ -133,7 +134,7 @@ def prior_forecast(
     :param extent_m: extent of the field [m]
     :param rate_cps: rate to expect [counts/s]
     :param left_s: mission time left for measuring, > 0 [s]
-    :param curve: calibration, for the moisture
+    :param slope: that of the calibration at this rate, for the moisture [m^3/m^3 per count/s]
     """
     from scipy.spatial.distance import cdist
 
@@ -143,10 +144,10 @@ def prior_forecast(
     apart = cdist(cells_xy, cells_xy, "sqeuclidean") / range_m**2
     covariance = sill * (1 + variogram.correlation_of_square(apart))  # the mean is as unknown as the places
     rate = np.full(len(cells_xy), rate_cps)
-    weight = np.full(len(rate), 1 / rate_cps**2) if curve is None else curve.weight(rate)
+    weight = np.full(len(rate), 1 / rate_cps**2 if slope is None else slope**2)
     fixed = _GUESSED_NUGGET * sill * float(weight[0])
     found = _Curve(covariance, weight / len(rate), rate, fixed, _PRIOR_EXPOSURE_S, 1.0)
-    return replace(found.forecast(left_s, rate_cps, curve is not None), is_guess=True)
+    return replace(found.forecast(left_s, rate_cps, slope is not None), is_guess=True)
 
 
 class _Curve:

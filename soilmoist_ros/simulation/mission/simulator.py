@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.control.mission_setup import strategy_stream
+from soilmoist_ros.exploration.control.mission_setup import nominal_rate_cps, strategy_stream
 from soilmoist_ros.exploration.control.team import PendingMeasurement, pending_measurement
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph
@@ -64,7 +64,6 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
 from soilmoist_ros.simulation.mission.forecasts import TimedForecast
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
@@ -225,7 +224,7 @@ class _Simulation:
             dwell,
             strategy_stream(seed, number),
             mission.rules.min_dwell_s,
-            nominal_rate_cps=_nominal_rate(field),
+            nominal_rate_cps=nominal_rate_cps(field.curve),
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
             min_last_dwell_s=mission.rules.min_last_dwell_s,
             forecasts=self.forecasts_wanted,
@@ -458,8 +457,3 @@ def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float
     """Position errors, drawn in blocks; the values equal single draws."""
     while True:
         yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
-
-
-def _nominal_rate(field: SurrogateField) -> float:
-    """Expected rate before the first record: the rate at 15 % moisture by the calibration of the field."""
-    return 4.0 if field.curve is None else float(field.curve.rate_cps(0.15))

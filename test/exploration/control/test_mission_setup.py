@@ -1,5 +1,6 @@
 """From field and graph to what a mission needs."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,9 @@ from soilmoist_ros.exploration.control.mission_setup import (
     AccessRules,
     ExplorerSettings,
     FieldAccess,
+    first_forecast,
     make_explorer,
+    nominal_rate_cps,
 )
 from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
@@ -22,6 +25,7 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
 
@@ -80,3 +84,18 @@ def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy
         assert needed_s <= left_s
     else:
         assert left_s < 60 + 12 + 60 + rules.way_home_s((10.0, 10.0))
+
+
+def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expected():
+    curve = CalibrationCurve(n0_cps=7.0, bulk_density_gcm3=1.4)
+    rate = ExplorerSettings(
+        strategy="greedy", preset="paper", seed=1, dwell=parse_dwell("fmi:60"), motion=RobotMotion()
+    )
+    moist = replace(rate, curve=curve, calibration=curve)
+    grid = field().grid()
+    hour, two = (first_forecast(grid, rate, budget_s) for budget_s in (3600.0, 7200.0))
+    assert hour.is_guess
+    assert hour.times_s[-1] == 3600.0
+    assert hour.sd_end > two.sd_end > 0
+    assert nominal_rate_cps(curve) == curve.rate_cps(0.15)
+    assert first_forecast(grid, moist, 3600.0).moisture

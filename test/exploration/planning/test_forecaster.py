@@ -101,7 +101,7 @@ def test_before_the_first_map_the_prior_is_a_guess():
     assert found.sd > 0.15
     assert found.sd_end < 0.05
     assert prior_forecast(CELLS, GRID.extent_m, 0.05, 7200.0).sd_end > 2 * found.sd_end, "fewer counts say less"
-    assert prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0, CURVE).moisture
+    assert prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0, 0.1).moisture
 
 
 def test_forecasts_are_not_made_more_often_than_useful():
