@@ -145,13 +145,17 @@ class _Kriging:
 
     def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Covariance between the samples and the places, shape (samples, places)."""
-        from soilmoist_ros.mapping.kriging.targets import Points
-
         if not self._spread.any():
             return self.covariance(self.xy, xy)
+        return self.soil_map.variogram.modulated(self._smooth_towards(xy), self.xy, xy)
+
+    def _smooth_towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same without nugget and amplitude, for samples with a support."""
+        from soilmoist_ros.mapping.kriging.targets import Points
+
         variogram = self.soil_map.variogram
         correlation = Points(variogram, self.xy, xy, self._spread).correlation(slice(None))
-        return variogram.modulated(variogram.structured_sill * correlation.T, self.xy, xy)
+        return np.asarray(variogram.structured_sill * correlation.T)
 
     def _between_samples(self) -> NDArray[np.float64]:
         from soilmoist_ros.mapping.variogram.support import Supports
@@ -159,8 +163,9 @@ class _Kriging:
         if not self._spread.any():
             return self.covariance(self.xy, self.xy)
         variogram = self.soil_map.variogram
-        smooth = Supports(self.xy, self._spread).average(self.towards)
-        return smooth + variogram.modulated(variogram.nugget * np.eye(len(self.xy)), self.xy, self.xy)
+        stationary = Supports(self.xy, self._spread).average(self._smooth_towards)
+        stationary += variogram.nugget * np.eye(len(self.xy))
+        return variogram.modulated(stationary, self.xy, self.xy)
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
         from scipy.linalg import cho_solve

@@ -117,11 +117,13 @@ def test_many_samples_on_a_large_raster_come_from_tiles():
     rng = np.random.default_rng(8)
     xy = rng.uniform(0, (40, 30), (300, 2))
     x, y = np.arange(0.1, 40, 0.2), np.arange(0.1, 30, 0.2)
-    kriging = PoissonKriging(LOCAL, mean_rate=4.0).fit(xy, rng.poisson(240, 300), np.full(300, 60.0))
-    rate, variance = kriging.predict_grid(x, y)
+    samples = Samples(xy, rng.poisson(240, 300).astype(float), np.full(300, 60.0))
+    kriging = PoissonKriging(LOCAL, mean_rate=4.0).fit(xy, samples.counts, samples.exposure_s)
     rows, columns = np.array([3, 77, 149]), np.array([5, 101, 199])
-    places = np.column_stack([x[columns], y[rows]])
-    np.testing.assert_allclose([rate[rows, columns], variance[rows, columns]], kriging.predict(places), atol=1e-8)
+    expected = kriging.predict(np.column_stack([x[columns], y[rows]]))
+    updated = RasterKriging(x, y, np.ones((len(y), len(x)), bool), True).update(samples, LOCAL, 4.0)
+    for rate, variance in (kriging.predict_grid(x, y), updated):
+        np.testing.assert_allclose([rate[rows, columns], variance[rows, columns]], expected, atol=1e-8)
 
 
 def test_neighbours_krige_with_the_stationary_part():

@@ -8,6 +8,7 @@ import pytest
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
+from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.support import Supports
 from soilmoist_ros.reporting.page.statistics import (
     band_statistics,
@@ -52,6 +53,20 @@ def test_supports_count_in_the_report_as_in_the_map(the_map):
     cells = the_map.grid.cells
     assert mean_sd(wide, moisture=False) == pytest.approx(
         math.sqrt(np.mean(wide.kriging.covariance(cells))), rel=0.02
+    )
+
+
+def test_an_amplitude_counts_in_the_report_as_in_the_map(the_map):
+    (west, south), (east, north) = the_map.grid.box
+    table = tuple(tuple(0.4 * (row - column) for column in range(5)) for row in range(4))
+    variogram = dataclasses.replace(the_map.variogram, amplitude=Amplitude((west, south), (east, north), table))
+    uneven = make_soil_map(the_map.samples, the_map.grid, variogram, the_map.curve)
+    test_leave_one_out_is_what_kriging_without_the_sample_says(uneven)
+    wide = make_soil_map(
+        dataclasses.replace(uneven.samples, spread=path_spread([8.0, 3.0])), uneven.grid, variogram
+    )
+    assert mean_sd(wide, moisture=False) == pytest.approx(
+        math.sqrt(np.mean(wide.kriging.covariance(the_map.grid.cells))), rel=0.02
     )
 
 
