@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.mapping.variogram.fit import VariogramFit
+    from soilmoist_ros.mapping.variogram.local_fit import LocalFit
     from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult
     from soilmoist_ros.simulation.mission.settings import MissionSettings
 
@@ -135,16 +136,16 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
         "objective": fit.objective,
         "log_sd": fit.log_sd and dict(zip(("structured_sill", "range", "nugget"), fit.log_sd, strict=True)),
         "prior_share": dict(zip(("structured_sill", "range", "nugget"), fit.prior_share, strict=True)),
-        "local": None if fit.local is None else _local(fit),
+        "local": None if fit.local is None else _local(fit, fit.local),
     }
 
 
-def _local(fit: VariogramFit) -> dict[str, Any]:
+def _local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
     """Whether the rate varies more here than there."""
     amplitude = fit.variogram.amplitude
     return {
         "used": amplitude is not None,
-        "log_bayes_factor": None if fit.local is None else fit.local.evidence,
+        "log_bayes_factor": local.evidence,
         "amplitude": None if amplitude is None else amplitude.spread,
         "text": f"The standard deviation of the rate: {fit.local_text}.",
     }

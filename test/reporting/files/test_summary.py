@@ -6,6 +6,9 @@ import json
 import numpy as np
 import pytest
 
+from soilmoist_ros.mapping.variogram.amplitude import Amplitude
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.local_fit import LocalFit
 from soilmoist_ros.reporting.files.summary import summary, write_summary
 
 
@@ -52,6 +55,21 @@ def test_strict_json(make_run, tmp_path, request, case):
     assert found["settings"]["bad"] is None
     assert found["truth"]["rmse_cps"] == 0
     assert text.endswith("}\n")
+
+
+def test_a_local_model_is_told_in_a_sentence_with_its_evidence(make_run, the_map):
+    s = the_map.samples
+    fit = estimate_variogram(s.xy, s.counts, s.exposure_s)
+    assert summary(make_run(soil_map=dataclasses.replace(the_map, fit=fit)))["fit"]["local"] is None
+    table = tuple(tuple(0.2 * (row - column) for column in range(4)) for row in range(4))
+    uneven = dataclasses.replace(fit.variogram, amplitude=Amplitude((0, 0), (40, 30), table))
+    fit = dataclasses.replace(fit, variogram=uneven, local=LocalFit(fit.variogram, 4.2))
+    run = make_run(soil_map=dataclasses.replace(the_map, variogram=uneven, fit=fit))
+    found = summary(run)["fit"]["local"]
+    assert (found["used"], found["log_bayes_factor"]) == (True, 4.2)
+    assert found["amplitude"][0] < 1 < found["amplitude"][1]
+    assert "differs from place to place, 0.86 to 1.2 times" in found["text"]
+    assert "Bayes factor 4.2" in found["text"]
 
 
 def test_without_calibration(make_run, uncalibrated):
