@@ -1,5 +1,6 @@
 """The visit stays open while the next stop is chosen, and the planner may choose to count on."""
 
+import json
 import math
 
 import pytest
@@ -160,3 +161,25 @@ def test_a_stop_without_a_count_is_a_visit_and_may_be_stayed_at():
     driver.command("skip")
     visit = driver.last(VisitDone).visit
     assert (visit.raw_counts, visit.records, driver.mission.state.samples) == (0, 7, 1)
+
+
+def test_a_snapshot_of_an_earlier_version_is_counted_on():
+    driver = Driver(stays=True).counting().record()
+    state = json.loads(driver.mission.snapshot())
+    for name in ("earlier_counts", "earlier_s", "met", "outcome", "to_the_end"):
+        del state["counting"][name]
+    driver.mission = Mission.restore(driver.mission.rules, json.dumps(state))
+    for _ in range(5):
+        driver.record()
+    assert driver.plan(NORTH).last(VisitDone).visit.records == 6
+
+
+def test_the_time_up_in_a_pause_closes_the_rest_that_was_being_counted():
+    driver = done(budget_s=130.0).record().command("pause")
+    assert driver.phase is Phase.PAUSED
+    driver.command("resume").record()
+    assert driver.phase is Phase.COUNTING
+    assert "until the time is used up" in driver.reason
+    driver.command("pause").send(Tick, after=200.0)
+    assert driver.count_of(VisitDone) == 1
+    assert driver.last(VisitDone).visit.records == 8
