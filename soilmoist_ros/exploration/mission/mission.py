@@ -135,6 +135,8 @@ STILL_SHARE = 1 / 3
 """A robot that stays within this share of the arrival radius stands still."""
 
 
+UNDER_THE_WHEELS_M = 0.1
+"""A robot that stands this near a stop needs no goal to it [m]; navigations are not more precise."""
 _ROUNDING = 1e-9
 """Relative rounding error allowed in sums of exposures."""
 
@@ -218,7 +220,10 @@ class _Turn(Commands, Dangers):
             self.state = replace(
                 self.state, target=Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell)
             )
-            self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
+            if self.rules.stays and math.dist(self.place, xy(choice.stop)) <= UNDER_THE_WHEELS_M:
+                self.count(Counting(*self.place, arrived_s=self.now_s, since_s=self.now_s, heard_s=self.now_s))
+            else:
+                self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
 
     def on_reached(self, goal: Goal, place: tuple[float, float]) -> None:
         if self.state.phase is Phase.CANCELLING:

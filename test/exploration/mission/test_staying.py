@@ -12,6 +12,7 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.stop import Stop
 
 
 def done(records=6, **rules):
@@ -183,3 +184,13 @@ def test_the_time_up_in_a_pause_closes_the_rest_that_was_being_counted():
     driver.command("pause").send(Tick, after=200.0)
     assert driver.count_of(VisitDone) == 1
     assert driver.last(VisitDone).visit.records == 8
+
+
+def test_no_goal_is_sent_to_the_node_under_the_wheels():
+    driver = Driver(stays=True).start().plan(Stop("here", 0.05, 0.0))
+    assert (driver.phase, driver.count_of(GoTo)) == (Phase.COUNTING, 0)
+    for _ in range(6):
+        driver.record()
+    assert driver.plan(NORTH).last(VisitDone).visit.name == "here"
+    published = Driver().start().plan(Stop("here", 0.05, 0.0))
+    assert published.count_of(GoTo) == 1
