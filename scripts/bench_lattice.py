@@ -129,8 +129,8 @@ class Job:
 
     @property
     def is_lattice(self) -> bool:
-        """Whether this is one of the lattices of fixed dwell."""
-        return self.strategy in LATTICES
+        """Whether this is a lattice, of any dwell."""
+        return combination(self.strategy)[0] == "lattice"
 
     def key(self, field_digest: str) -> str:
         """Digest of the settings and the field, and of the code of lattices, without all other code."""
