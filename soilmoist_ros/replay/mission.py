@@ -190,5 +190,7 @@ def _settings(
         noise=mapper.get("noise", "mean"),
         local=mapper.get("local", "off"),
         travel="free" if had.get("graph") == "free" else "graph",
+        until_sd=float(had.get("until_sd", 0.0)),
+        until_gain=float(had.get("until_gain", 0.0)),
         properties=tuple(PropertySettings(one.name, one.weight) for one in others),
     )

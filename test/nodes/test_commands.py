@@ -155,13 +155,14 @@ def test_parameters_are_set_while_it_runs(ros, tmp_path):
             ("hours", 1e-4, "hours"), ("dwell", "often", "fmi"), ("home", "n99", "n99"),
             ("home", "", "empty"), ("strategy", "gredy", "greedy"), ("target", "vwc", "calibration"),
             ("field", "other", "read-only"), ("arrival_radius_m", 1.0, "read-only"), ("hours", 1.5, ""),
-            ("strategy", "random", ""), ("home", "n01", ""),
+            ("strategy", "random", ""), ("home", "n01", ""), ("until_gain", -1.0, "until_gain"),
+            ("until_gain", 0.5, ""),
         ]:  # fmt: skip
             reason = planning.set_parameter(name, value)
             assert word in reason
             assert bool(reason) is bool(word), (name, reason)
-        values = [planning.parameter(name) for name in ("hours", "dwell", "strategy", "home", "target")]
-        assert values == [1.5, "fmi:300", "random", "n01", "rate"]
+        names = ("hours", "dwell", "strategy", "home", "target", "until_gain")
+        assert [planning.parameter(name) for name in names] == [1.5, "fmi:300", "random", "n01", "rate", 0.5]
         planning.wait_state(lambda state: state.time_left_s < 5400.0, "the new budget")
         planning.process.kill()
         again = Commanded(ros, tmp_path, home="n00")
@@ -169,7 +170,7 @@ def test_parameters_are_set_while_it_runs(ros, tmp_path):
         values = [again.parameter(name) for name in ("hours", "dwell", "strategy", "home")]
         assert values == [1.5, "fmi:300", "random", "n01"], "a restart keeps what was changed in mid-mission"
     changes = [who for verb, who in again.journalled() if verb == "change"]
-    assert changes == ["ros2 param"] * 4
+    assert changes == ["ros2 param"] * 5
 
 
 def test_an_emergency_stop_is_heard_from_any_publisher_and_lasts(ros, tmp_path):

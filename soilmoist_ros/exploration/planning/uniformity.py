@@ -20,6 +20,8 @@ CERTAIN = 9.0
 """Evidence from which differences are certain."""
 MAX_HIDDEN = 0.1
 """Counts that would not show a variation of this share of the mean rate tell nothing about the field."""
+MIN_PLACES = 10
+"""Fewer places say nothing about a field."""
 RANGE_SHARES = (1 / 2, 1 / 3, 1 / 5)
 """Practical ranges that are tried, as shares of the extent."""
 _LIMIT_DROP = 1.35  # of the log-likelihood at a one-sided 95 % limit: chi-squared with one degree of freedom
@@ -53,7 +55,7 @@ def differences(samples: Samples, model: ModelName, extent_m: float) -> Differen
     """
     places = _few(samples)
     mean = float(places.counts.sum() / places.exposure_s.sum())
-    if len(places) < 3 or mean <= 0:
+    if len(places) < MIN_PLACES or mean <= 0:
         return Differences(0.0, math.inf)
     likelihood, tiny = RestrictedLikelihood(places, model), _NOTHING * mean**2
     practical = correlation_model(model).practical
