@@ -116,6 +116,13 @@ class Explorer:
         if same_strategy:
             self.strategy, self.warm_up = earlier.strategy, earlier.warm_up
 
+    def keep_for_home(self, kept_s: Callable[[tuple[float, float]], float]) -> None:
+        """The mission keeps another time for the way home: it knows better how the robot moves.
+
+        :param kept_s: as ``kept_for_home_s``
+        """
+        self._home_s = self._way_home_s(kept_s)
+
     def has_map(self, name: str) -> bool:
         """Whether there is a map of a property."""
         return any(each.name == name and each.field_map.soil_map is not None for each in self.properties)

@@ -82,7 +82,11 @@ class PlanningThread:
 
     def _explorer_for(self, terms: Terms) -> Explorer:
         if self._explorer is not None and self._explorer[0].same_explorer(terms):
-            return self._explorer[1]
+            known, explorer = self._explorer
+            if known.rules != terms.rules:
+                explorer.keep_for_home(terms.rules.way_home_s)
+                self._explorer = terms, explorer
+            return explorer
         explorer = make_explorer(terms.access, terms.settings, terms.rules)
         if self._explorer is not None:
             old, before = self._explorer

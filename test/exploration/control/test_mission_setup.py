@@ -99,3 +99,15 @@ def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expecte
     assert hour.sd_end > two.sd_end > 0
     assert nominal_rate_cps(curve) == curve.rate_cps(0.15)
     assert first_forecast(grid, moist, 3600.0).moisture
+
+
+def test_a_robot_that_turns_out_slow_is_offered_nearer_stops_only():
+    access = FieldAccess(field(), RobotMotion(), None)
+    rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.stop("r0c0"))
+    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
+    explorer = make_explorer(access, settings, rules)
+    request = RequestPlan(1, PlanKind.EXPLORE, (), 150.0, 150.0)
+    offered = np.isfinite(explorer.situation(request, (0.0, 0.0)).travel_s).sum()
+    explorer.keep_for_home(replace(rules, speed_mps=0.3).way_home_s)
+    fewer = np.isfinite(explorer.situation(request, (0.0, 0.0)).travel_s).sum()
+    assert 0 < fewer < offered
