@@ -203,6 +203,7 @@ class Explorer:
             measured_xy=counted.samples.xy,
             travel_s=np.where(fits, travel_s, np.inf),
             travel_between_s=lambda indices: self.travel.between_s(candidates, indices),
+            legs_s=lambda indices: self.travel.legs_s(candidates, indices),
             time_left_s=request.time_left_s,
             expected_dwell_s=max(self.dwell.expected_s(rate, maps[0].factor), self.min_dwell_s),
             staying=staying,

@@ -97,6 +97,16 @@ class PlanningModel:
         self.rate = np.maximum(kriging.predict(self._nodes)[0], MIN_RATE_CPS)
 
     @property
+    def cells_xy(self) -> Array:
+        """Cells over which the variance is integrated, shape (g, 2) [m]."""
+        return self._nodes[: self._cells]
+
+    @property
+    def cell_variance(self) -> Array:
+        """Variance of the smooth rate at each cell, shape (g,) [(counts/s)^2]."""
+        return np.maximum(np.diag(self.covariance)[: self._cells], 0.0)
+
+    @property
     def integrated_variance(self) -> float:
         """Weighted sum of the variances of the cells."""
         own = float(self.weight @ np.diag(self.covariance)[: self._cells])
@@ -138,8 +148,11 @@ class PlanningModel:
         :param nodes: numbers of the nodes; a node may occur twice
         :param exposure_s: exposure at each [s]
         """
+        from scipy.linalg import cholesky, solve_triangular
+
         noisy = self.covariance[np.ix_(nodes, nodes)] + np.diag(self.noise(nodes, exposure_s))
-        own = float(np.trace(np.linalg.solve(noisy, self.gram[np.ix_(nodes, nodes)])))
+        solved = solve_triangular(cholesky(noisy, lower=True), self.covariance[nodes, : self._cells], lower=True)
+        own = float((solved**2).sum(axis=0) @ self.weight)
         return own + sum(model.fall(nodes, exposure_s) for model in self.others)
 
     def worth(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Worth
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel, polyline_length_m
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Prospect:
         self.position = position_xy
         self._travel_s = travel_s
         self._budget_s = budget_s
-        self._counting = counting
+        self.counting = counting
         self.staying = staying
         self.min_dwell_s = min_dwell_s
         self.travel_cost_s = travel_s if travel_cost_s is None else travel_cost_s
@@ -131,26 +131,18 @@ class Prospect:
     @property
     def counts_on_way(self) -> bool:
         """Whether records taken while driving are mapped too."""
-        return self._counting.on_way
+        return self.counting.on_way
 
     @property
     def overhead_s(self) -> float:
         """Time of each trip in which the robot already counts at the stop [s]."""
         motion = self._travel.motion
-        return motion.stop_overhead_s * motion.overhead_counted if self._counting.on_way else 0.0
+        return motion.stop_overhead_s * motion.overhead_counted if self.counting.on_way else 0.0
 
     def place(self, row: int) -> tuple[float, float]:
         """Place of a :attr:`reachable` candidate [m]."""
         stop = self._reachable_stops[row]
         return stop.x_m, stop.y_m
-
-    def travel_from(self, row: int) -> Array:
-        """Travel times from a reachable candidate to all reachable candidates [s]."""
-        return self._travel.travel_s(self.place(row), self._reachable_stops)
-
-    def cost_from(self, row: int) -> Array:
-        """As :meth:`travel_from` with the costs that an operator adds [s]."""
-        return self._travel.cost_s(self.place(row), self._reachable_stops)
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
         """Nodes on the route from a place to a reachable candidate, and the exposure at each [s].
@@ -158,7 +150,7 @@ class Prospect:
         :param travel_s: time of the trip, stop overhead included [s]
         """
         drive_s = travel_s - self._travel.motion.stop_overhead_s
-        count = min(math.ceil(drive_s / self._counting.cadence_s - _ROUNDING), MAX_PLACES)
+        count = min(math.ceil(drive_s / self.counting.cadence_s - _ROUNDING), MAX_PLACES)
         if count <= 0:
             return np.empty(0, np.intp), np.empty(0)
         places = along(self._travel.route(place, self._reachable_stops[row]), count)
@@ -166,20 +158,50 @@ class Prospect:
 
     def ways(self, stops: Indices) -> tuple[Indices, Array]:
         """Nodes on the route to each candidate, and the exposure at each [s]; both of shape (k, m)."""
-        if not self._counting.on_way:
+        if not self.counting.on_way:
             return np.empty((len(stops), 0), np.intp), np.empty((len(stops), 0))
         drive_s = self._travel_s[stops] - self._travel.motion.stop_overhead_s
-        counts = np.clip(np.ceil(drive_s / self._counting.cadence_s - _ROUNDING), 0, MAX_PLACES).astype(int)
+        counts = np.clip(np.ceil(drive_s / self.counting.cadence_s - _ROUNDING), 0, MAX_PLACES).astype(int)
         most = int(counts.max(initial=0))
-        places = np.tile(np.asarray(self.position, float), (len(stops), most, 1))
-        for row, number in enumerate(stops.tolist()):
-            if counts[row]:
-                places[row, : counts[row]] = along(
-                    self._travel.route(self.position, self.stops[number]), int(counts[row])
-                )
+        start, chosen = np.asarray(self.position, float), [self.stops[number] for number in stops.tolist()]
+        shares = (np.arange(most) + 0.5) / np.maximum(counts, 1)[:, None]
+        places = start + shares[:, :, None] * (stops_xy(chosen) - start)[:, None, :]
+        straight = self._travel.straight(self.position, self.stops)[stops]
+        for row in np.flatnonzero(~straight & (counts > 0)).tolist():
+            route = self._travel.route(self.position, chosen[row])
+            places[row, : counts[row]] = along(route, int(counts[row]))
         used = np.arange(most) < counts[:, None]
         exposure_s = np.where(used, (drive_s / np.maximum(counts, 1))[:, None], 0.0)
+        places[~used] = start
         return self.model.nearest_nodes(places), exposure_s
+
+    def counted_on_tour(self, rows: Indices, dwell_s: float, legs_s: Array) -> tuple[Indices, Array]:
+        """Nodes at which a tour counts, and the exposure at each [s].
+
+        :param rows: :attr:`reachable` candidates in the order of the visits
+        :param dwell_s: dwell at each [s]
+        :param legs_s: travel time to each, stop overhead included, shape (m,) [s]
+        """
+        nodes = [self.model.stop_nodes[self.reachable[rows]]]
+        seconds = [np.full(len(rows), dwell_s + self.overhead_s)]
+        if self.counts_on_way:
+            place = self.position
+            for row, leg_s in zip(rows.tolist(), legs_s.tolist(), strict=True):
+                way, each = self.way(place, row, leg_s)
+                nodes.append(way)
+                seconds.append(each)
+                place = self.place(row)
+        node, which = np.unique(np.concatenate(nodes), return_inverse=True)  # counts at one place add up
+        return node, np.bincount(which, np.concatenate(seconds)).astype(float)
+
+    def tour_cost_s(self, legs_s: Array) -> float:
+        """What an operator adds to the time of a tour in comparisons [s].
+
+        :param legs_s: travel time of each leg, stop overhead included, shape (m,) [s]
+        """
+        motion = self._travel.motion
+        driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
+        return motion.stop_cost_s * len(legs_s) + motion.metre_cost_s * driven_m
 
 
 def along(polyline: Array, count: int) -> Array:

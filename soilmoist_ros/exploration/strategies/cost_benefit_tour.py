@@ -1,179 +1,89 @@
-"""``gcb``: a tour of several stops, built by benefit and cost; the robot drives to the first one.
+"""``gcb``: tours of the whole field, each finer than the one before; the robot visits stop by stop.
 
-Zhang & Vorobeychik (2016), AAAI 3119-3126: insert, one by one, the stop with the largest gain per second that it
-adds to the tour, as long as the tour fits into the time; here on the posterior covariance, with what is counted on
-the way, and planned anew at each stop.
+A mission consists of passes. Each pass is a tour whose number of stops, dwell and places are chosen together for
+the time that the pass may take, and the next pass fills what the one before left uncertain. So the map is good at
+any time, and the distance driven stays near that of a lattice. The time of a pass is an orienteering budget
+(Vansteenwegen et al. 2011, European Journal of Operational Research 209:1-10): more stops cost driving and
+overhead, fewer ones leave gaps; the integrated variance after the pass decides.
+
+Stops are spread by Lloyd's algorithm on the squared posterior variance, which is proportional to the value of the
+first second at a place. So stops stand close where the map is uncertain. After each stop the rest of the tour is
+moved to where the variance is now, and stops are added or dropped as the time allows.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S
-from soilmoist_ros.exploration.planning.planning_model import PlanningModel, best_dwell
-from soilmoist_ros.exploration.planning.prospect import Prospect
-from soilmoist_ros.exploration.strategies.information import VarianceReduction
+from soilmoist_ros.exploration.strategies.ground import Ground
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
+from soilmoist_ros.exploration.strategies.tour_design import Tour, design, renewed, stops_in
+from soilmoist_ros.exploration.travel.stop import Stop
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
-HORIZON = 0.5
-"""The tour looks ahead for this share of the time used so far, times the share of the mission that it is."""
-MAX_ON_DETOUR_S = 60.0
-"""Longest time that the robot counts near a stop while it drives there and away [s]."""
-MAX_STOPS = 12
-"""Largest number of stops of a tour; a new tour is planned long before the last one."""
+PASS_ENDS = (1 / 16, 1 / 4, 1.0)
+"""Ends of the passes as shares of the mission time."""
+MIN_STAGED_STOPS = 40
+"""A pass is divided into finer ones if the mission time would suffice for at least this many stops in one tour."""
+MIN_STOPS = 3
+"""Least number of stops of a pass that is not the last."""
 
 
 @dataclass
 class CostBenefitTour:
-    """The first stop of the tour that lowers the integrated variance most within a horizon.
+    """The next stop of the tour of the current pass.
 
-    The tour begins as that of ``ivr``, and the horizon grows with the square of the time used. Early in a mission
-    the two are one: each trip lowers the variance much, and what comes after it cannot be foreseen. Later many
-    trips are worth about the same, and the tour makes of them one with little driving.
+    :param begun_s: time left at the first choice [s]
+    :param ahead: stops of the tour that are still to come, in order
     """
 
     begun_s: float | None = None
+    ahead: tuple[Stop, ...] = ()
+    _end_s: float = field(default=0.0, repr=False)
+    _done: list[tuple[float, float]] = field(default_factory=list, repr=False)
+    _dwell_s: float = field(default=0.0, repr=False)
 
     def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
         """See :class:`Strategy`."""
-        first = VarianceReduction().choose(situation, rng)
-        self.begun_s = max(self.begun_s or 0.0, situation.time_left_s)
-        prospect = situation.prospect() if situation.prospect is not None else None
-        if prospect is None or first is None:
-            return first
-        used_s = self.begun_s - situation.time_left_s
-        horizon_s = min(HORIZON * used_s**2 / self.begun_s, situation.time_left_s)
-        best = int(np.argmax(prospect.worth.value))
-        if prospect.reachable[best] == prospect.staying:
-            return first
-        tour = _Tour(prospect, best)
-        while len(tour.stops) < MAX_STOPS and tour.insert(horizon_s):
-            pass
-        if len(tour.stops) == 1:
-            return first
-        tour.shorten()
-        stops = [prospect.stops[int(prospect.reachable[row])] for row in tour.stops]
-        reason = f"first of a tour of {len(stops)} stops that lowers the variance most in {tour.time_s:.0f} s"
-        return Choice(stops[0], reason, tuple(stops[1:]))
+        left_s = situation.time_left_s
+        self.begun_s = max(self.begun_s or 0.0, left_s)
+        ground = Ground(situation)
+        if not len(ground.stops):
+            return None
+        tour = self._continued(ground, left_s) or self._begun(ground, left_s, rng)
+        if tour is None:
+            return None
+        stops = [ground.stops[row] for row in tour.stops.tolist()]
+        self.ahead = tuple(stops[1:])
+        self._done.append((stops[0].x_m, stops[0].y_m))
+        reason = f"first of {len(stops)} stops" if len(stops) > 1 else "last stop"
+        reason += f" of a tour of {tour.time_s:.0f} s that lowers the variance most"
+        return Choice(stops[0], reason, self.ahead, ground.dwell(int(tour.stops[0]), tour.dwell_s))
 
+    def _continued(self, ground: Ground, left_s: float) -> Tour | None:
+        """The rest of the tour of this pass, as it is best now; ``None`` if the pass is over."""
+        row = {stop.name: number for number, stop in enumerate(ground.stops)}
+        rows = np.array([row[stop.name] for stop in self.ahead if stop.name in row], np.intp)
+        if not len(rows) or left_s <= self._end_s:
+            return None
+        return renewed(ground, rows, np.array(self._done), left_s - self._end_s, self._dwell_s)
 
-class _Tour:
-    """A tour under construction; stops are rows of the prospect's worth."""
-
-    def __init__(self, prospect: Prospect, first: int) -> None:
-        self._prospect = prospect
-        self._model = prospect.model
-        self._nodes = self._model.stop_nodes[prospect.reachable]
-        self._from_start = prospect.worth.travel_s
-        self._between: dict[int, Array] = {}
-        self.stops = [first]
-        self.dwell_s = {first: float(prospect.worth.dwell_s[first])}
-
-    def legs(self, row: int) -> Array:
-        """Travel times from a stop to all."""
-        if row not in self._between:
-            self._between[row] = self._prospect.travel_from(row)
-        return self._between[row]
-
-    @property
-    def times(self) -> list[float]:
-        """Travel time of each leg."""
-        return [float(self._from_start[self.stops[0]]), *(float(self.legs(a)[b]) for a, b in pairwise(self.stops))]
-
-    @property
-    def time_s(self) -> float:
-        """Time of the tour, dwells included [s]."""
-        return sum(self.times) + sum(self.dwell_s.values())
-
-    def insert(self, horizon_s: float) -> bool:
-        """Insert the stop with the largest gain per second that fits.
-
-        :param horizon_s: longest time of the tour [s]
-        :returns: whether one fits
-        """
-        nodes, seconds = self.counted()
-        prospect, model = self._prospect, self._model
-        each = [self._left(property_model, nodes, seconds) for property_model in (model, *model.others)]
-        gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
-        # where each candidate lengthens the tour least
-        before = np.array([self._from_start, *(self.legs(row) for row in self.stops)])
-        after = np.array([*(self.legs(row) for row in self.stops), np.zeros(len(self._nodes))])
-        detour = before + after - np.append(self.times, 0.0)[:, None]
-        position = np.argmin(detour, axis=0)
-        extra_s = np.maximum(detour[position, np.arange(len(position))], 1e-6)
-        # What is counted on the detour is worth about as much as counts at the stop for half the time.
-        counted = np.minimum(0.5 * extra_s, MAX_ON_DETOUR_S) if prospect.counts_on_way else np.zeros(len(extra_s))
-        on_way = gain * counted / (variance * counted + noise)
-        # After these counts both A and B of the stop are smaller.
-        less = noise / (variance * counted + noise)
-        longest_s = np.full(len(extra_s), MAX_DWELL_S)
-        dwell_s, value = best_dwell(on_way, gain * less**2, variance * less, noise, extra_s, longest_s)
-        fits = self.time_s + extra_s + dwell_s <= horizon_s
-        fits[self.stops] = False
-        fits[prospect.reachable == prospect.staying] = False  # a tour is about going
-        if not fits.any():
-            return False
-        row = int(np.argmax(np.where(fits, value, -np.inf)))
-        self.stops.insert(int(position[row]), row)
-        self.dwell_s[row] = float(dwell_s[row])
-        return True
-
-    def _left(self, model: PlanningModel, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:
-        """A, B and noise n of each stop after counts at some nodes."""
-        stops = self._nodes
-        noisy = model.covariance[np.ix_(nodes, nodes)] + np.diag(model.noise(nodes, seconds))
-        across = model.covariance[np.ix_(nodes, stops)]
-        # With counts on the way, the value of the stops has already computed the whole matrix.
-        gram = model.gram[nodes] if self._prospect.counts_on_way else model.gram_of(nodes)
-        # With V = (C_SS + N)^-1 C_Sx what is left is C_gx - C_gS V for each cell.
-        v = np.linalg.solve(noisy, across)
-        gain = model.gain[stops] + (v * (gram[:, nodes] @ v - 2 * gram[:, stops])).sum(axis=0)
-        variance = model.covariance[stops, stops] - (across * v).sum(axis=0)
-        noise = model.factor * model.rate[stops]
-        return np.maximum(gain, 0.0), np.maximum(variance, 0.0) + model.nugget, noise
-
-    def counted(self) -> tuple[Indices, Array]:
-        """Nodes at which the tour counts, and the exposure at each [s]."""
-        prospect = self._prospect
-        nodes = [self._nodes[self.stops]]
-        overhead_s = prospect.overhead_s
-        seconds = [np.array([self.dwell_s[row] + overhead_s for row in self.stops])]
-        if prospect.counts_on_way:
-            place = prospect.position
-            for row, leg in zip(self.stops, self.times, strict=True):
-                way, each = prospect.way(place, row, leg)
-                nodes.append(way)
-                seconds.append(each)
-                place = prospect.place(row)
-        return np.concatenate(nodes), np.concatenate(seconds)
-
-    def shorten(self) -> None:
-        """2-opt and Or-opt of the open tour."""
-        start_s = {row: float(self._from_start[row]) for row in self.stops}
-        leg_s = {(a, b): float(self.legs(a)[b]) for a in self.stops for b in self.stops}
-
-        def travel_s(stops: list[int]) -> float:
-            return start_s[stops[0]] + sum(leg_s[leg] for leg in pairwise(stops))
-
-        better = True
-        while better:
-            better = False
-            length = travel_s(self.stops)
-            for i in range(len(self.stops)):
-                for j in range(i + 1, len(self.stops)):
-                    old = self.stops
-                    for new in (
-                        [*old[:i], *old[i : j + 1][::-1], *old[j + 1 :]],
-                        [*old[:i], *old[i + 1 : j + 1], old[i], *old[j + 1 :]],
-                        [*old[:i], old[j], *old[i:j], *old[j + 1 :]],
-                    ):
-                        now = travel_s(new)
-                        if now < length - 1e-6:
-                            length, self.stops, better = now, new, True
+    def _begun(self, ground: Ground, left_s: float, rng: np.random.Generator) -> Tour | None:
+        """The tour of the next pass; ``None`` if no stop fits into the time left."""
+        assert self.begun_s is not None
+        ends = PASS_ENDS if stops_in(ground, self.begun_s) >= MIN_STAGED_STOPS else PASS_ENDS[-1:]
+        for end in ends:
+            end_s = self.begun_s * (1 - end)
+            if left_s <= end_s:
+                continue
+            tour = design(ground, left_s - end_s, rng)
+            if tour is not None and (len(tour.stops) >= MIN_STOPS or end == ends[-1]):
+                self._end_s, self._dwell_s, self._done = end_s, tour.dwell_s, []
+                return tour
+        # A dwell that no longer fits whole is better than none.
+        nearest = np.array([np.argmin(ground.travel_s)], np.intp)
+        return None if ground.fixed_dwell_s is None else Tour(nearest, ground.fixed_dwell_s, left_s)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal
+from soilmoist_ros.exploration.strategies.clusters import k_means
 from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_route
-from soilmoist_ros.exploration.strategies.rules import reachable
+from soilmoist_ros.exploration.strategies.rules import reachable, whole_records
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
@@ -27,8 +28,6 @@ MAX_CELLS = 5000
 """Approximate number of cells for the k-means; larger fields use every n-th cell."""
 MAX_WEIGHED_CELLS = 400
 """Approximate number of cells over which the variance of a planned lattice is integrated."""
-LLOYD_ROUNDS = 50
-"""Maximum number of rounds of the k-means."""
 FEWER = 0.85
 """Ratio of the numbers of stops of two lattices that are compared."""
 MIN_STOPS = 4
@@ -218,11 +217,6 @@ class _Lattices:
         return Variogram(GUESSED_MODEL, nugget, range_m, structured + nugget)
 
 
-def whole_records(time_s: Array | float, record_s: float) -> Array:
-    """Times rounded up to whole records [s]: counting begins and ends with a record."""
-    return np.asarray(np.ceil(np.asarray(time_s) / record_s - _ROUNDING) * record_s)
-
-
 def least_tour_s(situation: Situation, chosen: Indices, dwell_s: float) -> float:
     """Lower bound of the time of a tour, dwells included: the shortest leg to each candidate [s].
 
@@ -247,29 +241,3 @@ def _snapped(centres: Array, situation: Situation, possible: Indices) -> Indices
 
     _, nearest = KDTree(situation.candidates_xy[possible]).query(centres)
     return np.unique(possible[nearest])
-
-
-def k_means(xy: Array, count: int, rng: np.random.Generator) -> Array:
-    """Centres of clusters of places, shape (count, 2) [m]; Lloyd's algorithm with a k-means++ start.
-
-    :param xy: places, shape (g, 2) [m]
-    :param count: number of clusters, >= 1; limited to the number of different places
-    :param rng: random numbers for the start
-    """
-    from scipy.spatial import KDTree
-
-    centres = xy[[int(rng.integers(len(xy)))]]
-    square = ((xy - centres[0]) ** 2).sum(axis=1)
-    while len(centres) < count and square.any():
-        centre = xy[int(rng.choice(len(xy), p=square / square.sum()))]
-        centres = np.vstack([centres, centre])
-        square = np.minimum(square, ((xy - centre) ** 2).sum(axis=1))
-    for _ in range(LLOYD_ROUNDS):
-        _, owner = KDTree(centres).query(xy)
-        members = np.bincount(owner, minlength=len(centres))
-        sums = np.column_stack([np.bincount(owner, xy[:, axis], minlength=len(centres)) for axis in (0, 1)])
-        moved = np.where(members[:, None] > 0, sums / np.maximum(members, 1)[:, None], centres)
-        if np.allclose(moved, centres, atol=1e-9):
-            break
-        centres = moved
-    return np.asarray(centres)

@@ -82,7 +82,7 @@ BUILT_IN = {
         _variance_reduction, "Integrated variance", warm_up_stops=1, warm_up=_variance_reduction, colour="#22303c"
     ),
     "gcb": StrategyKind(
-        _cost_benefit_tour, "Cost-benefit tour", warm_up_stops=1, warm_up=_variance_reduction, colour="#c9a000"
+        _cost_benefit_tour, "Cost-benefit tour", warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000"
     ),
 }  # fmt: skip
 
@@ -130,7 +130,7 @@ def make_strategy(
     :raises InputError: for an unknown name, or if the strategy plans routes and PyVRP is not installed
 
     >>> make_strategy("gcb")
-    CostBenefitTour(begun_s=None)
+    CostBenefitTour(begun_s=None, ahead=())
     """
     return strategy_kind(given).make(_preset(preset))
 

@@ -97,6 +97,48 @@ def nearest_neighbour(from_start_s: Array, between_s: Array) -> Indices:
     return order
 
 
+def shortened(from_start_s: Array, between_s: Array) -> Indices:
+    """The order 0, 1, 2 ... of an open route, improved until no 2-opt move and no move of one target helps.
+
+    Croes (1958), Operations Research 6:791-812. Quick for a route that is nearly the shortest already. Times must
+    be symmetric and finite; otherwise the order stays.
+
+    :param from_start_s: travel times from the robot, shape (k,) [s]
+    :param between_s: travel times between the targets, shape (k, k) [s]
+    """
+    count = len(from_start_s)
+    order = np.arange(count)
+    # Place 0 is the robot; the last one ends the route from any target at no cost.
+    times = np.zeros((count + 2, count + 2))
+    times[0, 1:-1] = times[1:-1, 0] = from_start_s
+    times[1:-1, 1:-1] = between_s
+    if count < 2 or not (np.isfinite(times).all() and np.allclose(between_s, between_s.T)):
+        return order
+    path = np.arange(count + 2)
+    for _ in range(4 * count):
+        d = times[np.ix_(path, path)]
+        legs = d.diagonal(1)
+        # reverse the targets i + 1 to j
+        turn = d[:-1, :-1] + d[1:, 1:] - legs[:, None] - legs
+        turn[np.tril_indices(len(legs), 1)] = 0.0
+        # move target i + 1 between j and j + 1
+        freed = d.diagonal(2) - legs[:-1] - legs[1:]
+        move = freed[:, None] + d[1:-1, :-1] + d[1:-1, 1:] - legs
+        rows = np.arange(count)
+        move[rows, rows] = move[rows, rows + 1] = 0.0
+        if min(turn.min(), move.min()) > -1e-6:
+            break
+        if turn.min() <= move.min():
+            i, j = np.unravel_index(np.argmin(turn), turn.shape)
+            path[i + 1 : j + 1] = path[i + 1 : j + 1][::-1].copy()
+        else:
+            i, j = np.unravel_index(np.argmin(move), move.shape)
+            target = path[i + 1]
+            without = np.delete(path, i + 1)
+            path = np.insert(without, j + 1 if j < i + 1 else j, target)
+    return path[1:-1] - 1
+
+
 def require_solver() -> None:
     """Check that PyVRP is there, before a mission starts that needs it.
 

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 UNIT = "(counts/s)²"
+_ROUNDING = 1e-9
+"""Relative difference below which two times count as equal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,3 +100,8 @@ def times_mean(variance: float, situation: Situation) -> str:
         return text
     ratio = variance / mean
     return f"{text}, {ratio:{'.2g' if ratio < 10 else '.0f'}} times the mean"
+
+
+def whole_records(time_s: Array | float, record_s: float) -> Array:
+    """Times rounded up to whole records [s]: counting begins and ends with a record."""
+    return np.asarray(np.ceil(np.asarray(time_s) / record_s - _ROUNDING) * record_s)

@@ -44,6 +44,8 @@ class Situation:
     :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
         time is 0, and no goal is sent when it is chosen; ``None`` if there is none
     :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
+    :param legs_s: travel times from candidate to candidate of a route: ``legs_s(indices)``, shape (m - 1,) [s];
+        those of ``travel_between_s`` if ``None``, which takes longer
     """
 
     candidates: tuple[Stop, ...]
@@ -65,6 +67,7 @@ class Situation:
     prospect: Callable[[], Prospect | None] | None = None
     travel_cost_s: Array | None = None
     staying: int | None = None
+    legs_s: Callable[[NDArray[np.intp]], Array] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -100,11 +101,19 @@ class TravelModel(Protocol):
         """Times between some of the stops, from row to column, shape (m, m) [s]; 0 on the diagonal."""
         ...
 
+    def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """Times from each of the stops of a route to the next, shape (m - 1,) [s]."""
+        ...
+
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """Corners of the route from a place to a stop, both included, shape (p, 2) [m].
 
         :raises ValueError: if the stop cannot be reached
         """
+        ...
+
+    def straight(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> NDArray[np.bool_]:
+        """Whether the route to each stop is known to be a straight line, shape (k,)."""
         ...
 
     def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
@@ -153,6 +162,15 @@ class _Model:
         np.fill_diagonal(times, 0.0)
         return times
 
+    def straight(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> NDArray[np.bool_]:
+        """See :class:`TravelModel`."""
+        return np.zeros(len(stops), bool)
+
+    def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """See :class:`TravelModel`."""
+        route = [stops[int(index)] for index in indices]
+        return np.array([self.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(route)], float)
+
     def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
         """See :class:`TravelModel`."""
         return float(self._lengths(np.asarray(from_xy, float), [stop])[0])
@@ -200,6 +218,39 @@ class FreeTravel(_Model):
             bends.append(int(before[first, bends[-1]]))
         corners = self._area.turning_corners[bends[::-1]]
         return np.array([*lead, start, *corners, end])
+
+    def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """See :class:`TravelModel`."""
+        places, inside = self._places(stops)
+        places, inside = places[indices], inside[indices]
+        if self.motion.turn_s_per_rad > 0 or not self._are_straight(inside):
+            return super().between_s(stops, indices)
+        from scipy.spatial.distance import cdist
+
+        times = self.motion.travel_s(cdist(places, places))
+        np.fill_diagonal(times, 0.0)
+        return times
+
+    def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """See :class:`TravelModel`."""
+        places, inside = self._places(stops)
+        if self.motion.turn_s_per_rad > 0 or not self._are_straight(inside[indices]):
+            return super().legs_s(stops, indices)
+        return self.motion.travel_s(np.hypot(*np.diff(places[indices], axis=0).T))
+
+    def _are_straight(self, inside: NDArray[np.bool_]) -> bool:
+        """Whether all routes between places are straight, from whether each is inside the field."""
+        return self._area is None or (self._area.is_convex and bool(inside.all()))
+
+    def straight(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> NDArray[np.bool_]:
+        """See :class:`TravelModel`."""
+        start = np.asarray(from_xy, float)
+        places, inside = self._places(stops)
+        if self._area is None:
+            return np.ones(len(places), bool)
+        if self._area.is_convex:
+            return inside & bool(self._area.contains(start)[0])
+        return self._area.allows(start, places)
 
     def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
         places, inside = self._places(stops)

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
-from soilmoist_ros.exploration.planning.dwell import MarginalValue, parse_dwell
+from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property, variation
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import _Tour
+from soilmoist_ros.exploration.strategies.ground import Ground
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
+from soilmoist_ros.exploration.strategies.tour_design import design
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import Variogram
@@ -79,6 +80,9 @@ def test_a_property_with_the_same_map_changes_no_choice(strategy, weight, seed):
     one, two = plan(strategy, (), first, seed=seed), plan(strategy, [Property(first, weight)], first, seed=seed)
     assert one.choice.stop == two.choice.stop
     alone, both = (each.choice.dwell for each in (one, two))
+    if isinstance(alone, FixedInterval):
+        assert both == alone
+        return
     # the second's noise is that of the rate expected; where the first's counts agree with it, so do the dwells
     rate = both.others[0][2]
     assert both.expected_s(rate) == pytest.approx(alone.expected_s(rate), rel=1e-6, abs=1e-6)
@@ -104,7 +108,7 @@ def test_the_unit_of_a_property_does_not_matter(strategy):
     assert plans[0][2] == pytest.approx(plans[1][2], rel=1e-9)
 
 
-@pytest.mark.parametrize("strategy", ["greedy", "ivr", "gcb"])
+@pytest.mark.parametrize("strategy", ["greedy", "ivr"])
 def test_the_robot_goes_where_a_property_is_unknown(strategy):
     west, east = ([place for place in LATTICE if (place[0] < 25) is side] for side in (True, False))
     alone, both = (
@@ -134,30 +138,24 @@ def test_the_fall_of_both_is_the_sum_of_the_falls():
     assert worth.value[row] == pytest.approx(fall / (worth.travel_s[row] + worth.dwell_s[row]), rel=1e-9)
 
 
+def tour_of(properties=(), place=(20.0, 10.0)):
+    model = explorer("gcb", properties)
+    ground = Ground(model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), place))
+    return ground, design(ground, 1200.0, np.random.default_rng(0))
+
+
 def test_a_tour_for_two_properties_with_one_map_is_that_of_one():
-    tours = []
-    for properties in ((), [Property(field_map(), 2.0)]):
-        model = explorer("gcb", properties)
-        look = model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (20.0, 10.0)).prospect()
-        tour = _Tour(look, int(np.argmax(look.worth.value)))
-        while tour.insert(900.0):
-            pass
-        tours.append(tour)
-    one, two = tours
+    (_, one), (_, two) = tour_of(), tour_of([Property(field_map(), 2.0)])
     assert len(one.stops) > 2
-    assert one.stops == two.stops
-    assert one.dwell_s == pytest.approx(two.dwell_s, rel=1e-6)
+    assert len({*one.stops.tolist()} ^ {*two.stops.tolist()}) <= 2  # a centre may lie between two stops
+    assert one.dwell_s == pytest.approx(two.dwell_s)
 
 
 def test_a_tour_leads_to_where_a_property_is_unknown():
     second = field_map([place for place in LATTICE if place[0] < 25], seed=1)
-    look = explorer("gcb", [Property(second, 5.0)]).situation(
-        RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), (4.0, 10.0)
-    ).prospect()  # fmt: skip
-    tour = _Tour(look, 0)
-    assert look.place(0)[0] < 25.0
-    assert tour.insert(600.0)
-    assert max(look.place(row)[0] for row in tour.stops) > 25.0
+    (ground, alone), (_, both) = tour_of(place=(4.0, 10.0)), tour_of([Property(second, 5.0)], (4.0, 10.0))
+    east = [np.mean(ground.xy[tour.stops, 0] > 25.0) for tour in (alone, both)]
+    assert east[1] > east[0]
 
 
 def test_the_variation_is_the_variance_of_fields_with_that_variogram():

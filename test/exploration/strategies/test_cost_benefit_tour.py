@@ -1,16 +1,18 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
-from soilmoist_ros.exploration.planning.dwell import Optimal
+from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.prospect import Counting
-from soilmoist_ros.exploration.strategies import cost_benefit_tour
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import MAX_STOPS, CostBenefitTour, _Tour
-from soilmoist_ros.exploration.strategies.information import VarianceReduction
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour
+from soilmoist_ros.exploration.strategies.ground import Ground
 from soilmoist_ros.exploration.strategies.registry import make_strategy
+from soilmoist_ros.exploration.strategies.tour_design import design, filled, renewed
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -20,77 +22,107 @@ from soilmoist_ros.simulation.fields.catalogue import known_field
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
 PLACE = (2.5, 2.5)
 PLANNING = FieldMapSettings(for_planning=True)
+OPTIMAL, MOTION = Optimal(), RobotMotion()
 
 
-def situation(left_s=3600.0, on_way=True, graph=False):
-    travel, stops = FreeTravel(RobotMotion()), cell_stops(GRID)
+def situation(left_s=3600.0, on_way=True, graph=False, place=PLACE, dwell=OPTIMAL, motion=MOTION):
+    travel, stops = FreeTravel(motion), cell_stops(GRID)
     if graph:
         lattice = open_lattice(known_field("synthetic-high"), 8.0).graph
         travel, stops = GraphTravel(lattice, RobotMotion()), lattice.stops
     planner = Explorer(
         [Property(FieldMap(GRID, PLANNING))], stops, travel, make_strategy("gcb"), make_strategy("random"),
-        Optimal(),
+        dwell,
         np.random.default_rng(1), counting=Counting(on_way=on_way),
     )  # fmt: skip
     for xy, counts in (((5.0, 5.0), 300), ((9.0, 20.0), 320), ((20.0, 8.0), 410), ((5.0, 40.0), 330)):
         planner.properties[0].field_map.add_sample(xy, counts, 100.0)
     planner.properties[0].field_map.update()
-    return planner.situation(RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s), PLACE)
+    return planner.situation(RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s), place)
 
 
 def rng():
     return np.random.default_rng(0)
 
 
-def test_at_the_start_it_is_the_largest_fall_per_second():
-    now = situation()
-    assert CostBenefitTour().choose(now, rng()) == VarianceReduction().choose(now, rng())
+def drive(strategy, left_s, dwell_s, choices):
+    """Visits of a strategy that counts nothing: choices, and the time left at each."""
+    now, place = situation(left_s), PLACE
+    made = []
+    for _ in range(choices):
+        choice = strategy.choose(now, rng())
+        if choice is None:
+            break
+        made.append((choice, left_s))
+        travel_s = float(FreeTravel(RobotMotion()).travel_s(place, [choice.stop])[0])
+        place = (choice.stop.x_m, choice.stop.y_m)
+        left_s -= travel_s + dwell_s
+        now = situation(left_s, place=place)
+    return made
 
 
 @pytest.mark.parametrize("graph", [False, True])
 @pytest.mark.parametrize("on_way", [True, False])
-def test_later_it_plans_a_tour_within_its_horizon(graph, on_way):
-    now = situation(on_way=on_way, graph=graph)
-    choice = CostBenefitTour(begun_s=3600.0 + 2400.0).choose(now, rng())
-    assert 1 <= len(choice.ahead) < MAX_STOPS
-    assert len({choice.stop, *choice.ahead}) == 1 + len(choice.ahead)
-    assert f"a tour of {1 + len(choice.ahead)} stops" in choice.reason
-    seconds = float(choice.reason.split(" in ")[1].removesuffix(" s"))
-    assert seconds <= cost_benefit_tour.HORIZON * 2400.0**2 / 6000.0 + 1
-
-
-def test_the_tour_is_worth_more_than_to_stay_at_its_first_stop_and_sorting_shortens_it():
-    prospect = situation().prospect()
-    tour = _Tour(prospect, int(np.argmax(prospect.worth.value)))
-    node = prospect.model.stop_nodes[prospect.reachable[tour.stops]]
-    while tour.insert(900.0):
-        pass
+def test_a_tour_fits_into_its_pass_and_visits_no_stop_twice(graph, on_way):
+    now = situation(7200.0, on_way, graph)
+    ground = Ground(now)
+    tour = design(ground, 1800.0, rng())
     assert len(tour.stops) > 2
-    assert 0 < tour.time_s <= 900
-    assert prospect.model.fall(*tour.counted()) > 1.5 * prospect.model.fall(node, np.array([tour.time_s]))
-    straight = tour.time_s
-    tour.stops = tour.stops[::2] + tour.stops[1::2]
-    tangled = tour.time_s
-    tour.shorten()
-    assert tour.time_s < tangled
-    assert tour.time_s <= straight + 30.0
+    assert len(set(tour.stops.tolist())) == len(tour.stops)
+    assert ground.legs_s(tour.stops).sum() + len(tour.stops) * tour.dwell_s == pytest.approx(1800.0)
 
 
-@pytest.mark.parametrize("on_way", [True, False])
-def test_what_is_left_of_each_stop_is_that_of_the_posterior_after_the_tour(on_way):
-    prospect = situation(on_way=on_way).prospect()
-    model = prospect.model
-    tour = _Tour(prospect, int(np.argmax(prospect.worth.value)))
-    tour.insert(900.0)
-    nodes, seconds = tour.counted()
-    noisy = model.covariance[np.ix_(nodes, nodes)] + np.diag(model.noise(nodes, seconds))
-    left = model.covariance - model.covariance[:, nodes] @ np.linalg.solve(noisy, model.covariance[nodes])
-    stops = model.stop_nodes[prospect.reachable]
-    gain, variance, _ = tour._left(model, nodes, seconds)
-    np.testing.assert_allclose(gain, model.weight @ left[: len(model.weight), stops] ** 2, rtol=1e-8)
-    np.testing.assert_allclose(variance, np.diag(left)[stops] + model.nugget, rtol=1e-8)
+def test_passes_end_at_their_shares_of_the_time_and_become_finer():
+    strategy = CostBenefitTour()
+    made = drive(strategy, 7200.0, 30.0, 200)
+    remaining = [len(choice.ahead) for choice, _ in made]
+    times = [left_s for _, left_s in made[1:]]
+    begun = [left_s for left_s, (old, new) in zip(times, pairwise(remaining), strict=True) if new > old + 5]
+    assert [7200.0 - left_s for left_s in begun] == pytest.approx([450.0, 1800.0], abs=120.0)
+    assert made[-1][1] < 120.0
+    sizes = [remaining[0], *(max(remaining[k : k + 3]) for k in range(len(remaining)))]
+    assert max(sizes) > 3 * sizes[0]
 
 
-def test_without_a_map_or_time_it_does_as_ivr():
-    now = situation(left_s=20.0)
-    assert CostBenefitTour().choose(now, rng()) is None
+def test_the_rest_of_a_tour_moves_to_where_the_variance_is():
+    ground = Ground(situation(3600.0))
+    ground.mass = np.where(ground.cells_xy[:, 0] > 30.0, 1.0, 1e-6)
+    west = ground.nearest(np.array([[10.0, 10.0], [10.0, 30.0], [28.0, 20.0]]))
+    tour = renewed(ground, west, np.empty((0, 2)), 600.0, 60.0)
+    assert (ground.xy[tour.stops, 0] > 25.0).sum() >= 1
+    assert len(tour.stops) > 3  # 600 s are enough for more stops
+
+
+def test_without_time_stops_are_dropped_and_the_least_useful_first():
+    ground = Ground(situation(3600.0))
+    twins = ground.nearest(np.array([[10.0, 10.0], [11.0, 14.0], [40.0, 10.0], [40.0, 40.0], [10.0, 40.0]]))
+    needed_s = ground.legs_s(twins).sum()
+    tour = filled(ground, twins, float(needed_s) + 4 * 40.0, 60.0)
+    assert len(tour.stops) == 4
+    assert len({*tour.stops.tolist()} & {*twins[:2].tolist()}) == 1
+    assert filled(ground, twins, 15.0, 60.0) is None
+
+
+def test_a_dwell_rule_of_the_mission_stays_and_optimal_becomes_whole_records():
+    made = CostBenefitTour().choose(situation(), rng())
+    assert made.dwell.interval_s % 10 == 0
+    fixed = CostBenefitTour().choose(situation(dwell=FixedInterval(60.0)), rng())
+    assert fixed.dwell is None
+
+
+def test_costs_of_a_stop_make_stops_fewer():
+    cheap, dear = (
+        len(design(Ground(situation(7200.0, motion=RobotMotion(stop_cost_s=cost_s))), 3600.0, rng()).stops)
+        for cost_s in (0.0, 300.0)
+    )
+    assert dear < cheap
+
+
+def test_small_budgets_get_one_pass():
+    made = drive(CostBenefitTour(), 600.0, 30.0, 50)
+    assert made
+    assert all(len(after.ahead) <= len(before.ahead) for (before, _), (after, _) in pairwise(made))
+
+
+def test_without_time_there_is_no_choice():
+    assert CostBenefitTour().choose(situation(left_s=20.0), rng()) is None
