@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.forecasts import achieved
+from soilmoist_ros.simulation.mission.forecasts import achieved, reported
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -53,3 +53,21 @@ def test_without_a_limit_forecasts_change_nothing():
     asked, _ = mission(field=UNIFORM, hours=0.5, until_sd=1e-6)
     assert result.series == asked.series
     assert any(one.forecast.hidden is not None for one in result.forecasts), "it is told, and the mission goes on"
+
+
+@pytest.mark.slow
+def test_most_maps_end_within_the_band_of_their_forecasts():
+    """``scripts/bench_forecast.py`` has the whole table; here a few missions guard against gross errors."""
+    inside, ratios = [], []
+    for field in ("smooth", "patches", "ridge", "synthetic-low"):
+        settings = MissionSettings(field=field, cell_m=4.0, seed=7, hours=1.0, random_field=True)
+        forecasts = simulate_mission(settings, forecasts=True).forecasts
+        sd = achieved(forecasts).forecast.sd
+        for share, made in reported(forecasts, 3600.0):
+            if share:
+                low, high = made.forecast.band_end
+                inside.append(low <= sd <= high)
+                ratios.append(sd / made.forecast.sd_end)
+    assert len(inside) == 12
+    assert np.mean(inside) >= 0.6
+    assert 0.8 <= np.exp(np.mean(np.log(ratios))) <= 1.25
