@@ -10,7 +10,7 @@ means over the seeds; +- is the standard error of the ratio over the pairs.
 
 Each mission is stored in the cache at once, under a digest of its settings and of the code; an interrupted run
 resumes. The lattices are mapped at a quarter of the time and at its end only, all others at each plan.
-``--keep-lattices`` reuses lattices of any version of the code outside ``strategies/lattice.py``. ``--sgp``
+``--keep-lattices`` reuses lattices of other versions of the code with the same ``LATTICE_VERSION``. ``--sgp``
 compares with a planner from the literature, see ``sgp_waypoints.py``.
 """
 
@@ -67,6 +67,8 @@ STATIONARY = (
 )  # fmt: skip
 NON_STATIONARY = ("halves", "rough-patch", "strips")
 LATTICES = tuple(f"lattice:{dwell}" for dwell in LATTICE_DWELLS)
+LATTICE_VERSION = 1
+"""Raise it when the missions of lattices change: ``--keep-lattices`` then computes them again."""
 CODE = ("foundation", "sensing", "mapping", "exploration", "simulation")
 """Folders that decide the result of a mission."""
 WINDOW_M = 10.0
@@ -133,8 +135,8 @@ class Job:
         return combination(self.strategy)[0] == "lattice"
 
     def key(self, field_digest: str) -> str:
-        """Digest of the settings and the field, and of the code of lattices, without all other code."""
-        own = Path(lattice.__file__).read_text(encoding="utf-8") if self.is_lattice else ""
+        """Digest of the settings and the field, without the code."""
+        own = str(LATTICE_VERSION) if self.is_lattice else ""
         about = asdict(self) | {"field": Path(self.field).stem}
         if not self.waypoints:
             del about["waypoints"]
