@@ -197,8 +197,10 @@ class _Turn(Commands, Dangers):
     def on_plan(self, event: Planned) -> None:
         choice = event.choice
         if event.forecast is not None:
-            self.state = replace(self.state, forecast=event.forecast, forecast_s=self.now_s)
-            if (end := satisfied(self.rules, event.forecast)) is not None:
+            end = satisfied(self.rules, event.forecast)
+            good = 0 if end is None else self.state.good_forecasts + 1
+            self.state = replace(self.state, forecast=event.forecast, forecast_s=self.now_s, good_forecasts=good)
+            if end is not None and (good >= GOOD_FORECASTS or end[0] is MissionEnd.NOTHING_VARIES):
                 self.end(*end)
                 return
         staying = self.staying
@@ -304,8 +306,12 @@ class _Turn(Commands, Dangers):
             self.dwell_is_over(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
 
 
+GOOD_FORECASTS = 3
+"""A mission ends by so many forecasts in a row: each fit of the variogram makes them jump a little."""
+
+
 def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:
-    """Why a mission ends by its forecast, as code and in words; ``None`` if it goes on."""
+    """Why a mission may end by a forecast, as code and in words; ``None`` if it goes on."""
     if rules.until_sd > 0 and forecast.sd <= rules.until_sd:
         limit = f"{100 * rules.until_sd:.3g} {forecast.unit}"
         return MissionEnd.GOOD_ENOUGH, f"the map is good enough: ±{100 * forecast.sd:.3g} of {limit} demanded"

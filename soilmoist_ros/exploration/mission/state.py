@@ -179,6 +179,7 @@ class MissionState:
     :param changes: settings that an operator has changed
     :param raw_counts: counts of all records of this mission, ``exposure_s`` their exposure [s]
     :param forecast: the last forecast of the map's standard deviation, ``forecast_s`` when it was made [s]
+    :param good_forecasts: the last forecasts by which the mission may end, in a row
     """
 
     phase: Phase = Phase.IDLE
@@ -225,6 +226,7 @@ class MissionState:
     changes: Changes | None = None
     forecast: Forecast | None = None
     forecast_s: float | None = None
+    good_forecasts: int = 0
 
     @property
     def time_used_s(self) -> float:

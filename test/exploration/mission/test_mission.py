@@ -740,8 +740,16 @@ def test_a_simulator_drives_it_from_record_to_record():
 FORECAST = Forecast(0.03, (600.0, 3600.0), (0.028, 0.02), (1.1, 1.2), 0.028, 4.0)
 
 
+def forecast(driver, *forecasts):
+    """Plans with these forecasts, one after the other, each after a stop."""
+    for one in forecasts:
+        driver.reach() if driver.phase is Phase.TRAVELLING else None
+        driver.record().command("skip").send(Tick, after=2.0).plan(NORTH, forecast=one)
+    return driver
+
+
 @pytest.mark.parametrize(
-    ("rules", "forecast", "end"),
+    ("rules", "made", "end"),
     [
         ({"until_sd": 0.03}, FORECAST, MissionEnd.GOOD_ENOUGH),
         ({"until_sd": 0.029}, FORECAST, None),
@@ -752,9 +760,9 @@ FORECAST = Forecast(0.03, (600.0, 3600.0), (0.028, 0.02), (1.1, 1.2), 0.028, 4.0
         ({}, replace(FORECAST, hidden=0.06, sd_soon=0.03), None),
     ],
 )
-def test_a_mission_ends_when_the_map_is_good_enough_or_little_is_to_be_gained(rules, forecast, end):
-    driver = Driver(home=HOME, **rules).counting().record().command("skip").plan(NORTH, forecast=forecast)
-    assert driver.mission.status.forecast == forecast
+def test_a_mission_ends_when_the_map_is_good_enough_or_little_is_to_be_gained(rules, made, end):
+    driver = forecast(Driver(home=HOME, blacklist_s=1.0, **rules).counting(), *[made] * 3)
+    assert driver.mission.status.forecast == made
     assert driver.mission.status.ended is end
     assert Mission.restore(driver.mission.rules, driver.mission.snapshot()).state == driver.mission.state
     if end is None:
@@ -766,11 +774,19 @@ def test_a_mission_ends_when_the_map_is_good_enough_or_little_is_to_be_gained(ru
     assert not driver.last(Finish).aborted
 
 
+def test_one_good_forecast_may_be_chance():
+    worse = replace(FORECAST, sd=0.031)
+    driver = forecast(
+        Driver(blacklist_s=1.0, until_sd=0.03).counting(), FORECAST, FORECAST, worse, FORECAST, FORECAST
+    )
+    assert driver.mission.status.ended is None
+    assert forecast(driver, FORECAST).mission.status.ended is MissionEnd.GOOD_ENOUGH
+
+
 def test_an_operator_changes_when_the_map_is_good_enough():
-    driver = Driver(until_sd=0.01).counting().record()
-    driver.send(Command, Verb.CHANGE, changes=Changes(until_sd=0.05)).command("skip")
-    driver.plan(NORTH, forecast=FORECAST)
-    assert driver.mission.status.ended is MissionEnd.GOOD_ENOUGH
-    driver = Driver(until_sd=0.05).counting().record()
-    driver.send(Command, Verb.CHANGE, changes=Changes(until_sd=0.0)).command("skip")
-    assert driver.plan(NORTH, forecast=FORECAST).phase is Phase.TRAVELLING
+    driver = Driver(until_sd=0.01, blacklist_s=1.0).counting()
+    driver.send(Command, Verb.CHANGE, changes=Changes(until_sd=0.05))
+    assert forecast(driver, *[FORECAST] * 3).mission.status.ended is MissionEnd.GOOD_ENOUGH
+    driver = Driver(until_sd=0.05, blacklist_s=1.0).counting()
+    driver.send(Command, Verb.CHANGE, changes=Changes(until_sd=0.0))
+    assert forecast(driver, *[FORECAST] * 3).phase is Phase.TRAVELLING
