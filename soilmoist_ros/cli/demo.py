@@ -157,7 +157,7 @@ def _live_view() -> Iterator[Callable[[LiveMission], None]]:
             now_s = time.monotonic()
             if now_s - shown_s >= _SHOW_S:
                 shown_s = now_s
-                rows = max(6, min(22, console.height - 7 - len(live.maps) - 2 * len(live.robots)))
+                rows = max(6, min(22, console.height - 7 - len(live.maps) - 3 * len(live.robots)))
                 screen.update(render(live.view(), min(64, console.width - 2), rows), refresh=True)
 
         yield picture
