@@ -91,7 +91,11 @@ class PlanningModel:
         self._nodes = np.vstack([cells_xy, stops_xy[own]])
         self.weight = weight
         self.covariance = kriging.covariance(self._nodes)
-        self.nugget = kriging.variogram.nugget
+        # The micro-scale variance at each node: where the rate varies more, so does it within a place.
+        self.nugget = np.full(len(self._nodes), kriging.variogram.nugget)
+        amplitude = kriging.variogram.amplitude_at(self._nodes)
+        if amplitude is not None:
+            self.nugget *= amplitude**2
         self.factor = factor
         self.others = tuple(others)
         self.rate = np.maximum(kriging.predict(self._nodes)[0], MIN_RATE_CPS)
@@ -140,7 +144,7 @@ class PlanningModel:
     def noise(self, nodes: Indices, exposure_s: Array) -> Array:
         """Variance of counts at nodes about the smooth rate [(counts/s)^2]; practically infinite for 0 s."""
         counting = self.factor * self.rate[nodes] / np.maximum(exposure_s, _NO_TIME_S)
-        return np.asarray(self.nugget + counting)
+        return np.asarray(self.nugget[nodes] + counting)
 
     def fall(self, nodes: Indices, exposure_s: Array) -> float:
         """Reduction of the integrated variance by counts at some nodes.
@@ -211,7 +215,7 @@ class PlanningModel:
             on_way, gain = np.zeros(len(node)), self.gain[node]
             left = self.covariance[node, node]
         # A place that is known for certain (no variance, no gain) must not cause a division by zero.
-        variance = np.maximum(np.maximum(left, 0.0) + self.nugget, 1e-12 * self.rate[node])
+        variance = np.maximum(np.maximum(left, 0.0) + self.nugget[node], 1e-12 * self.rate[node])
         return on_way, gain, variance, noise
 
     def _after_ways(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.strategies.ground import Ground
+from soilmoist_ros.exploration.strategies.ground import NO_MAP_DWELL_S, Ground
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
 from soilmoist_ros.exploration.strategies.tour_design import Tour, design, renewed, stops_in
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 PASS_ENDS = (1 / 16, 1 / 4, 1.0)
 """Ends of the passes as shares of the mission time."""
 MIN_STAGED_STOPS = 40
-"""A pass is divided into finer ones if the mission time would suffice for at least this many stops in one tour."""
+"""A pass is divided into finer ones if the mission time would suffice for at least this many stops in one tour.
+With fewer, driving decides; a few counts tell too little of the field to choose the number of stops by the map."""
 MIN_STOPS = 3
 """Least number of stops of a pass that is not the last."""
 
@@ -75,15 +76,17 @@ class CostBenefitTour:
     def _begun(self, ground: Ground, left_s: float, rng: np.random.Generator) -> Tour | None:
         """The tour of the next pass; ``None`` if no stop fits into the time left."""
         assert self.begun_s is not None
-        ends = PASS_ENDS if stops_in(ground, self.begun_s) >= MIN_STAGED_STOPS else PASS_ENDS[-1:]
+        few = stops_in(ground, self.begun_s) < MIN_STAGED_STOPS
+        ends = PASS_ENDS[-1:] if few else PASS_ENDS
         for end in ends:
             end_s = self.begun_s * (1 - end)
             if left_s <= end_s:
                 continue
-            tour = design(ground, left_s - end_s, rng)
+            tour = design(ground, left_s - end_s, rng, NO_MAP_DWELL_S if few else None)
             if tour is not None and (len(tour.stops) >= MIN_STOPS or end == ends[-1]):
-                self._end_s, self._dwell_s, self._done = end_s, tour.dwell_s, []
+                self._end_s, self._dwell_s, self._done = end_s, tour.planned_s, []
                 return tour
         # A dwell that no longer fits whole is better than none.
         nearest = np.array([np.argmin(ground.travel_s)], np.intp)
-        return None if ground.fixed_dwell_s is None else Tour(nearest, ground.fixed_dwell_s, left_s)
+        dwell_s = ground.fixed_dwell_s
+        return None if dwell_s is None else Tour(nearest, dwell_s, left_s, dwell_s)

@@ -21,7 +21,8 @@ Indices = NDArray[np.intp]
 DWELL_RECORDS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64)
 """Dwells that are compared [records]."""
 FEWER_IF_AS_GOOD = 0.04
-"""The fewest stops whose integrated variance is at most this share above the least are chosen."""
+"""The fewest stops whose integrated variance is at most this share above the least are chosen: with noisy counts
+that costs nothing that could be measured, and saves driving."""
 MAX_STOPS = 200
 RENEWAL_ROUNDS = 2
 """Rounds of Lloyd's algorithm at each stop."""
@@ -41,32 +42,35 @@ class Tour:
     :param stops: rows in the order of the visits
     :param dwell_s: dwell at each [s]
     :param time_s: time of the tour [s]
+    :param planned_s: dwell for which the number of stops was chosen [s]
     """
 
     stops: Indices
     dwell_s: float
     time_s: float
+    planned_s: float
 
 
-def design(ground: Ground, time_s: float, rng: np.random.Generator) -> Tour | None:
+def design(ground: Ground, time_s: float, rng: np.random.Generator, dwell_s: float | None = None) -> Tour | None:
     """The tour that leaves the least integrated variance after a time.
 
     :param ground: where
     :param time_s: time of the tour [s]
     :param rng: random numbers
+    :param dwell_s: dwell from which the number of stops follows [s]; chosen if ``None``
     :returns: ``None`` if not even one stop fits
     """
     fixed_s = ground.fixed_dwell_s
     if fixed_s is not None:
         dwells_s = [fixed_s]
-    elif ground.prospect is None:
-        dwells_s = [NO_MAP_DWELL_S]
+    elif dwell_s is not None or ground.prospect is None:
+        dwells_s = [dwell_s or NO_MAP_DWELL_S]
     else:
         dwells_s = [ground.cadence_s * records for records in DWELL_RECORDS]
     seed = int(rng.integers(2**31))
     found: list[tuple[float, Tour]] = []
-    for dwell_s in dwells_s:
-        tour = _of_dwell(ground, time_s, dwell_s, seed)
+    for one_s in dwells_s:
+        tour = _of_dwell(ground, time_s, one_s, seed)
         if tour is None:
             continue
         if found and len(tour.stops) >= len(found[-1][1].stops):
@@ -78,7 +82,8 @@ def design(ground: Ground, time_s: float, rng: np.random.Generator) -> Tour | No
         return None
     least = min(left for left, _ in found)
     chosen = next(tour for left, tour in reversed(found) if left <= least * (1 + FEWER_IF_AS_GOOD))
-    return filled(ground, _ordered(ground, chosen.stops, rng), time_s, chosen.dwell_s)
+    tour = filled(ground, _ordered(ground, chosen.stops, rng), time_s, chosen.planned_s)
+    return None if tour is None else _extended(ground, tour, np.empty((0, 2)))
 
 
 def stops_in(ground: Ground, time_s: float) -> int:
@@ -100,7 +105,7 @@ def _of_dwell(ground: Ground, time_s: float, dwell_s: float, seed: int) -> Tour 
         legs_s = np.concatenate([ground.travel_s[rows[order[:1]]], between[order[:-1], order[1:]]])
         used_s = SHORTEST * float(legs_s.sum()) + len(rows) * (dwell_s + 0.5 * ground.cadence_s)
         if used_s <= time_s:
-            fitting, best = count, Tour(rows[order], dwell_s + (time_s - used_s) / len(rows), time_s)
+            fitting, best = count, Tour(rows[order], dwell_s + (time_s - used_s) / len(rows), time_s, dwell_s)
         else:
             too_many = count
         if used_s <= time_s < used_s / CLOSE or too_many - fitting <= 1:
@@ -128,7 +133,7 @@ def filled(ground: Ground, rows: Indices, time_s: float, dwell_s: float) -> Tour
         travel_s = ground.legs_s(rows).sum()
         fitting_s = (time_s - float(travel_s)) / len(rows)
         if fitting_s >= shortest_s:
-            return Tour(rows, ground.fixed_dwell_s or fitting_s, time_s)
+            return Tour(rows, ground.fixed_dwell_s or fitting_s, time_s, dwell_s)
         drop = int(min(max(np.ceil(len(rows) * 0.5 * (1 - max(fitting_s, 0.0) / shortest_s)), 1), len(rows)))
         for _ in range(drop):
             rows = np.delete(rows, _least_useful(ground, rows))
@@ -161,9 +166,14 @@ def renewed(ground: Ground, rows: Indices, done_xy: Array, time_s: float, dwell_
     rows = _snapped(ground, centres, done_xy)
     rows = rows[shortened(ground.travel_s[rows], ground.between_s(rows))]
     tour = filled(ground, rows, time_s, dwell_s)
-    while tour is not None and ground.fixed_dwell_s is None and tour.dwell_s > MANY * dwell_s:
+    return None if tour is None else _extended(ground, tour, done_xy)
+
+
+def _extended(ground: Ground, tour: Tour, done_xy: Array) -> Tour:
+    """A tour with more stops, until its dwell is that for which their number was chosen."""
+    while ground.fixed_dwell_s is None and tour.dwell_s > MANY * tour.planned_s:
         more = _with_another(ground, tour.stops, done_xy)
-        longer = None if more is None else filled(ground, more, time_s, dwell_s)
+        longer = None if more is None else filled(ground, more, tour.time_s, tour.planned_s)
         if longer is None or len(longer.stops) <= len(tour.stops):
             break
         tour = longer
