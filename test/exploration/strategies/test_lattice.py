@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
 from soilmoist_ros.exploration.planning.prospect import Counting
-from soilmoist_ros.exploration.strategies.clusters import k_means
 from soilmoist_ros.exploration.strategies.lattice import Lattice, least_tour_s
 from soilmoist_ros.exploration.strategies.route import open_route
 from soilmoist_ros.exploration.strategies.rules import whole_records
@@ -159,11 +158,3 @@ def test_the_lattice_is_spread_evenly():
     assert nearest.mean() > 9
     farthest = np.hypot(*(PLACES[:, None] - xy).transpose(2, 0, 1)).min(axis=1).max()
     assert farthest < 15
-
-
-def test_k_means_finds_clusters_and_no_more_centres_than_places():
-    middle = np.array([[0, 0], [50, 0], [0, 50]], float)
-    points = (middle[:, None] + rng(1).normal(0, 1, (3, 40, 2))).reshape(-1, 2)
-    found = k_means(points, 3, rng(4))
-    assert np.hypot(*(found[:, None] - middle).transpose(2, 0, 1)).min(axis=0).max() < 1
-    assert len(k_means(np.zeros((5, 2)), 3, rng())) == 1

@@ -7,7 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.strategies import route
-from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_route, require_solver, timed_route
+from soilmoist_ros.exploration.strategies.route import (
+    nearest_neighbour,
+    open_route,
+    require_solver,
+    shortened,
+    timed_route,
+)
 from soilmoist_ros.foundation.errors import InputError
 
 
@@ -95,3 +101,23 @@ def test_a_missing_solver_is_named_with_the_way_to_install_it(monkeypatch):
         require_solver()
     small = len(open_route([1, 2], np.ones((2, 2)), np.random.default_rng(0)).order)
     assert small == 2
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 1000), count=st.integers(0, 40))
+def test_a_shortened_route_visits_all_and_is_never_longer(seed, count):
+    xy = np.random.default_rng(seed).uniform(0, 100, (count, 2))
+    start, between = np.hypot(*xy.T), np.hypot(*(xy[:, None] - xy).T)
+    order = shortened(start, between)
+    assert sorted(order.tolist()) == list(range(count))
+    as_given = timed_route(np.arange(count), start, between).travel_s
+    assert timed_route(order, start, between).travel_s <= as_given + 1e-6
+
+
+def test_a_crossing_is_removed_and_one_way_legs_are_left_alone():
+    xy = np.array([[1.0, 0.0], [2.0, 1.0], [2.0, 0.0], [3.0, 1.0]])[[0, 3, 2, 1]]
+    start, between = np.hypot(*xy.T), np.hypot(*(xy[:, None] - xy).T)
+    order = shortened(start, between)
+    assert timed_route(order, start, between).travel_s < timed_route(np.arange(4), start, between).travel_s
+    between[0, 1] += 5.0
+    assert shortened(start, between).tolist() == [0, 1, 2, 3]

@@ -116,3 +116,24 @@ def test_an_operators_costs_count_in_comparisons_only():
     assert not RobotMotion().has_costs
     with pytest.raises(ValueError, match="metre_cost_s"):
         RobotMotion(metre_cost_s=-1.0)
+
+
+@pytest.mark.parametrize("no_go", [[], [BLOCK]])
+@pytest.mark.parametrize("turn_s_per_rad", [0.0, 2.0])
+def test_times_of_tours_are_those_of_single_trips(no_go, turn_s_per_rad):
+    travel = FreeTravel(RobotMotion(1.0, 3.0, turn_s_per_rad), [SQUARE], no_go)
+    places = stops((1, 1), (9, 9), (1, 9), (9, 2), (3, 5))
+    route = np.array([4, 0, 3, 1])
+    chosen = [places[index] for index in route]
+    single = [travel.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(chosen)]
+    np.testing.assert_allclose(travel.legs_s(places, route), single)
+    np.testing.assert_allclose(travel.between_s(places, route).diagonal(1), single)
+    assert (travel.between_s(places, route).diagonal() == 0).all()
+
+
+def test_straight_routes_are_known_beforehand():
+    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
+    places = stops((1, 9), (9, 5), (1, 1))
+    found = travel.straight((1, 5), places)
+    assert found.tolist() == [len(travel.route((1, 5), stop)) == 2 for stop in places]
+    assert FreeTravel(STILL).straight((0, 0), places).all()

@@ -1,0 +1,29 @@
+import numpy as np
+
+from soilmoist_ros.exploration.strategies.clusters import k_means, lloyd
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def test_k_means_finds_clusters_and_no_more_centres_than_places():
+    middle = np.array([[0, 0], [50, 0], [0, 50]], float)
+    points = (middle[:, None] + rng(1).normal(0, 1, (3, 40, 2))).reshape(-1, 2)
+    found = k_means(points, 3, rng(4))
+    assert np.hypot(*(found[:, None] - middle).transpose(2, 0, 1)).min(axis=0).max() < 1
+    assert len(k_means(np.zeros((5, 2)), 3, rng())) == 1
+
+
+def test_mass_attracts_centres():
+    cells = np.array([(x, y) for x in range(20) for y in range(10)], float)
+    mass = np.where(cells[:, 0] < 10, 9.0, 1.0)
+    centres = k_means(cells, 24, rng(1), mass)
+    assert 1.5 < (centres[:, 0] < 9.5).sum() / (centres[:, 0] > 9.5).sum() < 9
+    assert np.array_equal(k_means(cells, 5, rng(2), np.zeros(200)), k_means(cells, 5, rng(2)))
+
+
+def test_a_centre_moves_to_the_middle_of_its_mass_and_stays_without_any():
+    cells = np.array([[0.0, 0.0], [4.0, 0.0], [100.0, 0.0]])
+    moved = lloyd(cells, np.array([3.0, 1.0, 0.0]), np.array([[2.0, 0.0], [90.0, 0.0]]))
+    np.testing.assert_allclose(moved, [[1.0, 0.0], [90.0, 0.0]])
