@@ -94,6 +94,7 @@ class PlanningModel:
         # The micro-scale variance at each node: where the rate varies more, so does it within a place.
         self.nugget = np.full(len(self._nodes), kriging.variogram.nugget)
         amplitude = kriging.variogram.amplitude_at(self._nodes)
+        self.is_uneven = amplitude is not None
         if amplitude is not None:
             self.nugget *= amplitude**2
         self.factor = factor

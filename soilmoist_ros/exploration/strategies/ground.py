@@ -72,6 +72,13 @@ class Ground:
         return self._situation.counting.cadence_s
 
     @property
+    def is_uneven(self) -> bool:
+        """Whether the map says that the field varies more here than there."""
+        return self.prospect is not None and any(
+            model.is_uneven for model in (self.prospect.model, *self.prospect.model.others)
+        )
+
+    @property
     def fixed_dwell_s(self) -> float | None:
         """Dwell that the mission's rule demands [s]; ``None`` if the strategy may choose it."""
         return None if isinstance(self._situation.dwell, Optimal) else self._situation.expected_dwell_s

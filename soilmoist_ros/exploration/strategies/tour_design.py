@@ -20,7 +20,7 @@ Indices = NDArray[np.intp]
 
 DWELL_RECORDS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64)
 """Dwells that are compared [records]."""
-FEWER_IF_AS_GOOD = 0.04
+FEWER_IF_AS_GOOD = 0.03
 """The fewest stops whose integrated variance is at most this share above the least are chosen: with noisy counts
 that costs nothing that could be measured, and saves driving."""
 MAX_STOPS = 200
