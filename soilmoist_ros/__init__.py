@@ -8,7 +8,7 @@ runs, ``reporting`` writes the results.
 >>> from soilmoist_ros import MissionSettings, simulate_mission
 >>> mission = simulate_mission(MissionSettings(field="patches", strategy="lattice", dwell="fmi:120", hours=0.5))
 >>> mission
-<MissionResult: patches; 10 visits in 0.48 h; nothing is left that is worth measuring or can be reached>
+<MissionResult: patches; 10 visits in 0.50 h; the mission time is used up>
 """
 
 import os
