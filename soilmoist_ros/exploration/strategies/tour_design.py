@@ -64,9 +64,10 @@ def design(ground: Ground, time_s: float, rng: np.random.Generator, dwell_s: flo
     if fixed_s is not None:
         dwells_s = [fixed_s]
     elif dwell_s is not None or ground.prospect is None:
-        dwells_s = [dwell_s or NO_MAP_DWELL_S]
+        dwells_s = [max(dwell_s or NO_MAP_DWELL_S, ground.min_dwell_s)]
     else:
-        dwells_s = [ground.cadence_s * records for records in DWELL_RECORDS]
+        possible_s = (ground.cadence_s * records for records in DWELL_RECORDS)
+        dwells_s = [one_s for one_s in possible_s if one_s >= ground.min_dwell_s] or [ground.min_dwell_s]
     seed = int(rng.integers(2**31))
     found: list[tuple[float, Tour]] = []
     for one_s in dwells_s:
@@ -128,7 +129,7 @@ def filled(ground: Ground, rows: Indices, time_s: float, dwell_s: float) -> Tour
     :param time_s: time of the tour [s]
     :param dwell_s: dwell that the number of stops is for [s]
     """
-    shortest_s = ground.fixed_dwell_s or max(FEW * dwell_s, ground.cadence_s)
+    shortest_s = ground.fixed_dwell_s or max(FEW * dwell_s, ground.min_dwell_s)
     while len(rows):
         travel_s = ground.legs_s(rows).sum()
         fitting_s = (time_s - float(travel_s)) / len(rows)

@@ -117,6 +117,15 @@ def test_costs_of_a_stop_make_stops_fewer():
     assert dear < cheap
 
 
+def test_no_dwell_is_planned_shorter_than_the_mission_allows():
+    now = situation(7200.0)
+    now.prospect().min_dwell_s = 90.0
+    ground = Ground(now)
+    tour = design(ground, 3600.0, rng())
+    assert tour.dwell_s >= 90.0
+    assert ground.dwell(0, 20.0).interval_s == 90.0
+
+
 def test_small_budgets_get_one_pass():
     made = drive(CostBenefitTour(), 600.0, 30.0, 50)
     assert made
