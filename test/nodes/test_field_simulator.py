@@ -277,6 +277,7 @@ def test_the_surprises_of_thorvald(ros, field):
     name, _ = far_node(simulated)
     goal = Goal(simulated, name)  # the server appears late
     assert simulated.now_s >= 19
+    ros.wait_for(lambda: ros.node.count_publishers("topological_navigation/feedback"), message="feedback")
     assert goal.cancel() == []
     assert goal.end() == (GoalStatus.STATUS_ABORTED, False)
     lost = Goal(simulated, "nowhere")
