@@ -125,12 +125,8 @@ class PlanningModel:
     @cached_property
     def gram(self) -> Array:
         """``sum_g omega_g C(g, a) C(g, b)`` of every two nodes."""
-        return self.gram_of(slice(None))
-
-    def gram_of(self, nodes: Indices | slice) -> Array:
-        """Rows of :attr:`gram` for some nodes, shape (s, m); faster than the whole matrix."""
         to_cells = self.covariance[: self._cells]
-        return np.asarray((to_cells[:, nodes].T * self.weight) @ to_cells)
+        return np.asarray((to_cells.T * self.weight) @ to_cells)
 
     @cached_property
     def _tree(self) -> KDTree:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.strategies.clusters import k_means, lloyd, squares
 from soilmoist_ros.exploration.strategies.ground import NO_MAP_DWELL_S, Ground
-from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_route, shortened
+from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_route, shortened, timed_route
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -103,8 +103,8 @@ def _of_dwell(ground: Ground, time_s: float, dwell_s: float, seed: int) -> Tour 
         rows = np.unique(ground.nearest(centres))
         between = ground.between_s(rows)
         order = nearest_neighbour(ground.travel_s[rows], between)
-        legs_s = np.concatenate([ground.travel_s[rows[order[:1]]], between[order[:-1], order[1:]]])
-        used_s = SHORTEST * float(legs_s.sum()) + len(rows) * (dwell_s + 0.5 * ground.cadence_s)
+        travel_s = timed_route(order, ground.travel_s[rows], between).travel_s
+        used_s = SHORTEST * travel_s + len(rows) * (dwell_s + 0.5 * ground.cadence_s)
         if used_s <= time_s:
             fitting, best = count, Tour(rows[order], dwell_s + (time_s - used_s) / len(rows), time_s, dwell_s)
         else:

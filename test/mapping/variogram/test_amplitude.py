@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude, knots, lattice, spline_matrix
 
@@ -23,10 +24,9 @@ def test_splines_are_a_partition_of_unity_and_reproduce_slopes():
 
 
 def test_splines_equal_those_of_scipy():
-    interpolate = pytest.importorskip("scipy.interpolate")
     x = np.linspace(-10, 50, 31)
     steps = np.arange(-3, 9) * 12.0 - 10.0  # eight splines over five intervals
-    expected = interpolate.BSpline.design_matrix(np.minimum(x, 50 - 1e-9), steps, 3).toarray()
+    expected = BSpline.design_matrix(np.minimum(x, 50 - 1e-9), steps, 3).toarray()
     matrix = spline_matrix(*BOX, TABLE.shape, np.column_stack([x, np.full(31, 20.0)]))
     np.testing.assert_allclose(matrix.reshape(31, 6, 8).sum(axis=1), expected, atol=1e-8)
 
