@@ -165,7 +165,6 @@ class Explorer:
         """
         maps = self._maps(others)
         counted = maps[0].field_map
-        stay = self._number(request.staying)
         free = ~taken(self._xy, others, self.grid.cell_m)
         if request.blacklisted:
             ruled_out = set(request.blacklisted)
@@ -177,16 +176,13 @@ class Explorer:
         if len(kept) < len(candidates):
             candidates = tuple(self.stops[index] for index in kept)
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
-        travel_s, cost_s = self._trips(position_xy, candidates)
-        staying = None
-        if stay is not None and free[stay]:
-            staying = int(np.searchsorted(kept, stay))
-            travel_s[staying] = cost_s[staying] = 0.0
+        staying = self._row(request.staying, kept)
+        travel_s, cost_s = self._trips(position_xy, candidates, staying)
         fits = travel_s + self.needed_dwell_s + home_s <= request.budget_left_s
         known_rate = counted.soil_map is not None
         weighed = free & self._considered
         if staying is not None:
-            weighed[stay] = True
+            weighed[kept[staying]] = True
         considered = np.flatnonzero(weighed)
         place = (float(position_xy[0]), float(position_xy[1]))
         rate = float(counted.rate.mean()) if known_rate else self.nominal_rate_cps
@@ -264,12 +260,7 @@ class Explorer:
             models.append(PlanningModel(each.field_map.kriging, self._cells_xy, weights, places, each.factor))
         models[0].others = tuple(models[1:])
         stops = tuple(self.stops[number] for number in numbers.tolist())
-        here = self._number(request.staying)
-        staying = None
-        if here is not None and here in numbers:
-            staying = int(np.searchsorted(numbers, here))
-            travel_s, cost_s = travel_s.copy(), cost_s.copy()
-            travel_s[staying] = cost_s[staying] = 0.0
+        staying = self._row(request.staying, numbers)
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.needed_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(
@@ -285,16 +276,21 @@ class Explorer:
             cost_s,
         )
 
-    def _trips(self, position_xy: tuple[float, float], stops: Sequence[Stop]) -> tuple[Array, Array]:
-        """Times of the trips to stops [s], and their costs in a comparison [s]."""
+    def _trips(
+        self, position_xy: tuple[float, float], stops: Sequence[Stop], staying: int | None
+    ) -> tuple[Array, Array]:
+        """Times of the trips to stops [s], and their costs in a comparison [s]; 0 where the robot stays."""
         travel_s = self.travel.travel_s(position_xy, stops)
-        if not self.travel.motion.has_costs:
-            return travel_s, travel_s.copy()
-        return travel_s, self.travel.cost_s(position_xy, stops)
+        has_costs = self.travel.motion.has_costs
+        cost_s = self.travel.cost_s(position_xy, stops) if has_costs else travel_s.copy()
+        if staying is not None:
+            travel_s[staying] = cost_s[staying] = 0.0
+        return travel_s, cost_s
 
-    def _number(self, name: str) -> int | None:
-        """Number of the stop of this name, ``None`` if there is none."""
-        return self._numbers.get(name) if name else None
+    def _row(self, name: str, numbers: NDArray[np.intp]) -> int | None:
+        """Position of the stop of this name among numbers of stops in order, ``None`` if it is not there."""
+        number = self._numbers.get(name)
+        return None if number is None or number not in numbers else int(np.searchsorted(numbers, number))
 
     def _dwell_at(
         self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[PendingMeasurement]
@@ -306,7 +302,8 @@ class Explorer:
             chosen = self._numbers[stop.name]
             numbers = np.union1d(np.flatnonzero(self._considered), [chosen])
             place = (*situation.position_xy.tolist(),)
-            trips = self._trips(place, [self.stops[number] for number in numbers.tolist()])
+            stops = [self.stops[number] for number in numbers.tolist()]
+            trips = self._trips(place, stops, self._row(request.staying, numbers))
             prospect = self._prospect(self._maps(others), numbers, *trips, place, request)
         return None if prospect is None else prospect.dwell(stop, self.dwell.longest_s)
 
