@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
@@ -139,6 +140,7 @@ class FieldMap:
 
     :param grid: the field
     :param settings: choices
+    :param knowledge: what is known of the field besides the counts of this survey
     :raises ValueError: if a setting is out of range
 
     Attributes
@@ -162,11 +164,14 @@ class FieldMap:
     SoilMap(4 x 6 cells of 10 m, 3 samples, matern32)
     """
 
-    def __init__(self, grid: FieldGrid, settings: FieldMapSettings = _DEFAULTS) -> None:
+    def __init__(
+        self, grid: FieldGrid, settings: FieldMapSettings = _DEFAULTS, knowledge: Knowledge = NOTHING
+    ) -> None:
         if not (math.isfinite(settings.margin_m) and settings.margin_m >= 0):
             raise ValueError(f"margin_m must be >= 0 and finite, got {settings.margin_m}")
         self.grid = grid
         self.settings = settings
+        self.knowledge = knowledge
         chosen_m = settings.merge_radius_m
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None

@@ -1,0 +1,41 @@
+"""All that is known of a field besides the counts of the survey."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Literal
+
+from soilmoist_ros.mapping.knowledge.covariates import Covariates
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+
+DriftModel = Literal["auto", "off"]
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What is known of a field besides the counts of the survey.
+
+    :param earlier: earlier surveys of the field, in any order
+    :param covariates: covariates over the field; ``None`` for none
+    :param drift: ``auto`` if the mean rate may drift during the survey where the counts ask for it; ``off`` if not
+    :raises ValueError: if two earlier surveys have one name
+    """
+
+    earlier: tuple[EarlierSurvey, ...] = ()
+    covariates: Covariates | None = None
+    drift: DriftModel = "off"
+
+    def __post_init__(self) -> None:
+        repeated = [name for name, count in Counter(one.name for one in self.earlier).items() if count > 1]
+        if repeated:
+            raise ValueError(f"the earlier survey {repeated[0]!r} is given twice")
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is known, and the map is that of the survey alone."""
+        return not self.earlier and not self.covariates and self.drift == "off"
+
+
+NOTHING = Knowledge()
+"""Nothing is known besides the counts of the survey."""
