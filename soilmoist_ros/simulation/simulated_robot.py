@@ -102,6 +102,7 @@ class SimulatedRobot:
                 settings.cadence_s,
                 settings.footprint_m,
                 settings.weather,
+                scenario.rain.drift if scenario.rain else settings.rate_drift,
             )
             for kind, one in enumerate(fields)
         )

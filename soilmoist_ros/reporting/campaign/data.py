@@ -39,6 +39,8 @@ NAMES = {
     "footprint_m": "footprint {} m",
     "position_sd_m": "GNSS ± {} m",
     "weather": "weather: {}",
+    "drift": "rate drifts by the share {}",
+    "drift_hour": "drift at {} h",
     "robots": "robots: {}",
     "random_field": "a field per seed: {}",
     "properties": "further properties: {}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
@@ -21,6 +22,8 @@ from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
 from soilmoist_ros.simulation.mission.result import MappedProperty
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
 from soilmoist_ros.simulation.mission.streams import field_stream
+
+Array = NDArray[np.float64]
 
 
 class Channel:
@@ -66,8 +69,9 @@ class Channel:
             local=settings.local,
         )
         self.field_map = FieldMap(grid, choices)
-        self.truth = field.rate_at(grid.cells)
-        self._true_vwc = None if curve is None else possible_moisture(curve, self.truth)
+        self.drift = settings.rate_drift
+        self._truth = field.rate_at(grid.cells)
+        self._true_vwc = None if curve is None or self.drift.share else possible_moisture(curve, self._truth)
         self.errors = MapErrors()
         self.records: list[CountRecord] = []
 
@@ -77,9 +81,10 @@ class Channel:
         if not self._of_stops:
             self.field_map.add(record)
 
-    def take_stop(self, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
+    def take_stop(self, now_s: float, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
         """Add a complete visit to a map of stops.
 
+        :param now_s: time [s]
         :param visit: the visit
         :param counted: records of the visit
         :param warmed_up: whether enough stops are measured for a map
@@ -88,27 +93,30 @@ class Channel:
         exposure_s = sum(record.effective_exposure_s for record in counted)
         self.field_map.add_sample((visit.x_m, visit.y_m), raw_counts, exposure_s)
         if warmed_up:
-            self._update()
+            self._update(now_s)
 
-    def update(self) -> None:
+    def update(self, now_s: float) -> None:
         """Update a map of all records."""
         if not self._of_stops:
-            self._update()
+            self._update(now_s)
 
-    def _update(self) -> None:
+    def truth(self, now_s: float) -> Array:
+        """True rate in the cells at a time, shape (g,) [counts/s]."""
+        return self._truth * self.drift.factor(now_s)
+
+    def _update(self, now_s: float) -> None:
         if self.field_map.update() is not None:
             rate, rate_sd = self.field_map.rate, np.sqrt(self.field_map.variance)
-            self.errors = map_errors(rate, rate_sd, self.truth, self.curve, self._true_vwc)
+            self.errors = map_errors(rate, rate_sd, self.truth(now_s), self.curve, self._true_vwc)
 
     @property
     def soil_map(self) -> SoilMap | None:
         """The last map with all bands, ``None`` before the first map."""
         return self.field_map.soil_map
 
-    @property
-    def mapped(self) -> MappedProperty:
-        """The property as a part of the mission's result."""
-        truth = self.field_map.grid.to_raster(self.truth)
+    def mapped(self, now_s: float) -> MappedProperty:
+        """The property as a part of the result of a mission that ends now."""
+        truth = self.field_map.grid.to_raster(self.truth(now_s))
         name, weight = self.wanted.name, self.wanted.weight
         return MappedProperty(name, self.field.title, tuple(self.records), self.soil_map, truth, weight)
 

@@ -32,7 +32,8 @@ class SeriesRow:
     :param distance_m: distance travelled by all robots together [m]
     :param samples: finished visits
     :param counting_s: time that all robots together spent counting at stops [s]
-    :param errors: errors of the map of each property; the first belongs to the mission field
+    :param errors: errors of the map of each property against the truth of its time; the first is that of the
+        mission field
     """
 
     time_s: float
@@ -94,7 +95,8 @@ class MappedProperty:
     :param title: name in reports
     :param records: all records of its sensors in order of time
     :param soil_map: final map of its rate, ``None`` if the mission ended before the first map
-    :param truth_rate: true rate on the map's grid [counts/s], shape (ny, nx), NaN outside and if unknown
+    :param truth_rate: true rate at the end on the map's grid [counts/s], shape (ny, nx), NaN outside and if
+        unknown
     :param weight: value of a share of its variation to the planner; 0 means mapped, but not planned for
     """
 

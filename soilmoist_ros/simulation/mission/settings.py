@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.variogram.correlation import ModelName
     from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+    from soilmoist_ros.simulation.robot.drift import Drift
 
 Preset = Literal["recommended", "paper", "authors"]
 
@@ -342,6 +343,14 @@ class MissionSettings:
     )
     position_sd_m: float = _setting(0.02, "Noise of each coordinate of the GNSS receiver.", unit="m", low=0)
     weather: bool = _setting(True, "Let the weather change, and correct the counts for it.")
+    drift: float = _setting(
+        0.0, "Change of the true rate during the mission, the same share everywhere: 0.1 for drying by 10 %, "
+        "negative for wetting. A map is compared with the truth of its time.", low=-1, above=True,
+    )  # fmt: skip
+    drift_hour: float | None = _setting(
+        None, "Hour of the mission at which the drift happens, within five minutes, as with rain. Default: evenly "
+        "over the mission.", float, unit="h", low=0,
+    )  # fmt: skip
     series_every_s: float = _setting(
         60.0,
         "Time between entries of the series; each map of stops is entered as well.",
@@ -391,6 +400,10 @@ class MissionSettings:
             mistakes.append(
                 Mistake("a travel graph is given, but the robot travels freely", "choose travel graph")
             )
+        if self.drift_hour is not None and self.drift == 0:
+            mistakes.append(
+                Mistake("an hour of the drift is given, but the rate does not drift", "give drift, for rain -0.1")
+            )
         if mistakes:
             raise InputError(mistakes)
 
@@ -407,6 +420,15 @@ class MissionSettings:
     def real_motion(self) -> RobotMotion:
         """How the robots move."""
         return replace(self.motion, speed_mps=self.real_speed_mps or self.speed_mps)
+
+    @property
+    def rate_drift(self) -> Drift:
+        """How the true rate changes with time."""
+        from soilmoist_ros.simulation.robot.drift import RAIN_S, Drift
+
+        if self.drift_hour is None:
+            return Drift(self.drift, 0.0, 3600 * self.hours)
+        return Drift(self.drift, 3600 * self.drift_hour, 3600 * self.drift_hour + RAIN_S)
 
     @property
     def field_name(self) -> str:

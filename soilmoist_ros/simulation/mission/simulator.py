@@ -238,6 +238,7 @@ class _Simulation:
                 settings.cadence_s,
                 settings.footprint_m,
                 settings.weather,
+                settings.rate_drift,
             )
             for kind, channel in enumerate(self.channels)
         ]
@@ -341,13 +342,13 @@ class _Simulation:
         for channel, counted in zip(
             self.channels, zip(*robot.records[-visit.records :], strict=True), strict=True
         ):
-            channel.take_stop(visit, counted, warmed_up)
+            channel.take_stop(self.now_s, visit, counted, warmed_up)
         self.enter_series()
 
     def update_map(self) -> None:
         """Update the maps of all records."""
         for channel in self.channels:
-            channel.update()
+            channel.update(self.now_s)
 
     def record(self, robot: _Robot) -> CountRecord:
         """Count with all sensors over the interval that ends now; returns the record of the mission field."""
@@ -399,7 +400,7 @@ class _Simulation:
             series=tuple(self.series),
             visits=tuple(self.visits),
             tracks=tuple(np.array(robot.body.track) for robot in self.robots),
-            properties=tuple(channel.mapped for channel in self.channels),
+            properties=tuple(channel.mapped(self.now_s) for channel in self.channels),
             frame=self.field.frame,
             motion=tuple(robot.learned for robot in self.robots),
             ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from soilmoist_ros.foundation.configuration import Section, load_model, resource
+from soilmoist_ros.simulation.robot.drift import Drift
 
 Number = Annotated[int, Field(ge=1)]
 Seconds = Annotated[float, Field(ge=0)]
@@ -178,6 +179,18 @@ class SensorFaults(Section):
     """Drift of the logger's clock [s/s]: 0.001 is 3.6 s in an hour."""
 
 
+class RateChange(Span):
+    """A period in which the true rate changes evenly, by the same share everywhere, and then stays changed."""
+
+    share: Annotated[float, Field(gt=-1)]
+    """Change, as a share of the rate before: -0.1 for rain that lowers it by 10 % [-]."""
+
+    @property
+    def drift(self) -> Drift:
+        """As the sensors know it."""
+        return Drift(self.share, *self.ends)
+
+
 class Scenario(Section):
     """Faults in a mission; none by default."""
 
@@ -191,6 +204,8 @@ class Scenario(Section):
     """Faults of the connection to the neutron logger."""
     gnss: GnssFaults = GnssFaults()
     """Faults of the GNSS receiver and its connection."""
+    rain: RateChange | None = None
+    """Rain or drying, which changes the true rate; the truth that is written is that before."""
 
 
 def load_scenario(name: str) -> Scenario:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.robot.drift import STEADY, Drift
 from soilmoist_ros.simulation.robot.weather import morning_factors
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ class VirtualSensor:
     :param footprint_m: radius of a Gaussian footprint [m], which contains 86 % of the counts (two standard
         deviations); 0 for a point sensor
     :param weather: whether the weather changes
+    :param drift: how the true rate changes with time
     """
 
     def __init__(
@@ -35,6 +37,7 @@ class VirtualSensor:
         cadence_s: float = 10.0,
         footprint_m: float = 0.0,
         weather: bool = True,
+        drift: Drift = STEADY,
     ) -> None:
         if not (math.isfinite(cadence_s) and cadence_s > 0):
             raise ValueError(f"cadence_s must be > 0 and finite, got {cadence_s}")
@@ -44,11 +47,12 @@ class VirtualSensor:
         self.rng = rng
         self.cadence_s = cadence_s
         self.weather = weather
+        self.drift = drift
         self._stood: tuple[list[float], float] = [], math.nan  # last position and rate at rest
         self._offsets, self._weights = _gaussian_footprint(footprint_m)
 
     def rate_at(self, xy: Array) -> Array:
-        """True rate, averaged over the footprint, at positions of shape (n, 2) [counts/s]."""
+        """True rate before any drift, averaged over the footprint, at positions of shape (n, 2) [counts/s]."""
         if len(self._weights) == 1:
             return self.field.rate_at(xy)
         seen = (xy[:, None, :] + self._offsets).reshape(-1, 2)
@@ -71,6 +75,7 @@ class VirtualSensor:
         else:
             rate = float(self.rate_at(path_xy[:1]).mean())
             self._stood = begin, rate
+        rate *= self.drift.factor(end_s - self.cadence_s / 2)
         f_pressure, f_humidity = morning_factors(end_s) if self.weather else (1.0, 1.0)
         factor = f_pressure * f_humidity
         return CountRecord(

@@ -20,7 +20,7 @@ def test_an_empty_name_means_no_faults():
 
 def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(
-        InputError, match=r"bad_link, bad_sensor, lost_sensor, nav2, thorvald.*did you mean 'thorvald'"
+        InputError, match=r"bad_link, bad_sensor, lost_sensor, nav2, rain, thorvald.*did you mean 'thorvald'"
     ):
         load_scenario("torvald")
 
