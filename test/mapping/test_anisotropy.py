@@ -15,7 +15,7 @@ from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import isotropic_plane
-from soilmoist_ros.mapping.variogram.reml import ANISOTROPY_PENALTY, RestrictedLikelihood, maximise_reml
+from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood, maximise_reml
 
 ratios = st.floats(1.0, 20.0)
 angles = st.floats(-360.0, 360.0)
@@ -209,23 +209,34 @@ def test_a_clear_direction_is_found(angle_deg):
     assert plain.variogram.anisotropy == 1
     assert found.variogram.anisotropy >= 2
     assert abs((found.variogram.angle_deg - angle_deg + 90) % 180 - 90) <= 22.5
-    assert found.objective > plain.objective + ANISOTROPY_PENALTY / 2
+    assert found.objective > plain.objective + 1.5
     assert found.variogram.range_m == pytest.approx(15, rel=0.5)
 
 
 @pytest.mark.slow
-def test_no_direction_is_found_where_there_is_none():
-    """One in ten may be, by chance; then the data must speak for it."""
-    chosen = 0
+def test_no_clear_direction_is_found_where_there_is_none():
+    """One in ten may be, by chance."""
+    clear = 0
     for seed in range(30):
         samples = counted(1, 0, 80, seed)
         plain, found = fit(samples, anisotropy=False), fit(samples)
         if found.variogram.anisotropy == 1:
             assert found.variogram == plain.variogram
             assert found.objective == plain.objective
-        else:
-            chosen += 1
-    assert chosen <= 3
+        clear += found.variogram.anisotropy > 1.5
+    assert clear <= 3
+
+
+@pytest.mark.parametrize("turn_deg", [22.5, 90, 135])
+def test_the_direction_turns_with_the_places(turn_deg):
+    """By a multiple of the step between candidates, so that these are the same."""
+    samples = counted(2, 30, 60)
+    turn = np.radians(turn_deg)
+    turned = samples.xy @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    found = fit(samples).variogram
+    there = fit(Samples(turned, samples.counts, samples.exposure_s)).variogram
+    assert 1.2 < found.anisotropy == pytest.approx(there.anisotropy, rel=1e-6)
+    assert (there.angle_deg - found.angle_deg - turn_deg + 90) % 180 - 90 == pytest.approx(0, abs=1e-4)
 
 
 def test_few_samples_have_no_direction():

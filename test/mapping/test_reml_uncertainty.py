@@ -70,7 +70,7 @@ def share_covered(family, n, fields=40):
 @pytest.mark.parametrize("n", [20, 60])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_intervals_cover_on_every_kind_of_field(family, n):
-    assert 0.92 < share_covered(family, n) < 0.99
+    assert 0.915 < share_covered(family, n) < 0.99
 
 
 @pytest.mark.slow

@@ -147,7 +147,7 @@ def estimate_variogram(
     m*/t, times weak priors (:class:`Prior`). It returns the posterior mode of the range and the posterior means of
     the variances, so the map's uncertainty includes the uncertainty of the variances. One sample is enough; the
     result is then the prior's. Above 1000 places the likelihood is a composite over blocks of at most 500
-    neighbours. From 15 places on, the range may depend on the direction if the likelihood clearly supports it
+    neighbours. From 15 places on, the range may depend on the direction, as far as the likelihood supports it
     (:func:`maximise_reml`).
 
     ``"soft_l1"`` uses least squares with soft-L1 loss on the binned semivariogram, as published for this robot. It
