@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from soilmoist_ros.cli.console import progress_bar, report_errors
-from soilmoist_ros.cli.output_options import confirmed, output_options, prepare_output
+from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:

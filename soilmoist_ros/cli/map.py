@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
-from soilmoist_ros.cli.output_options import output_options, prepare_output
+from soilmoist_ros.cli.options.earlier_option import earlier_option
+from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
               help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
+@earlier_option()
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--title", help="Title of the report.")
 @output_options()

@@ -10,7 +10,8 @@ import click
 
 from soilmoist_ros.cli.bag import play
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_error, report_errors
-from soilmoist_ros.cli.output_options import output_options, prepare_output, reported_failure
+from soilmoist_ros.cli.options.earlier_option import earlier_option
+from soilmoist_ros.cli.options.output_options import output_options, prepare_output, reported_failure
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
               help="counts: records as the driver corrected them; raw: raw lines, corrected again.")  # fmt: skip
 @click.option("--logger", help="Logger format of the raw lines. Default: detected from the header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
+@earlier_option(" Default: as in the run.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @output_options("Folder for the results; made if missing. Required.", required=False)
 @click.option("--live", is_flag=True, hidden=True)
@@ -66,6 +68,7 @@ def command(
     speed: float | None,
     start_s: float | None,
     truths: tuple[str, ...],
+    earlier: tuple[Path, ...],
     also_truth: str | None,
     **choices: Any,
 ) -> None:
@@ -91,7 +94,9 @@ def command(
         click.echo("warning: --also-truth is deprecated: give --truth PROPERTY=FIELD", err=True)
         named[1] = also_truth
     with progress_bar() as progress:
-        settings = ReplaySettings(keep_nugget=keep_nugget, truths=named, crs=crs, **choices)
+        settings = ReplaySettings(
+            keep_nugget=keep_nugget, truths=named, crs=crs, earlier=earlier or None, **choices
+        )
         with reported_failure(out):
             replay = replay_bag(bag, settings, progress)
         progress("writing the results", 1.0)

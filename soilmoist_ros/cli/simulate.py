@@ -9,21 +9,24 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.console import progress_bar, rate_error, report_errors
-from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
-from soilmoist_ros.cli.output_options import output_options, prepare_output
+from soilmoist_ros.cli.options.earlier_option import earlier_option
+from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 
 
 @click.command("simulate")
 @mission_options()
+@earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
 @output_options()
 @report_errors
-def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
+def command(out: Path, overwrite: bool, earlier: tuple[Path, ...], choices: dict[str, Any]) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
     Each additional property NAME also gets map_NAME.tif and samples_NAME.geojson.
     """
     from soilmoist_ros.exploration.travel.travel import polyline_length_m
+    from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
     from soilmoist_ros.reporting.mission_report import write_mission
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
     from soilmoist_ros.simulation.mission.forecasts import forecast_text
@@ -32,9 +35,11 @@ def command(out: Path, overwrite: bool, choices: dict[str, Any]) -> None:
     settings = chosen_settings(choices)
     prepare_output(out, overwrite)
     with progress_bar() as progress:
-        result = simulate_mission(settings, lambda share: progress("exploring", share), forecasts=True)
+        runs = mission_earlier(settings, earlier)
+        surveys = {name: [run.survey for run in its] for name, its in runs.items()}
+        result = simulate_mission(settings, lambda share: progress("exploring", share), True, surveys)
         progress("writing the results", 1.0)
-        written = write_mission(out, result)
+        written = write_mission(out, result, earlier=runs)
     last = result.series[-1]
     click.echo(
         f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}"

@@ -22,9 +22,8 @@ from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.record_check import Skip, check_record
-from soilmoist_ros.mapping.samples.merging import DrivenPaths, SampleMerger
-from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples, merge_records
-from soilmoist_ros.mapping.samples.spread import footprint_spread
+from soilmoist_ros.mapping.samples.merging import DrivenPaths, SampleMerger, survey_samples
+from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel, VariogramFit, estimate_variogram
@@ -271,12 +270,7 @@ class FieldMap:
         unexpected = self._unexpected(records)
         self.track = [unexpected.get(index, record) for index, record in enumerate(records)]
         records = [record for record in self.track if not record.quarantine]
-        paths = DrivenPaths()
-        spread = np.array([paths.spread(record) for record in records]).reshape(-1, 3)
-        columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
-        table = np.array(columns, float).reshape(-1, 4)
-        samples = merge_records(table[:, :2], table[:, 2], table[:, 3], self.merge_radius_m, spread)
-        samples = replace(samples, spread=samples.spread + footprint_spread(self.settings.footprint_radius_m))
+        samples = survey_samples(records, self.merge_radius_m, self.settings.footprint_radius_m)
         self.state = MapState(len(records), records[-1].stamp_s if records else 0.0, samples, samples)
 
     def _unexpected(self, records: Sequence[CountRecord]) -> dict[int, CountRecord]:

@@ -17,12 +17,14 @@ from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.replay.file_facts import far_from_site
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, read_earlier_runs, require_other
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun, Note, NoteCode
@@ -62,6 +64,7 @@ class MapSettings:
     :param title: title of the report
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     """
 
     logger: str | None = None
@@ -78,6 +81,7 @@ class MapSettings:
     title: str | None = None
     crs: str | None = None
     max_exact_samples: int = MAX_EXACT_SAMPLES
+    earlier: tuple[Path, ...] = ()
 
 
 def map_logs(
@@ -118,20 +122,23 @@ def map_logs(
     survey = process_logs(logs, site, field.frame if field else None, track)
     require_crs(settings.crs, survey.frame)
     radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
-    field_map = FieldMap(
-        _grid(field, survey, site, settings.cell_m),
-        FieldMapSettings(
-            settings.model,
-            settings.fit,
-            settings.keep_nugget,
-            radius_m,
-            curve=site.curve,
-            footprint_radius_m=site.support_radius_m,
-            max_exact_samples=settings.max_exact_samples,
-            noise=settings.noise,
-            local=settings.local,
-        ),
+    grid, simulated = _grid(field, survey, site, settings.cell_m), any(log.simulated for log in logs)
+    map_settings = FieldMapSettings(
+        settings.model,
+        settings.fit,
+        settings.keep_nugget,
+        radius_m,
+        curve=site.curve,
+        footprint_radius_m=site.support_radius_m,
+        max_exact_samples=settings.max_exact_samples,
+        noise=settings.noise,
+        local=settings.local,
     )
+    earlier: tuple[EarlierRun, ...] = ()
+    if settings.earlier:
+        earlier = read_earlier_runs(settings.earlier, Target(survey.frame, grid, map_settings, "", simulated))
+        require_other(earlier, survey.records)
+    field_map = FieldMap(grid, map_settings, Knowledge(tuple(run.survey for run in earlier)))
     field_map.set_records(survey.records)
     progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
     kriging = f"kriging {np.count_nonzero(field_map.grid.mask)} cells"
@@ -165,7 +172,8 @@ def map_logs(
         inputs=_inputs(logs, settings),
         logger_format=logs[0].format_title,
         losses=[*loss_rows([*survey.problems, *track_problems]), *loss_rows_of(field_map.snapshot())],
-        simulated=any(log.simulated for log in logs),
+        simulated=simulated,
+        earlier=earlier,
         notes=[
             *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(site, places, source)),
             *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),

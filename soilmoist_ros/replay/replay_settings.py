@@ -42,6 +42,7 @@ class ReplaySettings:
     :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
         places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
     :param logger: format of the raw lines of the logger; detected from their header if ``None``
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     """
 
@@ -60,6 +61,7 @@ class ReplaySettings:
     source: Source = "counts"
     logger: str | None = None
     crs: str | None = None
+    earlier: Sequence[Path | str] | None = None
 
 
 def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
@@ -76,10 +78,11 @@ def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) 
     return replace(survey, site=corrected), [Note(NoteCode.OTHER_CORRECTIONS, message)]
 
 
-def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) -> FieldSurvey:
+def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, name: str = "") -> FieldSurvey:
     """A map without records: the mapper's settings, overridden by the user's choices.
 
     :param had: parameters of the mapper
+    :param name: name of the property; empty for the robot's own
     """
     field_file = chosen.field or had.get("field")
     if not field_file:
@@ -97,8 +100,9 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str) 
     ):
         if options.get(name, known[0]) not in known:
             raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
+    earlier = had.get("earlier", ()) if chosen.earlier is None else chosen.earlier
     try:
-        return open_survey(field_file, site, **options)
+        return open_survey(field_file, site, **options, earlier=earlier, property_name=name)
     except ValueError as error:
         raise InputError(str(error), "change this setting") from None
 
@@ -113,4 +117,4 @@ def property_survey(
     """
     had = read_parameters(configuration, one.mapper)
     had = had or {**read_parameters(configuration, "mapper"), "site": ""}
-    return _open(bag, had, chosen, had.get("site", ""))
+    return _open(bag, had, chosen, had.get("site", ""), one.name)

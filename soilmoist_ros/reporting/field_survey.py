@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,8 +11,10 @@ from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
+from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, read_earlier_runs, require_other
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 if TYPE_CHECKING:
@@ -27,6 +30,7 @@ class FieldSurvey:
     :param map: map that grows with the records
     :param files: role and path of the files of field and site
     :param simulated: the counts come from a simulation; every output says so
+    :param earlier: earlier surveys that inform the map
     """
 
     field: Field
@@ -34,6 +38,7 @@ class FieldSurvey:
     map: FieldMap
     files: tuple[tuple[str, Path], ...] = ()
     simulated: bool = False
+    earlier: tuple[EarlierRun, ...] = ()
 
     def run(self, snapshot: Snapshot) -> MapRun:
         """The run of a snapshot, for its outputs.
@@ -43,6 +48,7 @@ class FieldSurvey:
         """
         from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 
+        require_other(self.earlier, snapshot.track)
         soil_map = self.map.compute(snapshot.state)
         if soil_map is None:
             raise InputError("there are too few samples for a map", "wait for more records")
@@ -65,6 +71,7 @@ class FieldSurvey:
             inputs=[input_file(path, role) for role, path in self.files],
             losses=loss_rows_of(snapshot),
             simulated=self.simulated,
+            earlier=self.earlier,
         )
 
     def save(self, folder: Path, snapshot: Snapshot) -> list[Path]:
@@ -92,6 +99,8 @@ def open_survey(
     keep_nugget: bool = True,
     merge_radius_m: float = 0.0,
     simulated: bool = False,
+    earlier: Sequence[Path | str] = (),
+    property_name: str = "",
 ) -> FieldSurvey:
     """A field survey without records.
 
@@ -101,6 +110,8 @@ def open_survey(
     :param merge_radius_m: records closer together than this become one sample [m]; 0 for a radius chosen from
         the footprint and the extent of the field
     :param simulated: the counts come from a simulation
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
+    :param property_name: name of the property in them; empty for the robot's own
 
     The other parameters are those of :class:`FieldMapSettings`.
 
@@ -126,4 +137,9 @@ def open_survey(
         noise=noise,
         local=local,
     )
-    return FieldSurvey(the_field, the_site, FieldMap(grid, settings), tuple(files), simulated)
+    runs: tuple[EarlierRun, ...] = ()
+    if earlier:
+        runs = read_earlier_runs(earlier, Target(the_field.frame, grid, settings, property_name, simulated))
+    knowledge = Knowledge(tuple(run.survey for run in runs))
+    the_map = FieldMap(grid, settings, knowledge)
+    return FieldSurvey(the_field, the_site, the_map, tuple(files), simulated, runs)

@@ -18,6 +18,7 @@ from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED
 from soilmoist_ros.mapping.field_map import Snapshot
 from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.run import (
     CalibrationInfo,
     CorrectionRow,
@@ -51,6 +52,7 @@ def make_run(
     losses: Sequence[LossRow] = (),
     simulated: bool = False,
     notes: Sequence[Note] = (),
+    earlier: Sequence[EarlierRun] = (),
 ) -> MapRun:
     """The run behind a map, made now.
 
@@ -85,6 +87,7 @@ def make_run(
         quarantined=[record for record in records if record.quarantine],
         irrigation=IrrigationLimits(**site.irrigation.model_dump()),
         sensed=_sensed_soil(soil_map, track, site),
+        earlier=earlier,
     )
 
 

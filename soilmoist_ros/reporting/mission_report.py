@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+from soilmoist_ros.reporting.earlier.mission_earlier import EARLIER, simulated_runs
 from soilmoist_ros.reporting.failed_outputs import write_failed
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.files.summary import settings_summary
@@ -22,12 +26,17 @@ from soilmoist_ros.simulation.mission.result import MissionResult
 if TYPE_CHECKING:
     from pyproj import CRS
 
+_NO_RUNS: Mapping[str, Sequence[EarlierRun]] = MappingProxyType({})
 UNUSED_COUNTS = 0.01
 """Share of the counts outside the stops up to which there is no note."""
 
 
 def write_mission(
-    folder: Path, result: MissionResult, crs: CRS | str | int | None = None, created_utc: datetime | None = None
+    folder: Path,
+    result: MissionResult,
+    crs: CRS | str | int | None = None,
+    created_utc: datetime | None = None,
+    earlier: Mapping[str, Sequence[EarlierRun]] = _NO_RUNS,
 ) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv``,
     ``series.csv``, ``visits.csv``.
@@ -39,12 +48,14 @@ def write_mission(
     :param result: the mission
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
     :param created_utc: creation time of the outputs; default now
-    :returns: the paths written
+    :param earlier: finished runs that informed the maps, by name of the property
+    :returns: the paths written; those of simulated earlier surveys are folders of runs
     :raises InputError: if the folder cannot be written
     """
     created = created_utc or datetime.now(UTC)
     if result.soil_map is not None:
-        return write_outputs(folder, mission_run(result, created), crs)
+        written = write_outputs(folder, mission_run(result, created, earlier), crs)
+        return [*written, *_write_series(folder, result, crs, created)]
     return write_failed(folder, failed_mission(result, created))
 
 
@@ -70,14 +81,53 @@ def failed_mission(result: MissionResult, created_utc: datetime) -> FailedRun:
     )
 
 
-def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
+def _write_series(
+    folder: Path, result: MissionResult, crs: CRS | str | int | None, created_utc: datetime
+) -> Iterator[Path]:
+    """Write a run folder for each simulated earlier survey of the mission field; yields the folders."""
+    mapped, settings = result.properties[0], result.settings
+    assert mapped.soil_map is not None
+    grid = mapped.soil_map.grid
+    choices = FieldMapSettings(
+        settings.model, settings.fit, curve=mapped.soil_map.curve, noise=settings.noise, local=settings.local
+    )
+    for back, survey in enumerate(mapped.series, 1):
+        field_map = FieldMap(grid, choices)
+        field_map.set_records(survey.records)
+        soil_map = field_map.update()
+        assert soil_map is not None  # there are a hundred samples
+        name = property_name(settings.field_name)
+        run = MapRun(
+            soil_map=soil_map,
+            frame=result.frame,
+            created_utc=created_utc,
+            track=survey.records,
+            title=f"Simulated survey {survey.name}",
+            field_name=result.field_title,
+            simulated=True,
+            version=__version__,
+            truth_rate=grid.to_raster(survey.field.rate_at(grid.cells)),
+            footprint_radius_m=settings.footprint_m,
+            name=name,
+            label=result.field_title or name,
+        )
+        home = folder / EARLIER / f"survey_{back}"
+        write_outputs(home, run, crs)
+        yield home
+
+
+def mission_run(
+    result: MissionResult, created_utc: datetime, earlier: Mapping[str, Sequence[EarlierRun]] = _NO_RUNS
+) -> MapRun:
     """A simulated mission as a mapping run.
 
+    :param earlier: finished runs that informed the maps, by name of the property
     :raises ValueError: if the mission has no map
     """
     if result.soil_map is None:
         raise ValueError("the mission ended before its first map")
     settings = result.settings
+    first, name = result.properties[0], property_name(settings.field_name)
     run = MapRun(
         soil_map=result.soil_map,
         frame=result.frame,
@@ -92,13 +142,15 @@ def mission_run(result: MissionResult, created_utc: datetime) -> MapRun:
         truth_rate=result.truth_rate,
         footprint_radius_m=settings.footprint_m,
         mission=result,
-        name=property_name(settings.field_name),
+        name=name,
         label=result.field_title or settings.field_name,
+        earlier=[*simulated_runs(first, result.soil_map), *earlier.get(name, ())],
     )
     others = [
         replace(
             run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
             mission=None, field_name=other.title, name=other.name, label=other.title,
+            earlier=[*simulated_runs(other, other.soil_map), *earlier.get(other.name, ())],
         )
         for other in result.properties[1:]
         if other.soil_map is not None

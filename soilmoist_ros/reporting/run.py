@@ -20,6 +20,7 @@ from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
     from soilmoist_ros.simulation.mission.result import MissionResult
 
 
@@ -194,6 +195,7 @@ class MapRun(SurveyTimes):
     :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
     :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
         share of the rate [-]
+    :param earlier: earlier surveys that inform the map
     :param quarantined: records left out of the map, each with its reason, in order of time
     :param irrigation: limits of dry and moist soil
     :param sensed: depth and radius that the counts come from, if known
@@ -227,6 +229,7 @@ class MapRun(SurveyTimes):
     quarantined: Sequence[CountRecord] = ()
     irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
     sensed: SensedSoil | None = None
+    earlier: Sequence[EarlierRun] = ()
 
     def __post_init__(self) -> None:
         if self.created_utc.tzinfo is None:

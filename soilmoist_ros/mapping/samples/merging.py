@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples.samples import Samples, merge_records
 from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread, without_noise
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -43,6 +45,21 @@ class DrivenPaths:
         self._last.remove(nearest)
         share = min(exposure_s / (record.stamp_s - nearest.stamp_s), 1.0)
         return path_spread([share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)])
+
+
+def survey_samples(records: Sequence[CountRecord], radius_m: float, footprint_radius_m: float = 0.0) -> Samples:
+    """Samples of a whole survey, merged as :func:`merge_records` does: they do not depend on the order of visits.
+
+    :param records: all with a place and an exposure > 0, in order of time
+    :param radius_m: radius of a stop [m], >= 0
+    :param footprint_radius_m: as :class:`SampleMerger`
+    """
+    paths = DrivenPaths()
+    spread = np.array([paths.spread(record) for record in records]).reshape(-1, 3)
+    columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
+    table = np.array(columns, float).reshape(-1, 4)
+    samples = merge_records(table[:, :2], table[:, 2], table[:, 3], radius_m, spread)
+    return replace(samples, spread=samples.spread + footprint_spread(footprint_radius_m))
 
 
 class SampleMerger:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 Array = NDArray[np.float64]
@@ -27,6 +28,7 @@ class SurrogateField:
     :param hours: usual mission time [h]
     :param points_xy: positions of the points for a truth from points [m], shape (k, 2)
     :param points_rate: rates at the points [counts/s], shape (k,)
+    :param variogram: that of the rate, if it is a random field
     """
 
     name: str
@@ -37,6 +39,7 @@ class SurrogateField:
     hours: float = 2.0
     points_xy: Array | None = None
     points_rate: Array | None = None
+    variogram: Variogram | None = None
 
     @property
     def frame(self) -> LocalFrame:

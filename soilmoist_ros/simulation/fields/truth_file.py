@@ -19,7 +19,7 @@ from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil, moisture_curve
 from soilmoist_ros.simulation.fields.formula_base import Quantity, Truth
 from soilmoist_ros.simulation.fields.rate_extrapolation import MAX_POINTS, default_variogram, kriged_grid
-from soilmoist_ros.simulation.fields.rate_formula import Formula
+from soilmoist_ros.simulation.fields.rate_formula import Formula, RandomFieldFormula
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.fields.truth_table import Layer, read_geotiff, read_grid, read_points
@@ -121,7 +121,21 @@ def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> Surrog
         truth = _from_grid(section, path, field, extent, cells)
     else:
         truth = _from_formula(section, path, extent, rng)
-    return SurrogateField(path.stem, field.name, field, truth, section.curve, section.hours)
+    variogram = _random_variogram(section)
+    return SurrogateField(path.stem, field.name, field, truth, section.curve, section.hours, variogram=variogram)
+
+
+def _random_variogram(section: TruthSection) -> Variogram | None:
+    """Variogram of the rate of a random field; a moisture becomes a rate by the slope of the curve at its mean."""
+    formula = section.formula
+    if not isinstance(formula, RandomFieldFormula):
+        return None
+    slope = 1.0
+    if formula.quantity == "vwc":
+        assert section.curve is not None  # there is no truth without
+        low, high = section.curve.rate_cps([formula.mean - formula.sd / 2, formula.mean + formula.sd / 2])
+        slope = float(high - low) / formula.sd
+    return Variogram(formula.model, 0.0, formula.range_m, (slope * formula.sd) ** 2)
 
 
 def truth_stamps(path: Path) -> tuple[int, ...]:

@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, default_merge_radius_m
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.mission.earlier_series import earlier_series
 from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
 from soilmoist_ros.simulation.mission.result import MappedProperty
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
@@ -34,6 +37,8 @@ class Channel:
     :param settings: settings of the mission
     :param curve: calibration for a moisture map, if any
     :param wanted: settings of the property
+    :param number: number of the property, from 0
+    :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
 
     Attributes
     ----------
@@ -52,6 +57,8 @@ class Channel:
         settings: MissionSettings,
         curve: MoistureCurve | None,
         wanted: PropertySettings,
+        number: int = 0,
+        earlier: Sequence[EarlierSurvey] = (),
     ) -> None:
         self.field = field
         self.wanted = wanted
@@ -68,7 +75,10 @@ class Channel:
             noise=settings.noise,
             local=settings.local,
         )
-        self.field_map = FieldMap(grid, choices)
+        self.series = earlier_series(field, grid, settings, number)
+        merge_m = default_merge_radius_m(grid, choices.margin_m)
+        surveys = (one.survey(merge_m, radius_m) for one in self.series)
+        self.field_map = FieldMap(grid, choices, Knowledge((*earlier, *surveys)))
         self.drift = settings.rate_drift
         self._truth = field.rate_at(grid.cells)
         self._true_vwc = None if curve is None or self.drift.share else possible_moisture(curve, self._truth)
@@ -118,7 +128,8 @@ class Channel:
         """The property as a part of the result of a mission that ends now."""
         truth = self.field_map.grid.to_raster(self.truth(now_s))
         name, weight = self.wanted.name, self.wanted.weight
-        return MappedProperty(name, self.field.title, tuple(self.records), self.soil_map, truth, weight)
+        records, series = tuple(self.records), tuple(self.series)
+        return MappedProperty(name, self.field.title, records, self.soil_map, truth, weight, series)
 
 
 def mission_properties(settings: MissionSettings) -> tuple[PropertySettings, ...]:

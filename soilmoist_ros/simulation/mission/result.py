@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.geodesy import LocalFrame
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.sensing.records import CountRecord
+    from soilmoist_ros.simulation.mission.earlier_series import SimulatedSurvey
     from soilmoist_ros.simulation.mission.forecasts import TimedForecast
     from soilmoist_ros.simulation.mission.settings import MissionSettings
 
@@ -98,6 +99,7 @@ class MappedProperty:
     :param truth_rate: true rate at the end on the map's grid [counts/s], shape (ny, nx), NaN outside and if
         unknown
     :param weight: value of a share of its variation to the planner; 0 means mapped, but not planned for
+    :param series: simulated earlier surveys that informed the map, the latest first
     """
 
     name: str
@@ -106,6 +108,7 @@ class MappedProperty:
     soil_map: SoilMap | None
     truth_rate: Array
     weight: float = 1.0
+    series: Sequence[SimulatedSurvey] = ()
 
     @property
     def known_truth(self) -> Array | None:

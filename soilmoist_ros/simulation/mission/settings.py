@@ -186,6 +186,12 @@ def _plain_dwell(text: str) -> str:
     return str(parse_dwell(text))
 
 
+def _share(value: float) -> float:
+    if value > 1:
+        raise InputError(f"must be at most 1, but it is {value!r}")
+    return value
+
+
 def _properties(value: Any) -> tuple[PropertySettings, ...]:
     many = value if isinstance(value, (list, tuple)) else (value,)
     return tuple(one if isinstance(one, PropertySettings) else PropertySettings.parse(str(one)) for one in many)
@@ -373,6 +379,19 @@ class MissionSettings:
     random_field: bool = _setting(
         False, "Draw what is random in the field (patches, random fields) from the seed as well."
     )
+    earlier_surveys: int = _setting(
+        0, "Number of earlier surveys of each field that inform its map: about 100 stops of 40 s each, and "
+        "its own mean. The present field is the same with and without them.", low=0,
+    )  # fmt: skip
+    persistence: float = _setting(
+        0.9, "Correlation of the patterns of two surveys: 1 if nothing but the mean changes, 0 if the earlier "
+        "surveys say nothing about this one.", low=0, check=_share,
+    )  # fmt: skip
+    survey_days: float = _setting(7.0, "Time between two surveys.", unit="d", low=0, above=True)
+    pattern_days: float = _setting(
+        0.0, "Time in which the persistence of the pattern falls to a third (1/e); 0: it never falls.", unit="d",
+        low=0,
+    )  # fmt: skip
     properties: tuple[PropertySettings, ...] = _setting(
         (), "Further property that the robots count and map: a built-in field, or a field file with a truth, on "
         "the same ground. The planner gives it this weight, --field has 1; with 0 it is mapped only.",

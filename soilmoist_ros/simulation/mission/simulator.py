@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,7 @@ from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, Rob
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
 from soilmoist_ros.simulation.mission.forecasts import TimedForecast
@@ -76,6 +78,7 @@ Array = NDArray[np.float64]
 
 _log = logging.getLogger(__name__)
 
+_NO_SURVEYS: Mapping[str, Sequence[EarlierSurvey]] = MappingProxyType({})
 LATTICE_NODES = 300
 """Approximate number of nodes of the default lattice, used when travel needs a graph and none is given."""
 PLACES_PER_RECORD = 10
@@ -84,7 +87,10 @@ _LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 def simulate_mission(
-    settings: MissionSettings, progress: Callable[[float], None] | None = None, forecasts: bool = False
+    settings: MissionSettings,
+    progress: Callable[[float], None] | None = None,
+    forecasts: bool = False,
+    earlier: Mapping[str, Sequence[EarlierSurvey]] = _NO_SURVEYS,
 ) -> MissionResult:
     """Simulate one mission. The settings determine the result, bit for bit.
 
@@ -92,9 +98,10 @@ def simulate_mission(
     :param progress: called regularly with the elapsed share of the mission time [0..1]
     :param forecasts: whether to forecast the map's standard deviation, some milliseconds each; always done where a
         forecast may end the mission
+    :param earlier: earlier surveys that inform the maps, by name of the property
     :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
     """
-    return _Simulation(settings, forecasts).run(progress or (lambda share: None))
+    return _Simulation(settings, forecasts, earlier).run(progress or (lambda share: None))
 
 
 class _Robot:
@@ -150,7 +157,12 @@ class _Robot:
 class _Simulation:
     """State of one running mission."""
 
-    def __init__(self, settings: MissionSettings, forecasts: bool = False) -> None:
+    def __init__(
+        self,
+        settings: MissionSettings,
+        forecasts: bool = False,
+        earlier: Mapping[str, Sequence[EarlierSurvey]] = _NO_SURVEYS,
+    ) -> None:
         settings.check()
         self.settings = settings
         self.forecasts_wanted = forecasts or settings.until_sd > 0 or settings.until_gain > 0
@@ -166,8 +178,16 @@ class _Simulation:
         self.travel, self.stops = travel_and_stops(field.field, self.grid, settings.motion, settings)
         # The calibration belongs to the mission field; other properties have no moisture.
         self.channels = [
-            Channel(one, self.grid, settings, one.curve if one is field else None, wanted)
-            for one, wanted in zip(fields, mission_properties(settings), strict=True)
+            Channel(
+                one,
+                self.grid,
+                settings,
+                one.curve if one is field else None,
+                wanted,
+                number,
+                earlier.get(wanted.name, ()),
+            )
+            for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True))
         ]
         self.robots = [self.robot(number) for number in range(settings.robots)]
         # Times from the positions of a record to its end.

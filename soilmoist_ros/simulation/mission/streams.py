@@ -7,6 +7,7 @@ import numpy as np
 from soilmoist_ros.exploration.control.mission_setup import STREAMS_PER_ROBOT
 
 _SENSOR, _GNSS = 0, 2  # between them is the stream of the strategy
+_EARLIER = 0  # keys of three numbers; the others have fewer
 
 
 def field_stream(seed: int, number: int) -> np.random.Generator:
@@ -30,6 +31,16 @@ def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -
     """
     keys = ((STREAMS_PER_ROBOT * robot + _SENSOR,), (STREAMS_PER_ROBOT * robots + robot,))
     return _stream(seed, *(keys[number] if number < len(keys) else (number, robot)))
+
+
+def series_stream(seed: int, number: int, back: int) -> np.random.Generator:
+    """Random stream for an earlier survey: its part of the pattern, its mean, its stops and its counts.
+
+    :param seed: seed of the mission
+    :param number: number of the property, from 0
+    :param back: number of the survey, from 1, the latest first
+    """
+    return _stream(seed, _EARLIER, number, back)
 
 
 def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:

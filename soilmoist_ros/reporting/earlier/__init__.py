@@ -1,0 +1,1 @@
+"""Finished runs as earlier surveys of the field that is being mapped."""

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from earlier_folders import FRAME, JUNE_S, MAY_S, records, run_folder
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field_map import FieldMapSettings
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.recording.record_table import read_records
+from soilmoist_ros.reporting.earlier.earlier_runs import Target, read_earlier_runs, require_other, same_survey
+from soilmoist_ros.reporting.earlier.run_records import find_runs
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
+TARGET = Target(FRAME, GRID, FieldMapSettings(margin_m=5.0))
+
+
+def test_counts_and_exposures_are_kept_in_order_of_time(tmp_path):
+    june = run_folder(tmp_path / "june", records(2, JUNE_S))
+    may = run_folder(tmp_path / "may", records(1, MAY_S))
+    runs = read_earlier_runs([june, may], TARGET)
+    assert [run.survey.name for run in runs] == ["may", "june"]
+    assert [run.date for run in runs] == ["2026-05-02", "2026-06-02"]
+    assert runs[0].survey.stamp_s == MAY_S
+    for run, its in zip(runs, (records(1, MAY_S), records(2, JUNE_S)), strict=True):
+        assert run.survey.samples.counts.sum() == sum(one.raw_counts for one in its)
+        assert run.survey.samples.exposure_s.sum() == pytest.approx(285.0)
+        assert not run.remarks
+
+
+def test_a_folder_of_runs_and_a_table_of_records_are_runs(tmp_path):
+    for name, seed in (("a", 1), ("b", 2)):
+        run_folder(tmp_path / name, records(seed, MAY_S + seed))
+    assert len(read_earlier_runs([tmp_path], TARGET)) == 2
+    assert find_runs(tmp_path / "a" / "records.csv") == [tmp_path / "a"]
+
+
+def test_another_datum_is_the_same_earth(tmp_path):
+    frame = LocalFrame(53.2685, -0.5235)
+    its = records(1, MAY_S)
+    xy = np.array([(one.x_m, one.y_m) for one in its])
+    there = frame.to_local(*FRAME.to_geographic(xy).T)
+    moved = [replace(one, x_m=x, y_m=y) for one, (x, y) in zip(its, there.tolist(), strict=True)]
+    run_folder(tmp_path / "here", its)
+    run_folder(tmp_path / "there", moved, frame)
+    (here,) = read_earlier_runs([tmp_path / "here"], TARGET)
+    (other,) = read_earlier_runs([tmp_path / "there"], TARGET)
+    np.testing.assert_allclose(other.survey.samples.xy, here.survey.samples.xy, atol=1e-4)
+
+
+def test_records_outside_and_quarantined_ones_are_left_out(tmp_path):
+    its = records(1, MAY_S)
+    its[0] = replace(its[0], x_m=500.0)
+    its[1] = replace(its[1], quarantine="unexpected")
+    (run,) = read_earlier_runs([run_folder(tmp_path / "run", its)], TARGET)
+    assert len(run.records) == 28
+    assert run.outside == 1
+    assert "1 of 29 records lie outside" in run.remarks[0]
+
+
+def test_exposures_are_scaled_by_the_sensitivity_of_calibrated_sensors(tmp_path):
+    path = run_folder(tmp_path / "run", records(1, MAY_S), calibration={"n0_cps": 2.0})
+    curve = CalibrationCurve(8.0, 1.4)
+    (plain,) = read_earlier_runs([path], TARGET)
+    (scaled,) = read_earlier_runs([path], replace(TARGET, settings=replace(TARGET.settings, curve=curve)))
+    assert scaled.scale == 0.25
+    np.testing.assert_allclose(scaled.survey.samples.exposure_s, 0.25 * plain.survey.samples.exposure_s)
+    np.testing.assert_allclose(scaled.survey.samples.rate_cps, 4 * plain.survey.samples.rate_cps)
+    assert "N0" in scaled.remarks[0]
+
+
+def test_runs_of_one_name_get_the_folder_above(tmp_path):
+    paths = [
+        run_folder(tmp_path / month / "map", records(n, MAY_S + n)) for n, month in enumerate(("may", "june"))
+    ]
+    assert {run.survey.name for run in read_earlier_runs(paths, TARGET)} == {"may/map", "june/map"}
+
+
+def test_every_run_that_cannot_be_used_is_named(tmp_path):
+    far = run_folder(tmp_path / "far", records(1, MAY_S, shift_m=3000.0))
+    other = run_folder(tmp_path / "other", records(2, MAY_S), properties=[{"name": "salt"}])
+    made = run_folder(tmp_path / "made", records(3, MAY_S), simulated=True)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError) as caught:
+        read_earlier_runs(
+            [far, other, made, tmp_path / "empty", tmp_path / "none"],
+            replace(TARGET, name="compaction", simulated=False),
+        )
+    text = str(caught.value)
+    for part in (
+        "does not overlap",
+        "4.2 km",
+        "'salt', not of 'compaction'",
+        "simulated",
+        "neither a run",
+        "exist",
+    ):
+        assert part in text
+    assert len(caught.value.mistakes) == 5
+
+
+def test_a_survey_is_used_once(tmp_path):
+    path = run_folder(tmp_path / "run", records(1, MAY_S))
+    shutil.copytree(path, tmp_path / "copy")
+    with pytest.raises(InputError, match="is the same survey as"):
+        read_earlier_runs([path, tmp_path / "copy"], TARGET)
+    runs = read_earlier_runs([path], TARGET)
+    require_other(runs, records(2, MAY_S))
+    with pytest.raises(InputError, match="the survey that is being mapped"):
+        require_other(runs, read_records(path / "records.csv"))
+
+
+def test_equal_times_alone_make_no_equal_surveys():
+    # Simulated missions all begin at time 0.
+    assert not same_survey(records(1, 290.0), records(2, 290.0))
+    assert same_survey(records(1, 290.0), records(1, 290.0)[:10])
+    assert not same_survey([], [])

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import pytest
+from earlier_folders import FRAME, MAY_S, records, run_folder
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.record_table import write_records
+from soilmoist_ros.reporting.earlier.run_records import find_runs, read_run
+
+
+def test_a_run_has_its_records_its_plane_and_how_they_were_corrected(tmp_path):
+    rows = [{"name": "air pressure", "parameters": {"P0 [hPa]": 1013.25}}]
+    run = read_run(run_folder(tmp_path / "run", records(1, MAY_S)[::-1], corrections=rows, simulated=True))
+    assert run.records == records(1, MAY_S)
+    assert run.frame == FRAME
+    assert run.corrections == {"air pressure": {"P0 [hPa]": 1013.25}}
+    assert run.simulated
+
+
+def test_a_folder_without_runs_is_refused(tmp_path):
+    with pytest.raises(InputError, match="neither a run"):
+        find_runs(tmp_path)
+
+
+def test_a_run_without_a_usable_record_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no usable record"):
+        read_run(run_folder(tmp_path / "run", []))
+
+
+def test_a_run_without_its_table_is_refused(tmp_path):
+    path = run_folder(tmp_path / "run", records(1, MAY_S))
+    (path / "records.csv").unlink()
+    with pytest.raises(InputError, match=r"has no records\.csv"):
+        read_run(path)
+
+
+def test_another_property_of_a_run_is_read_by_its_name(tmp_path):
+    path = run_folder(
+        tmp_path / "run", records(1, MAY_S), properties=[{"name": "moisture"}, {"name": "compaction"}]
+    )
+    write_records(path / "records_compaction.csv", records(7, MAY_S))
+    assert read_run(path, "compaction").records == records(7, MAY_S)
+    assert read_run(path).records == records(1, MAY_S)
+
+
+@pytest.mark.parametrize("content", ["{", '{"datum": null}', '{"datum": {"latitude_deg": 500}}'])
+def test_a_damaged_summary_is_refused(tmp_path, content):
+    path = run_folder(tmp_path / "run", records(1, MAY_S))
+    (path / "summary.json").write_text(content)
+    with pytest.raises(InputError, match=r"is not the summary of a mapped run"):
+        read_run(path)
