@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
+from soilmoist_ros.cli.options.covariate_option import covariate_option
 from soilmoist_ros.cli.options.earlier_option import earlier_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 from soilmoist_ros.simulation.mission.settings import PRESETS
@@ -66,6 +67,7 @@ if TYPE_CHECKING:
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
 @earlier_option()
+@covariate_option()
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--title", help="Title of the report.")
 @output_options()
@@ -85,6 +87,7 @@ def command(
     crs: str | None,
     out: Path,
     overwrite: bool,
+    covariates: tuple[str, ...],
     **choices: Any,
 ) -> None:
     """Map soil moisture from neutron LOGS.
@@ -93,6 +96,7 @@ def command(
     """
     from soilmoist_ros.foundation.configuration import resource
     from soilmoist_ros.foundation.workers import shared_work
+    from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
     from soilmoist_ros.reporting import write_outputs
 
@@ -106,6 +110,7 @@ def command(
         fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
         noise="mean" if (noise or PRESETS[preset]["noise"]) == "mean" else "local",
         local="off" if (local or PRESETS[preset]["local"]) == "off" else "auto",
+        covariates=tuple(map(CovariateSource.parse, covariates)),
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:

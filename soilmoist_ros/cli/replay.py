@@ -10,6 +10,7 @@ import click
 
 from soilmoist_ros.cli.bag import play
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.options.covariate_option import covariate_option
 from soilmoist_ros.cli.options.earlier_option import earlier_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output, reported_failure
 from soilmoist_ros.foundation.errors import InputError
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 @click.option("--logger", help="Logger format of the raw lines. Default: detected from the header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @earlier_option(" Default: as in the run.")
+@covariate_option(" Default: as in the run.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @output_options("Folder for the results; made if missing. Required.", required=False)
 @click.option("--live", is_flag=True, hidden=True)
@@ -69,6 +71,7 @@ def command(
     start_s: float | None,
     truths: tuple[str, ...],
     earlier: tuple[Path, ...],
+    covariates: tuple[str, ...],
     also_truth: str | None,
     **choices: Any,
 ) -> None:
@@ -95,7 +98,12 @@ def command(
         named[1] = also_truth
     with progress_bar() as progress:
         settings = ReplaySettings(
-            keep_nugget=keep_nugget, truths=named, crs=crs, earlier=earlier or None, **choices
+            keep_nugget=keep_nugget,
+            truths=named,
+            crs=crs,
+            earlier=earlier or None,
+            covariates=covariates or None,
+            **choices,
         )
         with reported_failure(out):
             replay = replay_bag(bag, settings, progress)

@@ -18,6 +18,7 @@ from soilmoist_ros.foundation.configuration import Section, load_model
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_and_bearing, distance_text
+from soilmoist_ros.mapping.covariates.source import CovariateSection, CovariateSource
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
 MIN_AREA_M2, MAX_AREA_M2 = 1.0, 1e9
@@ -54,6 +55,8 @@ class FieldFile(Section):
     """Areas inside the boundary that are not mapped or entered, as [x, y] in metres from the datum."""
     cell_m: Annotated[float, Setting(gt=0)] | None = None
     """Cell size of the map [m]; chosen from the footprint and the extent if left out."""
+    covariates: tuple[str | CovariateSection, ...] = ()
+    """What else is known at every place: FILE, FILE:BAND, or a section with ``file``, from the field file."""
     truth: Any = None
     """Truth of a surrogate field, for simulations; a field is mapped the same with or without it."""
 
@@ -85,6 +88,7 @@ class Field:
     :param polygon: boundary, shape (k, 2) [m], not closed
     :param no_go: boundaries of areas to leave out, each of shape (k, 2) [m]
     :param cell_m: cell size of the map [m], ``None`` to choose it
+    :param covariates: files with covariates
     """
 
     name: str
@@ -92,6 +96,7 @@ class Field:
     polygon: NDArray[np.float64]
     no_go: tuple[NDArray[np.float64], ...] = ()
     cell_m: float | None = None
+    covariates: tuple[CovariateSource, ...] = ()
 
     def grid(self, cell_m: float | None = None, footprint_radius_m: float = 10.0) -> FieldGrid:
         """Grid of the field: the only place where one is laid, so that maps, stops and truth share their cells.
@@ -165,7 +170,11 @@ def load_field(path: Path) -> Field:
     _require_plausible(polygon, lonlat, frame, path)
     for number, ring in enumerate(no_go, start=1):
         _require_valid(ring, f"no-go area {number}", path)
-    return Field(content.name, frame, polygon, tuple(no_go), content.cell_m)
+    covariates = tuple(
+        CovariateSource.parse(one, path.parent) if isinstance(one, str) else one.source(path.parent)
+        for one in content.covariates
+    )
+    return Field(content.name, frame, polygon, tuple(no_go), content.cell_m, covariates)
 
 
 def _open_ring(vertices: Iterable[Any]) -> NDArray[np.float64]:

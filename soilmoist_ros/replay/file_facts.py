@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text, place_text
+from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.reporting.page.numbers import area, duration
@@ -55,7 +56,10 @@ def _doubt(text: str) -> Finding:
 
 
 def field_findings(field: Field) -> Iterator[Finding]:
-    """Area, place, direction and cells of a field."""
+    """Area, place, direction, cells and covariates of a field.
+
+    :raises InputError: if a covariate cannot be used
+    """
     import shapely
 
     shape = shapely.Polygon(field.polygon)
@@ -71,6 +75,10 @@ def field_findings(field: Field) -> Iterator[Finding]:
     cells = f"{np.count_nonzero(grid.mask)} cells of {grid.cell_m:g} m"
     no_go = f", {len(field.no_go)} no-go {'area' if len(field.no_go) == 1 else 'areas'}" if field.no_go else ""
     yield Finding("map", f"{cells}{no_go}")
+    covariates = read_covariates(field.covariates, field.frame, grid)
+    if covariates is not None:
+        covered = [f"{name} ({share:.0%} of the field)" for name, share in coverage(covariates, grid).items()]
+        yield Finding("covariates", ", ".join(covered))
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
         size = (
             "smaller than the footprint of the sensor" if shape.area < MIN_USUAL_M2 else "very large for a survey"

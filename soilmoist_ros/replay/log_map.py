@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.mapping.covariates.reading import read_covariates
+from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
@@ -65,6 +67,7 @@ class MapSettings:
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
+    :param covariates: files with covariates, in addition to those of the field
     """
 
     logger: str | None = None
@@ -82,6 +85,7 @@ class MapSettings:
     crs: str | None = None
     max_exact_samples: int = MAX_EXACT_SAMPLES
     earlier: tuple[Path, ...] = ()
+    covariates: tuple[CovariateSource, ...] = ()
 
 
 def map_logs(
@@ -138,7 +142,9 @@ def map_logs(
     if settings.earlier:
         earlier = read_earlier_runs(settings.earlier, Target(survey.frame, grid, map_settings, "", simulated))
         require_other(earlier, survey.records)
-    field_map = FieldMap(grid, map_settings, Knowledge(tuple(run.survey for run in earlier)))
+    sources = (*(field.covariates if field else ()), *settings.covariates)
+    covariates = read_covariates(sources, survey.frame, grid)
+    field_map = FieldMap(grid, map_settings, Knowledge(tuple(run.survey for run in earlier), covariates))
     field_map.set_records(survey.records)
     progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
     kriging = f"kriging {np.count_nonzero(field_map.grid.mask)} cells"
@@ -169,11 +175,12 @@ def map_logs(
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
         title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
-        inputs=_inputs(logs, settings),
+        inputs=_inputs(logs, settings, sources),
         logger_format=logs[0].format_title,
         losses=[*loss_rows([*survey.problems, *track_problems]), *loss_rows_of(field_map.snapshot())],
         simulated=simulated,
         earlier=earlier,
+        covariates=covariates,
         notes=[
             *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(site, places, source)),
             *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
@@ -260,10 +267,13 @@ def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float 
         raise InputError(f"the track cannot be gridded: {error}", "change the cell size") from None
 
 
-def _inputs(logs: Sequence[LogFile], settings: MapSettings) -> list[InputFile]:
+def _inputs(
+    logs: Sequence[LogFile], settings: MapSettings, covariates: Sequence[CovariateSource]
+) -> list[InputFile]:
     others = [("GNSS log", path) for path in settings.nmea]
     others += [("site", settings.site)] if settings.site else []
     others += [("field", settings.field)] if settings.field else []
+    others += [("covariate", path) for path in dict.fromkeys(one.path for one in covariates)]
     return [
         *(input_file(log.path, "neutron log", len(log.records)) for log in logs),
         *(input_file(path, role, None) for role, path in others),

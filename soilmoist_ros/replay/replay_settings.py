@@ -44,6 +44,8 @@ class ReplaySettings:
     :param logger: format of the raw lines of the logger; detected from their header if ``None``
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
+    :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
+        those of the robot
     """
 
     field: str | None = None
@@ -62,6 +64,7 @@ class ReplaySettings:
     logger: str | None = None
     crs: str | None = None
     earlier: Sequence[Path | str] | None = None
+    covariates: Sequence[str] | None = None
 
 
 def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
@@ -101,8 +104,9 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, 
         if options.get(name, known[0]) not in known:
             raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
     earlier = had.get("earlier", ()) if chosen.earlier is None else chosen.earlier
+    covariates = had.get("covariates", ()) if chosen.covariates is None else chosen.covariates
     try:
-        return open_survey(field_file, site, **options, earlier=earlier, property_name=name)
+        return open_survey(field_file, site, **options, earlier=earlier, property_name=name, covariates=covariates)
     except ValueError as error:
         raise InputError(str(error), "change this setting") from None
 

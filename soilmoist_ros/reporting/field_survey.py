@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.covariates.reading import read_covariates
+from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
@@ -71,6 +73,7 @@ class FieldSurvey:
             inputs=[input_file(path, role) for role, path in self.files],
             losses=loss_rows_of(snapshot),
             simulated=self.simulated,
+            covariates=self.map.knowledge.covariates,
             earlier=self.earlier,
         )
 
@@ -101,6 +104,7 @@ def open_survey(
     simulated: bool = False,
     earlier: Sequence[Path | str] = (),
     property_name: str = "",
+    covariates: Sequence[str] = (),
 ) -> FieldSurvey:
     """A field survey without records.
 
@@ -112,6 +116,7 @@ def open_survey(
     :param simulated: the counts come from a simulation
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param property_name: name of the property in them; empty for the robot's own
+    :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field
 
     The other parameters are those of :class:`FieldMapSettings`.
 
@@ -140,6 +145,8 @@ def open_survey(
     runs: tuple[EarlierRun, ...] = ()
     if earlier:
         runs = read_earlier_runs(earlier, Target(the_field.frame, grid, settings, property_name, simulated))
-    knowledge = Knowledge(tuple(run.survey for run in runs))
+    sources = (*the_field.covariates, *map(CovariateSource.parse, covariates))
+    files += [("covariate", path) for path in dict.fromkeys(one.path for one in sources)]
+    knowledge = Knowledge(tuple(run.survey for run in runs), read_covariates(sources, the_field.frame, grid))
     the_map = FieldMap(grid, settings, knowledge)
     return FieldSurvey(the_field, the_site, the_map, tuple(files), simulated, runs)

@@ -17,6 +17,7 @@ from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED
 from soilmoist_ros.mapping.field_map import Snapshot
+from soilmoist_ros.mapping.knowledge.covariates import Covariates
 from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.run import (
@@ -53,6 +54,7 @@ def make_run(
     simulated: bool = False,
     notes: Sequence[Note] = (),
     earlier: Sequence[EarlierRun] = (),
+    covariates: Covariates | None = None,
 ) -> MapRun:
     """The run behind a map, made now.
 
@@ -88,6 +90,7 @@ def make_run(
         irrigation=IrrigationLimits(**site.irrigation.model_dump()),
         sensed=_sensed_soil(soil_map, track, site),
         earlier=earlier,
+        covariates=covariates,
     )
 
 

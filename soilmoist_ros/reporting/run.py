@@ -20,6 +20,7 @@ from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.mapping.knowledge.covariates import Covariates
     from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
     from soilmoist_ros.simulation.mission.result import MissionResult
 
@@ -149,6 +150,7 @@ class NoteCode(StrEnum):
     FEW_SAMPLES = "few_samples"
     PRIOR_MATTERED = "prior_mattered"
     NOT_CONVERGED = "not_converged"
+    COVARIATE_GAPS = "covariate_gaps"
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,7 @@ class MapRun(SurveyTimes):
     :param quarantined: records left out of the map, each with its reason, in order of time
     :param irrigation: limits of dry and moist soil
     :param sensed: depth and radius that the counts come from, if known
+    :param covariates: covariates behind the map, if any
     :raises ValueError: if ``created_utc`` has no time zone
     """
 
@@ -230,6 +233,7 @@ class MapRun(SurveyTimes):
     irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
     sensed: SensedSoil | None = None
     earlier: Sequence[EarlierRun] = ()
+    covariates: Covariates | None = None
 
     def __post_init__(self) -> None:
         if self.created_utc.tzinfo is None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+
+import shapely
 from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import main
@@ -25,3 +28,23 @@ def test_the_command_refuses_contradictions_and_options_that_do_not_fit(roving_r
     assert check("--nmea", roving_record, "--site", "example").exit_code == 2
     assert check("--log", roving_record, "--site", "example", "--site", "gypsum_transect").exit_code == 2
     assert check().exit_code == 2
+
+
+def test_the_command_says_what_covariates_cover(tmp_path):
+    west, south, width, height = -0.5245, 53.268, 0.0004, 0.0002  # the western half of the field
+    boxes = [(west, y, west + width, y + height) for y in (south, south + height)]
+    features = [
+        {"type": "Feature", "properties": {"soil": name}, "geometry": shapely.geometry.mapping(shapely.box(*box))}
+        for name, box in zip(("clay", "sand"), boxes, strict=True)
+    ]
+    (tmp_path / "soils.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    text = f"datum: {{latitude_deg: {south}, longitude_deg: {west}}}\ncell_m: 1\n"
+    text += "polygon: [[0, 0], [53, 0], [53, 44], [0, 44]]\n"
+    path = tmp_path / "field.yaml"
+    path.write_text(text + "covariates: [soils.geojson]\n")
+    result = check("--field", path)
+    assert "covariates  soils sand (51% of the field)" in result.output
+    path.write_text(text + "covariates: [soil.geojson]\n")
+    result = check("--field", path)
+    assert result.exit_code == 2
+    assert "no such file" in result.output

@@ -125,3 +125,19 @@ def test_mistakes_of_units_order_and_datum_are_named(tmp_path, text, message):
 def test_small_plots_and_whole_farms_are_fields(tmp_path):
     assert load_field(write(tmp_path, SQUARE + "polygon: [[0,0],[2,0],[2,2],[0,2]]\n")).extent_m == 2.0
     assert load_field(write(tmp_path, SQUARE + "polygon: [[0,0],[9e3,0],[9e3,9e3],[0,9e3]]\n")).extent_m == 9e3
+
+
+def test_covariates_start_at_the_field_file(tmp_path):
+    text = SQUARE + (
+        "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
+        "covariates:\n  - image.tif:ndvi\n  - {file: maps/relief.tif, derive: [slope, aspect], name: relief}\n"
+    )
+    image, relief = load_field(write(tmp_path, text)).covariates
+    assert (image.path, image.band) == (tmp_path / "image.tif", "ndvi")
+    assert (relief.path, relief.derive, relief.label) == (
+        tmp_path / "maps/relief.tif",
+        ("slope", "aspect"),
+        "relief",
+    )
+    with pytest.raises(InputError, match="'elevation', 'slope'"):
+        load_field(write(tmp_path, text.replace("[slope,", "[slop,")))

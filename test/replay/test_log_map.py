@@ -7,6 +7,7 @@ import pytest
 
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.replay import MapSettings, map_logs
 from soilmoist_ros.replay.log_map import loss_rows
@@ -176,3 +177,24 @@ def test_a_site_of_another_place_is_noted(survey, tmp_path):
     run = map_logs([survey / "survey.log"], settings(survey, site=site, cell_m=10.0))
     (note,) = [note for note in run.notes if note.code is NoteCode.FAR_FROM_SITE]
     assert "of the place of the site" in note.message
+
+
+def test_covariates_of_the_field_and_of_the_settings(survey, tmp_path):
+    import rasterio
+    from rasterio.transform import Affine
+
+    field = load_field(survey / "field.yaml")
+    values = np.add.outer(np.arange(60.0), np.arange(60.0)).astype("float32")
+    with rasterio.open(
+        tmp_path / "image.tif", "w", driver="GTiff", width=60, height=60, count=1, dtype="float32",
+        crs=field.frame.crs.to_wkt(), transform=Affine(1, 0, -5, 0, -1, 55), nodata=-1,
+    ) as file:  # fmt: skip
+        file.write(values, 1)
+    text = (survey / "field.yaml").read_text() + f"\ncovariates: [{tmp_path / 'image.tif'}]\n"
+    (tmp_path / "field.yaml").write_text(text)
+    more = (CovariateSource(tmp_path / "image.tif", name="again"),)
+    run = map_logs([survey / "survey.log"], settings(survey, field=tmp_path / "field.yaml", covariates=more))
+    assert run.covariates.names == ("image", "again")
+    assert [item.role for item in run.inputs][-1] == "covariate"
+    with pytest.raises(InputError, match="no such file"):
+        map_logs([survey / "survey.log"], settings(survey, covariates=(CovariateSource(tmp_path / "none.tif"),)))

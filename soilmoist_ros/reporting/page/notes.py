@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from soilmoist_ros.mapping.covariates.reading import coverage
 from soilmoist_ros.reporting.geometry import distances_m, track_xy
 from soilmoist_ros.reporting.moisture_series import at_one_place
 from soilmoist_ros.reporting.page.numbers import percent, volume
@@ -29,6 +30,8 @@ FAR_SHARE = 0.1
 """Share of the records beyond the correlation range above which there is a note."""
 MAX_AHEAD_S = 86_400.0
 """How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
+MIN_COVERAGE = 0.9
+"""Share of the field that a covariate covers from which there is no note."""
 MIN_UNCLEAR = 0.01
 """Share of the area from which intervals that reach a limit of the soil need a note."""
 _TOO_WET = "N0 or the bulk density is probably too high, or not all tubes were counted"
@@ -44,6 +47,7 @@ def notes(run: MapRun) -> list[Note]:
         *_on_pressure(run),
         *_on_calibration(run),
         *_on_moisture(run),
+        *_on_covariates(run),
         *(_on_one_place() if at_one_place(run) else _on_model(run.soil_map)),
     ]
 
@@ -145,6 +149,18 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
             NoteCode.BEYOND_LIMITS,
             f"On {percent(unclear)} of the area the 90 % interval of the moisture reaches a limit of this soil, "
             f"0 or {pores} %: {unsure}; longer or more stops would help.",
+        )
+
+
+def _on_covariates(run: MapRun) -> Iterator[Note]:
+    """Note on covariates that much of the field lacks."""
+    shares = {} if run.covariates is None else coverage(run.covariates, run.soil_map.grid)
+    gaps = [f"{name} ({percent(share)})" for name, share in shares.items() if share < MIN_COVERAGE]
+    if gaps:
+        yield Note(
+            NoteCode.COVARIATE_GAPS,
+            f"Some covariates cover a part of the field only: {', '.join(gaps)}. Elsewhere they count as average; "
+            "check that their files reach over the field.",
         )
 
 

@@ -1,0 +1,110 @@
+"""Polygons of a soil map: a column of zeros and ones for each class but one, or a number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+Array = NDArray[np.float64]
+
+MAX_CLASSES = 8
+"""Classes up to which each has a column of its own; the rarer ones are taken together."""
+MIN_SHARE = 0.02
+"""Share of the field below which a class is taken together with other rare ones."""
+OTHER = "other"
+
+
+def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> NDArray[Any]:
+    """An attribute of the polygons at places: texts, or numbers.
+
+    :param path: vector file in any reference system
+    :param attribute: name of the attribute; empty for the only one
+    :param frame: plane of the field
+    :param xy: places, shape (n, 2) [m]
+    :returns: shape (n,); ``None`` or NaN outside all polygons. Whole numbers are texts, as codes of classes are
+    :raises InputError: if the file cannot be read, has no such attribute, no polygon or no reference system
+    """
+    import shapely
+
+    shapes, values = _read(path, attribute, frame)
+    place, polygon = shapely.STRtree(shapes).query(shapely.points(xy), predicate="intersects")
+    # Where polygons overlap, the first one counts.
+    first, index = np.unique(place, return_index=True)
+    found = np.full(len(xy), np.nan if values.dtype.kind == "f" else None, values.dtype)
+    found[first] = values[polygon[index]]
+    return found
+
+
+def _read(path: Path, attribute: str, frame: LocalFrame) -> tuple[list[BaseGeometry], NDArray[Any]]:
+    import shapely
+    from pyproj import CRS, Transformer
+
+    pyogrio = optional_module("pyogrio", "gis")
+    try:
+        about, _, geometries, columns = pyogrio.raw.read(path)
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
+        raise InputError(f"cannot be read as polygons: {error}", "give GeoJSON or GeoPackage", path) from None
+    if about["crs"] is None:
+        raise InputError("has no coordinate reference system (CRS)", "export it again, with its CRS", path)
+    values = _column(path, dict(zip(about["fields"].tolist(), columns, strict=True)), attribute)
+    there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
+
+    def moved(xy: Array) -> Array:
+        return np.column_stack(there.transform(xy[:, 0], xy[:, 1]))
+
+    shapes = shapely.from_wkb(geometries, on_invalid="ignore") if geometries is not None else np.array([])
+    area = np.isin(shapely.get_type_id(shapes), (3, 6))  # polygons, alone or several
+    if not area.any():
+        raise InputError("has no polygons", "give the polygons of a soil map, or a raster", path)
+    return [shapely.make_valid(shapely.transform(one, moved)) for one in shapes[area]], values[area]
+
+
+def _column(path: Path, columns: Mapping[str, NDArray[Any]], attribute: str) -> NDArray[Any]:
+    """Values of an attribute; whole numbers as texts."""
+    if not attribute and len(columns) != 1:
+        known = listing(columns) or "none"
+        remedy = "name one as band: FILE:ATTRIBUTE" if columns else "give each polygon its class"
+        raise InputError(f"does not say which attribute is meant: it has {known}", remedy, path)
+    if attribute and attribute not in columns:
+        remedy = f"use one of: {listing(columns)}{did_you_mean(attribute, columns)}"
+        raise InputError(f"has no attribute {attribute!r}", remedy, path)
+    values = columns[attribute or next(iter(columns))]
+    if values.dtype.kind == "f":
+        return values.astype(float)
+    return np.array([None if one is None else str(one) for one in values.tolist()], object)
+
+
+def indicators(values: NDArray[Any], inside: NDArray[np.bool_]) -> dict[str, Array]:
+    """Columns of zeros and ones, one for each class but the most common one, which the mean of the map stands for.
+
+    :param values: classes, ``None`` where they are unknown, shape (n,)
+    :param inside: places in the field, by which the classes are counted, shape (n,)
+    :returns: class -> column, NaN where the class is unknown; empty if the field has a single class
+    """
+    known = np.array([one is not None for one in values], bool)
+    names, counts = np.unique(values[known & inside].astype(str), return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    names, counts = names[order], counts[order]
+    kept = [
+        str(name)
+        for number, (name, count) in enumerate(zip(names, counts, strict=True))
+        if number < MAX_CLASSES and count >= MIN_SHARE * counts.sum()
+    ]
+    pooled = len(names) > len(kept)
+    texts = values.astype(str)
+    columns = {name: np.where(known, texts == name, np.nan) for name in kept[1:]}
+    if pooled:
+        columns[OTHER] = np.where(known, ~np.isin(texts, kept), np.nan)
+    return columns

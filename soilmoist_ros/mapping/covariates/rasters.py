@@ -1,0 +1,130 @@
+"""One band of a raster file, warped to square cells in the plane of a field."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.suggestions import did_you_mean
+
+if TYPE_CHECKING:
+    from rasterio.io import DatasetReader
+
+Array = NDArray[np.float64]
+
+
+class RasterBands:
+    """The bands of an open raster file.
+
+    :param path: the file
+    :param source: the opened file
+    :raises InputError: if it has no reference system, or no place
+
+    Attributes
+    ----------
+    names : list[str]
+        descriptions of the bands, empty for a band without one
+    """
+
+    def __init__(self, path: Path, source: DatasetReader) -> None:
+        self.path, self._source = path, source
+        if source.crs is None or source.transform.is_identity:
+            raise InputError(
+                "has no coordinate reference system (CRS) or no place",
+                "assign it in a GIS, or with 'gdal_edit.py -a_srs EPSG:... FILE'",
+                path,
+            )
+        self.names = [name or "" for name in source.descriptions]
+
+    def number(self, band: str) -> int:
+        """Number of a band, from 1.
+
+        :param band: its number or name; empty for the first
+        :raises InputError: if there is none
+        """
+        if not band:
+            return 1
+        if band in self.names:
+            return self.names.index(band) + 1
+        count = len(self.names)
+        if band.isdecimal() and 1 <= int(band) <= count:
+            return int(band)
+        named = [name for name in self.names if name]
+        known = f"1 to {count}" if count > 1 else "1"
+        known += f", or {', '.join(named)}" if named else ""
+        raise InputError(f"has no band {band!r}", f"use one of: {known}{did_you_mean(band, named)}", self.path)
+
+    def pixel_m(self, frame: LocalFrame) -> float:
+        """Longer side of a pixel at the datum of a field [m]."""
+        from pyproj import CRS, Transformer
+
+        to_source = Transformer.from_crs(frame.crs, CRS.from_wkt(self._source.crs.to_wkt()), always_xy=True)
+        east, north = to_source.transform([0.0, 100.0, 0.0], [0.0, 0.0, 100.0])
+        grid = ~self._source.transform
+        east, north = np.array(east), np.array(north)
+        pixels = np.array([grid.a * east + grid.b * north, grid.d * east + grid.e * north])
+        moved = np.hypot(*(pixels[:, 1:] - pixels[:, :1]))  # by 100 m to the east, and to the north
+        return float(100.0 / max(moved.min(), 1e-9)) if np.isfinite(moved).all() else math.inf
+
+    def on(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array) -> Array:
+        """A band at square cells, NaN where it has no value, shape (ny, nx).
+
+        Interpolated linearly; where its pixels are smaller than the cells, averaged over them.
+
+        :param number: number of the band, from 1
+        :param frame: plane of the field
+        :param x_m: centres of the columns, ascending, evenly spaced [m]
+        :param y_m: centres of the rows, ascending, with the same spacing [m]
+        """
+        import rasterio
+        from rasterio.transform import Affine
+        from rasterio.warp import Resampling, reproject
+
+        step = (x_m[-1] - x_m[0]) / (len(x_m) - 1) if len(x_m) > 1 else (y_m[-1] - y_m[0]) / max(len(y_m) - 1, 1)
+        values = np.full((len(y_m), len(x_m)), np.nan)
+        corner = Affine(step, 0.0, x_m[0] - step / 2, 0.0, step, y_m[0] - step / 2)
+        try:
+            reproject(
+                rasterio.band(self._source, number),
+                values,
+                src_nodata=self._source.nodatavals[number - 1],
+                dst_transform=corner,
+                dst_crs=frame.crs.to_wkt(),
+                dst_nodata=np.nan,
+                resampling=Resampling.bilinear,
+                init_dest_nodata=True,
+                tolerance=0.01,
+            )
+        except (rasterio.errors.RasterioError, rasterio.errors.CRSError) as error:
+            raise InputError(
+                f"cannot be moved to the field: {error}", "export it again from a GIS", self.path
+            ) from None
+        scale, offset = self._source.scales[number - 1], self._source.offsets[number - 1]
+        return values * float(scale) + float(offset)
+
+
+@contextmanager
+def opened_raster(path: Path) -> Iterator[RasterBands]:
+    """Open a raster file.
+
+    :raises InputError: if it cannot be read, or has no reference system
+    """
+    import rasterio
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            source: Any = rasterio.open(path)
+    except rasterio.errors.RasterioError as error:
+        raise InputError(f"cannot be read as a raster: {error}", "give a GeoTIFF", path) from None
+    with source:
+        yield RasterBands(path, source)

@@ -1,0 +1,155 @@
+"""Covariates of a field, read from files and standardised over its cells."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.covariates.polygons import indicators, read_polygons
+from soilmoist_ros.mapping.covariates.rasters import RasterBands, opened_raster
+from soilmoist_ros.mapping.covariates.source import DERIVED, CovariateSource
+from soilmoist_ros.mapping.covariates.terrain import derivatives
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.covariates import Covariates
+
+Array = NDArray[np.float64]
+
+POLYGON_FILES = (".geojson", ".json", ".gpkg", ".shp", ".fgb")
+"""Endings of files that hold polygons."""
+MAX_TERRAIN_CELLS = 100_000
+"""Cells of the raster on which elevations are evaluated; a larger one gets larger cells."""
+TERRAIN_MARGIN = 1.0
+"""Width of the surroundings whose water may run into the field, as a share of its extent."""
+MIN_SPREAD = 1e-9
+"""Standard deviation of a covariate, as a share of its largest value, below which it is the same everywhere."""
+
+
+def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid: FieldGrid) -> Covariates | None:
+    """Read the covariates of a field.
+
+    :param sources: the files; the order is kept
+    :param frame: plane of the field
+    :param grid: cells of the map
+    :returns: ``None`` without sources
+    :raises InputError: with every file that cannot be used: missing, without reference system, band or attribute,
+        off the field, the same everywhere, or of a name that another one has
+    """
+    names, rasters, mistakes = list[str](), list[Array](), list[Mistake]()
+    for source in sources:
+        try:
+            layers = _layers(source, frame, grid)
+        except InputError as error:
+            mistakes += error.mistakes
+            continue
+        names += layers
+        rasters += layers.values()
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        mistakes.append(Mistake(f"two covariates have the name {repeated[0]!r}", "give one a 'name' of its own"))
+    if mistakes:
+        raise InputError(mistakes)
+    return Covariates.over(grid, names, np.array(rasters)) if names else None
+
+
+def coverage(covariates: Covariates, grid: FieldGrid) -> dict[str, float]:
+    """Share of the field's cells in which each covariate is known [0..1]."""
+    known = np.isfinite(covariates.layers[:, grid.mask]).mean(axis=1)
+    return dict(zip(covariates.names, known.tolist(), strict=True))
+
+
+def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapping[str, Array]:
+    """The checked rasters of a source by their names, shape (ny, nx) each."""
+    if not source.path.is_file():
+        raise InputError("there is no such file of covariates", "check its path", source.path)
+    of_polygons = source.path.suffix.lower() in POLYGON_FILES
+    layers = _of_polygons(source, frame, grid) if of_polygons else _of_raster(source, frame, grid)
+    for name, values in layers.items():
+        inside = values[grid.mask & np.isfinite(values)]
+        if not len(inside):
+            raise InputError(
+                f"has no value of {name!r} in the field",
+                "check that the file covers the field, and that its reference system (CRS) is right",
+                source.path,
+            )
+        if inside.std() <= MIN_SPREAD * np.abs(inside).max():
+            raise InputError(
+                f"has the same value of {name!r} everywhere in the field: it says nothing about differences",
+                "leave it out",
+                source.path,
+            )
+    return layers
+
+
+def _of_polygons(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
+    if source.derive:
+        raise InputError("has polygons: nothing is derived from them", "remove 'derive'", source.path)
+    east, north = np.meshgrid(grid.x_m, grid.y_m)
+    values = read_polygons(source.path, source.band, frame, np.column_stack([east.ravel(), north.ravel()]))
+    if values.dtype.kind == "f":
+        return {source.label: values.reshape(grid.shape)}
+    inside = grid.mask.ravel()
+    if all(one is None for one in values[inside]):
+        return {source.label: np.full(grid.shape, np.nan)}
+    columns = indicators(values, inside)
+    if not columns:
+        raise InputError(
+            "has a single class in the field: it says nothing about differences", "leave it out", source.path
+        )
+    return {f"{source.label} {name}": column.reshape(grid.shape) for name, column in columns.items()}
+
+
+def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
+    with opened_raster(source.path) as bands:
+        derive, band = source.derive, source.band
+        if not derive and band in DERIVED and band not in bands.names:
+            derive, band = (band,), ""
+        number = bands.number(band)
+        if derive:
+            wanted = dict.fromkeys(name for one in derive for name in _parts(one))
+            found = _terrain(bands, number, frame, grid)
+            return {f"{source.label} {name}": found[name] for name in wanted}
+        label = source.label if source.name or not band else f"{source.label} {band}"
+        return {label: bands.on(number, frame, grid.x_m, grid.y_m)}
+
+
+def _parts(derived: str) -> tuple[str, ...]:
+    return ("northness", "eastness") if derived == "aspect" else (derived,)
+
+
+def _terrain(bands: RasterBands, number: int, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
+    """What is derived from elevations, on the cells of the field.
+
+    The elevations are evaluated at their own resolution, if it is not finer than the map, and with their
+    surroundings, from which water runs into the field.
+    """
+    (west, south), (east, north) = grid.box
+    margin_m = TERRAIN_MARGIN * max(east - west, north - south)
+    area = (east - west + 2 * margin_m) * (north - south + 2 * margin_m)
+    pixel_m = bands.pixel_m(frame)
+    if not math.isfinite(pixel_m):
+        return dict.fromkeys(("elevation", *DERIVED), np.full(grid.shape, np.nan))
+    step_m = max(pixel_m, grid.cell_m, math.sqrt(area / MAX_TERRAIN_CELLS))
+    margin_m = max(margin_m, 2 * step_m)
+    x_m, y_m = (
+        np.arange(low - margin_m, high + margin_m + step_m, step_m) for low, high in ((west, east), (south, north))
+    )
+    found = derivatives(bands.on(number, frame, x_m, y_m), step_m)
+    return {name: _resampled(x_m, y_m, values, grid) for name, values in found.items()}
+
+
+def _resampled(x_m: Array, y_m: Array, values: Array, grid: FieldGrid) -> Array:
+    """Values of a raster at the cells of a field, linearly interpolated; next to a gap the nearest value."""
+    from scipy.ndimage import map_coordinates
+
+    row = (grid.y_m - y_m[0]) / (y_m[1] - y_m[0])
+    column = (grid.x_m - x_m[0]) / (x_m[1] - x_m[0])
+    places = np.meshgrid(row, column, indexing="ij")
+    linear = np.asarray(map_coordinates(values, places, order=1, mode="nearest"))
+    nearest = np.asarray(map_coordinates(values, places, order=0, mode="nearest"))
+    return np.where(np.isnan(linear), nearest, linear)
