@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.console import progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.options.covariate_option import covariate_option
 from soilmoist_ros.cli.options.earlier_option import earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
@@ -17,15 +18,19 @@ from soilmoist_ros.cli.options.output_options import output_options, prepare_out
 @click.command("simulate")
 @mission_options()
 @earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
+@covariate_option()
 @output_options()
 @report_errors
-def command(out: Path, overwrite: bool, earlier: tuple[Path, ...], choices: dict[str, Any]) -> None:
+def command(
+    out: Path, overwrite: bool, earlier: tuple[Path, ...], covariates: tuple[str, ...], choices: dict[str, Any]
+) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
     Each additional property NAME also gets map_NAME.tif and samples_NAME.geojson.
     """
     from soilmoist_ros.exploration.travel.travel import polyline_length_m
+    from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
     from soilmoist_ros.reporting.mission_report import write_mission
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
@@ -37,7 +42,8 @@ def command(out: Path, overwrite: bool, earlier: tuple[Path, ...], choices: dict
     with progress_bar() as progress:
         runs = mission_earlier(settings, earlier)
         surveys = {name: [run.survey for run in its] for name, its in runs.items()}
-        result = simulate_mission(settings, lambda share: progress("exploring", share), True, surveys)
+        sources = list(map(CovariateSource.parse, covariates))
+        result = simulate_mission(settings, lambda share: progress("exploring", share), True, surveys, sources)
         progress("writing the results", 1.0)
         written = write_mission(out, result, earlier=runs)
     last = result.series[-1]

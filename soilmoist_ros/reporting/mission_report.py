@@ -144,12 +144,14 @@ def mission_run(
         mission=result,
         name=name,
         label=result.field_title or settings.field_name,
+        covariates=first.covariates,
         earlier=[*simulated_runs(first, result.soil_map), *earlier.get(name, ())],
     )
     others = [
         replace(
             run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
             mission=None, field_name=other.title, name=other.name, label=other.title,
+            covariates=other.covariates,
             earlier=[*simulated_runs(other, other.soil_map), *earlier.get(other.name, ())],
         )
         for other in result.properties[1:]

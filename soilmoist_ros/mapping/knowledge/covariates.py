@@ -93,6 +93,18 @@ class Covariates:
         return np.ascontiguousarray((lower * (1 - north) + upper * north).T)
 
 
+def joined(*parts: Covariates | None) -> Covariates | None:
+    """Covariates of one raster together; ``None`` is none.
+
+    :raises ValueError: if names repeat, or the rasters differ
+    """
+    given = [one for one in parts if one is not None]
+    if len(given) < 2:
+        return given[0] if given else None
+    names = tuple(name for one in given for name in one.names)
+    return Covariates(names, given[0].x_m, given[0].y_m, np.concatenate([one.layers for one in given]))
+
+
 def _between(axis: Array, values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """Indices of the neighbours of values in an axis, and the share of the second."""
     position = np.interp(values, axis, np.arange(len(axis)))

@@ -12,6 +12,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, default_merge_radius_m
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.covariates import Covariates, joined
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.moisture_bands import possible_moisture
@@ -24,6 +25,7 @@ from soilmoist_ros.simulation.mission.earlier_series import earlier_series
 from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
 from soilmoist_ros.simulation.mission.result import MappedProperty
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
+from soilmoist_ros.simulation.mission.simulated_covariates import simulated_covariates
 from soilmoist_ros.simulation.mission.streams import field_stream
 
 Array = NDArray[np.float64]
@@ -39,6 +41,7 @@ class Channel:
     :param wanted: settings of the property
     :param number: number of the property, from 0
     :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
+    :param covariates: covariates that inform it, likewise
 
     Attributes
     ----------
@@ -59,6 +62,7 @@ class Channel:
         wanted: PropertySettings,
         number: int = 0,
         earlier: Sequence[EarlierSurvey] = (),
+        covariates: Covariates | None = None,
     ) -> None:
         self.field = field
         self.wanted = wanted
@@ -78,7 +82,8 @@ class Channel:
         self.series = earlier_series(field, grid, settings, number)
         merge_m = default_merge_radius_m(grid, choices.margin_m)
         surveys = (one.survey(merge_m, radius_m) for one in self.series)
-        self.field_map = FieldMap(grid, choices, Knowledge((*earlier, *surveys)))
+        covariates = joined(covariates, simulated_covariates(field, grid, settings, number))
+        self.field_map = FieldMap(grid, choices, Knowledge((*earlier, *surveys), covariates))
         self.drift = settings.rate_drift
         self._truth = field.rate_at(grid.cells)
         self._true_vwc = None if curve is None or self.drift.share else possible_moisture(curve, self._truth)
@@ -129,7 +134,8 @@ class Channel:
         truth = self.field_map.grid.to_raster(self.truth(now_s))
         name, weight = self.wanted.name, self.wanted.weight
         records, series = tuple(self.records), tuple(self.series)
-        return MappedProperty(name, self.field.title, records, self.soil_map, truth, weight, series)
+        covariates = self.field_map.knowledge.covariates
+        return MappedProperty(name, self.field.title, records, self.soil_map, truth, weight, series, covariates)
 
 
 def mission_properties(settings: MissionSettings) -> tuple[PropertySettings, ...]:

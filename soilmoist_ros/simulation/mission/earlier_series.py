@@ -74,7 +74,7 @@ def earlier_series(
     count = settings.earlier_surveys
     if not count:
         return []
-    pattern = field.variogram or _variogram_of(field, grid)
+    pattern = field.variogram or pattern_variogram(field, grid)
     present = field.rate_at(grid.cells)
     mean, spread = float(present.mean()), math.sqrt(pattern.structured_sill)
     lower = np.linalg.cholesky(_correlations(settings))
@@ -107,7 +107,7 @@ def _correlations(settings: MissionSettings) -> Array:
     return between
 
 
-def _variogram_of(field: SurrogateField, grid: FieldGrid) -> Variogram:
+def pattern_variogram(field: SurrogateField, grid: FieldGrid) -> Variogram:
     """Matern 3/2 variogram of a truth within the field, by least squares of its semivariances."""
     from scipy.optimize import minimize_scalar
     from scipy.spatial.distance import pdist

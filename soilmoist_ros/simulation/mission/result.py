@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
     from soilmoist_ros.foundation.geodesy import LocalFrame
     from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.mapping.knowledge.covariates import Covariates
     from soilmoist_ros.sensing.records import CountRecord
     from soilmoist_ros.simulation.mission.earlier_series import SimulatedSurvey
     from soilmoist_ros.simulation.mission.forecasts import TimedForecast
@@ -100,6 +101,7 @@ class MappedProperty:
         unknown
     :param weight: value of a share of its variation to the planner; 0 means mapped, but not planned for
     :param series: simulated earlier surveys that informed the map, the latest first
+    :param covariates: covariates that informed the map
     """
 
     name: str
@@ -109,6 +111,7 @@ class MappedProperty:
     truth_rate: Array
     weight: float = 1.0
     series: Sequence[SimulatedSurvey] = ()
+    covariates: Covariates | None = None
 
     @property
     def known_truth(self) -> Array | None:

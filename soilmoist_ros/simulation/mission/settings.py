@@ -392,6 +392,13 @@ class MissionSettings:
         0.0, "Time in which the persistence of the pattern falls to a third (1/e); 0: it never falls.", unit="d",
         low=0,
     )  # fmt: skip
+    covariate_correlation: float | None = _setting(
+        None, "Correlation of a simulated covariate with the truth, from -1 to 1. The map knows the values, but "
+        "not the correlation. Default: no covariate.", float, low=-1, check=_share,
+    )  # fmt: skip
+    useless_covariates: int = _setting(
+        0, "Number of simulated covariates that have nothing to do with the truth, but are as smooth.", low=0
+    )
     properties: tuple[PropertySettings, ...] = _setting(
         (), "Further property that the robots count and map: a built-in field, or a field file with a truth, on "
         "the same ground. The planner gives it this weight, --field has 1; with 0 it is mapped only.",

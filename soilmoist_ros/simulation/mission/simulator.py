@@ -62,6 +62,8 @@ from soilmoist_ros.exploration.travel.topological_map import (
 )
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.covariates.reading import read_covariates
+from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
@@ -91,6 +93,7 @@ def simulate_mission(
     progress: Callable[[float], None] | None = None,
     forecasts: bool = False,
     earlier: Mapping[str, Sequence[EarlierSurvey]] = _NO_SURVEYS,
+    covariates: Sequence[CovariateSource] = (),
 ) -> MissionResult:
     """Simulate one mission. The settings determine the result, bit for bit.
 
@@ -99,9 +102,10 @@ def simulate_mission(
     :param forecasts: whether to forecast the map's standard deviation, some milliseconds each; always done where a
         forecast may end the mission
     :param earlier: earlier surveys that inform the maps, by name of the property
+    :param covariates: files with covariates, in addition to those of the mission field
     :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
     """
-    return _Simulation(settings, forecasts, earlier).run(progress or (lambda share: None))
+    return _Simulation(settings, forecasts, earlier, covariates).run(progress or (lambda share: None))
 
 
 class _Robot:
@@ -162,6 +166,7 @@ class _Simulation:
         settings: MissionSettings,
         forecasts: bool = False,
         earlier: Mapping[str, Sequence[EarlierSurvey]] = _NO_SURVEYS,
+        covariates: Sequence[CovariateSource] = (),
     ) -> None:
         settings.check()
         self.settings = settings
@@ -176,6 +181,8 @@ class _Simulation:
         self.field = field
         self.grid = field.field.grid(settings.cell_m)
         self.travel, self.stops = travel_and_stops(field.field, self.grid, settings.motion, settings)
+        sources = (*field.field.covariates, *covariates)
+        known = read_covariates(sources, field.frame, self.grid)
         # The calibration belongs to the mission field; other properties have no moisture.
         self.channels = [
             Channel(
@@ -186,6 +193,7 @@ class _Simulation:
                 wanted,
                 number,
                 earlier.get(wanted.name, ()),
+                known,
             )
             for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True))
         ]

@@ -7,7 +7,7 @@ import numpy as np
 from soilmoist_ros.exploration.control.mission_setup import STREAMS_PER_ROBOT
 
 _SENSOR, _GNSS = 0, 2  # between them is the stream of the strategy
-_EARLIER = 0  # keys of three numbers; the others have fewer
+_EARLIER, _COVARIATE = 0, 1  # keys of three numbers; the others have fewer
 
 
 def field_stream(seed: int, number: int) -> np.random.Generator:
@@ -41,6 +41,11 @@ def series_stream(seed: int, number: int, back: int) -> np.random.Generator:
     :param back: number of the survey, from 1, the latest first
     """
     return _stream(seed, _EARLIER, number, back)
+
+
+def covariate_stream(seed: int, number: int, index: int) -> np.random.Generator:
+    """Random stream for a simulated covariate of a property, both numbered from 0."""
+    return _stream(seed, _COVARIATE, number, index)
 
 
 def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.covariates import Covariates
+from soilmoist_ros.mapping.knowledge.covariates import Covariates, joined
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40), (20, 40)], cell_m=5.0)
 X, Y = np.meshgrid(GRID.x_m, GRID.y_m)
@@ -43,3 +43,15 @@ def test_wrong_covariates_are_refused():
         Covariates(("a",), GRID.x_m, GRID.y_m, X)
     with pytest.raises(ValueError, match="increase"):
         Covariates(("a",), GRID.x_m[::-1], GRID.y_m, [X])
+
+
+def test_covariates_of_one_raster_are_joined():
+    rasters = np.random.default_rng(1).normal(size=(2, *GRID.shape))
+    both = Covariates.over(GRID, ["a", "b"], rasters)
+    alone = [Covariates.over(GRID, [name], [raster]) for name, raster in zip("ab", rasters, strict=True)]
+    together = joined(alone[0], None, alone[1])
+    assert together.names == both.names
+    np.testing.assert_array_equal(together.layers, both.layers)
+    assert joined(None, None) is None
+    with pytest.raises(ValueError, match="distinct names"):
+        joined(alone[0], alone[0])
