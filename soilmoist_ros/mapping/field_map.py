@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
@@ -139,7 +140,8 @@ class FieldMap:
 
     :param grid: the field
     :param settings: choices
-    :param knowledge: what is known of the field besides the counts of this survey
+    :param knowledge: what is known of the field besides the counts of this survey; with any, the variance does not
+        differ from place to place, whatever ``local`` says
     :raises ValueError: if a setting is out of range
 
     Attributes
@@ -174,6 +176,7 @@ class FieldMap:
         chosen_m = settings.merge_radius_m
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None
+        self._joint = None if knowledge.is_empty else JointModel(grid, knowledge, self._estimate, settings.noise)
         raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
         self._raster = None if settings.for_planning else raster
         self._computing = threading.Lock()
@@ -395,7 +398,15 @@ class FieldMap:
             return None
         if known is not None and known[0] is samples:
             return known[1]
-        fit = estimate_variogram(
+        fit = self._estimate(samples) if self._joint is None else self._joint.fit(samples)
+        self._last_fit = samples, fit
+        return fit
+
+    def _estimate(
+        self, samples: Samples, others: Sequence[Samples] = (), effects: Sequence[Array] | None = None
+    ) -> VariogramFit:
+        """The variogram of samples and of other surveys, see :func:`estimate_variogram`."""
+        return estimate_variogram(
             samples.xy,
             samples.counts,
             samples.exposure_s,
@@ -404,10 +415,10 @@ class FieldMap:
             extent_m=self.grid.extent_m,
             spread=samples.spread,
             local_noise=self.settings.noise == "local",
-            box=self.grid.box if self.settings.local == "auto" else None,
+            box=self.grid.box if self.settings.local == "auto" and self.knowledge.is_empty else None,
+            others=others,
+            effects=effects,
         )
-        self._last_fit = samples, fit
-        return fit
 
     @cached_property
     def _area(self) -> Polygon | MultiPolygon:

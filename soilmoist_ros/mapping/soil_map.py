@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -124,7 +125,8 @@ class SoilMap:
         if self.made_by is not None:
             return self.made_by
         samples = self.samples
-        kriging = PoissonKriging(self.variogram, self.keep_nugget, self._noise_rate)
+        prior = None if self.fit is None else self.fit.prior
+        kriging = PoissonKriging(self.variogram, self.keep_nugget, self._noise_rate, prior)
         return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
 
     @property
@@ -191,7 +193,8 @@ def make_soil_map(
 ) -> SoilMap:
     """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
 
-    With a fit, the rate in the noise is the fit's, mean or local: noise changes only at the next fit.
+    With a fit, the rate in the noise is the fit's, mean or local: noise changes only at the next fit. What the fit
+    knows besides the samples is used, and then the map is exact however many samples there are.
 
     :param samples: at least one
     :param grid: the field
@@ -208,6 +211,9 @@ def make_soil_map(
     fit = variogram if isinstance(variogram, VariogramFit) else None
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
     known_rate = None if fit is None else fit.noise_rate
+    prior = None if fit is None else fit.prior
+    if prior is not None:
+        raster, max_exact_samples = None, sys.maxsize
     kriging: PoissonKriging | TiledKriging | None = None
     rasters = None
     if raster is not None and 0 < len(samples) <= max_exact_samples:
@@ -218,7 +224,7 @@ def make_soil_map(
         clipped = clip_negative(variance, model.sill)
     else:
         if len(samples) <= max_exact_samples:
-            kriging = PoissonKriging(model, keep_nugget, known_rate)
+            kriging = PoissonKriging(model, keep_nugget, known_rate, prior)
         else:
             model = model if fit is None else fit.stationary
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)

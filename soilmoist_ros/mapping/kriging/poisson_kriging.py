@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system, target_variance
-from soilmoist_ros.mapping.kriging.targets import Points, Targets
+from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets
 from soilmoist_ros.mapping.samples.samples import (
     NO_SAMPLES,
     Samples,
@@ -31,6 +31,7 @@ from soilmoist_ros.mapping.samples.samples import (
     merge_exactly,
     noise_rate,
 )
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.support import Supports
@@ -54,6 +55,7 @@ class PoissonKriging:
     :param variogram: variogram of the latent rate
     :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, also the
         covariance with a sample at the target), or only its smooth part (sill - nugget in both cases)
+    :param prior: what is known of the field besides; not together with an amplitude of the variogram
     :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], by default sum of counts / sum of
         exposures; or a :class:`LocalRate` for noise variances with the rate at the place of each sample. The mean
         of the *map* is always estimated
@@ -78,13 +80,20 @@ class PoissonKriging:
     """
 
     def __init__(
-        self, variogram: Variogram, keep_nugget: bool = True, mean_rate: float | LocalRate | None = None
+        self,
+        variogram: Variogram,
+        keep_nugget: bool = True,
+        mean_rate: float | LocalRate | None = None,
+        prior: FieldPrior | None = None,
     ) -> None:
         if isinstance(mean_rate, (int, float)) and not (np.isfinite(mean_rate) and mean_rate > 0):
             raise ValueError(f"mean_rate must be positive and finite, got {mean_rate}")
+        if prior is not None and variogram.amplitude is not None:
+            raise ValueError("a variogram with an amplitude cannot be used with a prior")
         self.variogram = variogram
         self.keep_nugget = keep_nugget
         self.mean_rate = mean_rate
+        self.prior = prior
         self.noise_mean_rate = float("nan")
         self.jitter = 0.0
         self.clipped_variances = 0
@@ -105,7 +114,10 @@ class PoissonKriging:
 
     @property
     def map_mean(self) -> float:
-        """Generalised least-squares mean of the rate, the limit of the map far from all samples [counts/s]."""
+        """Generalised least-squares mean of the rate [counts/s].
+
+        It is the limit of the map far from all samples, or the difference of the map from the prior mean there.
+        """
         return self._system.mean
 
     def fit(
@@ -188,9 +200,20 @@ class PoissonKriging:
         """
         x, y, wanted = check_raster(x_m, y_m, mask)
         self._fitted()
+        if self.prior is not None:
+            return self._predict_cells(x, y, wanted, progress)
         rate, variance = RasterKriging(x, y, wanted, self.keep_nugget).solve(self._system, progress)
         self.clipped_variances = clip_negative(variance, self.variogram.sill)
         return rate, variance
+
+    def _predict_cells(
+        self, x_m: Array, y_m: Array, mask: NDArray[np.bool_], progress: Progress | None
+    ) -> tuple[Array, Array]:
+        """The raster cell by cell, for a prior knows no raster."""
+        places, rasters = self._fitted(), np.full((2, *mask.shape), np.nan)
+        cells = RasterCells(self.variogram, places.xy, x_m, y_m, mask, places.spread)
+        rasters[:, mask] = self._predict(cells, progress)
+        return rasters[0], rasters[1]
 
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
         """Kriging weights and Lagrange multipliers.
@@ -234,6 +257,9 @@ class PoissonKriging:
         places = check_xy(xy)
         structured = self.variogram.structured_sill
         known = self._targets(places).correlation(slice(0, len(places))) * structured
+        at = None if self.prior is None else self.prior.at(places)
+        if self.prior is not None and at is not None:
+            known += self.prior.covariance(at, self._system.features)
         factor, ones = self._system.factor, self._system.ones
         solved = solve_triangular(factor, known.T, lower=True, check_finite=False)
         amplitude = self.variogram.amplitude_at(places)
@@ -242,6 +268,8 @@ class PoissonKriging:
         mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
         between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
         between = self.variogram.modulated(between, places, places)
+        if self.prior is not None and at is not None:
+            between += self.prior.covariance(at, at)
         return np.asarray(between - solved.T @ solved + np.outer(mean, mean))
 
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
@@ -305,6 +333,11 @@ class PoissonKriging:
         later = Supports(places.xy[first:], places.spread[first:])
         rows = later.average(lambda xy: self._targets(xy).correlation(slice(0, len(xy))).T).T
         rows *= self.variogram.structured_sill
+        prior, features = self.prior, self._system.features
+        if prior is not None:
+            new = prior.at(places.xy[first:], places.spread[first:])
+            features = np.concatenate([features[:first], new]) if first else new
+            rows += prior.covariance(new, features)
         noise = self.variogram.nugget + self.jitter + self._noise(places)[first:]
         rows[np.arange(n - first), np.arange(first, n)] += noise
         factor = np.zeros((n, n), order="F")
@@ -320,7 +353,7 @@ class PoissonKriging:
         if info:
             return False
         factor[first:, first:] = tail
-        self._system = KrigingSystem.of_factor(self.variogram, places, factor)
+        self._system = KrigingSystem.of_factor(self.variogram, places, factor, prior, features)
         return True
 
 

@@ -182,7 +182,7 @@ class RasterKriging:
         """``None`` if tiles are not faster or the matrix is too near to singular for its inverse."""
         from scipy.linalg.lapack import dtrtri
 
-        variogram, places, factor, ones, residual, mean = system
+        variogram, places, factor, ones, residual, mean = system[:6]
         if len(places) < MIN_TILED or variogram.correlation_model.has_edge:  # whose edge meets many tiles
             return None
         if not all((np.diff(axis) > 0).all() for axis in (self._x_m, self._y_m)):

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.kriging.targets import Targets, coincident
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
+_NO_FEATURES = np.empty((0, 0))
 _TILE_ELEMENTS = 400_000
 """Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
 
@@ -31,6 +33,8 @@ class KrigingSystem(NamedTuple):
     :param ones: b = L^-1 1, shape (n,)
     :param residual: a = L^-1 (rate - c), shape (n,)
     :param mean: generalised least-squares mean c [counts/s]
+    :param prior: what is known of the field besides; the residual is then about the prior mean too
+    :param features: scaled features of the prior at the places, shape (n, p); empty without a prior
     """
 
     variogram: Variogram
@@ -39,29 +43,40 @@ class KrigingSystem(NamedTuple):
     ones: Array
     residual: Array
     mean: float
+    prior: FieldPrior | None = None
+    features: Array = _NO_FEATURES
 
     @classmethod
-    def of_factor(cls, variogram: Variogram, places: Samples, factor: Array) -> KrigingSystem:
+    def of_factor(
+        cls,
+        variogram: Variogram,
+        places: Samples,
+        factor: Array,
+        prior: FieldPrior | None = None,
+        features: Array = _NO_FEATURES,
+    ) -> KrigingSystem:
         """The system of a Cholesky factor, with its data solved for."""
         from scipy.linalg import solve_triangular
 
         right = np.column_stack([places.rate_cps, np.ones(len(places))])
+        if prior is not None:
+            right[:, 0] -= prior.mean(features)
         amplitude = variogram.amplitude_at(places.xy)
         if amplitude is not None:
             right /= amplitude[:, None]
         rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
         mean = float(rate @ ones / (ones @ ones))
-        return cls(variogram, places, factor, ones, rate - mean * ones, mean)
+        return cls(variogram, places, factor, ones, rate - mean * ones, mean, prior, features)
 
     def surfaces(self, targets: Targets, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
-        """Rate, and what the samples and the unknown mean add to the variance of the targets (mostly below 0).
+        """Rate, and what the samples, the unknown mean and what is known add to the variance of the targets.
 
         :param targets: where
         :param nugget: whether targets where a sample is share its nugget
         :param progress: called with the fraction done, from above 0 to 1, after each tile
         :returns: shapes (g,) [counts/s] and (g,) [(counts/s)^2]
         """
-        ones = self.ones
+        ones, prior = self.ones, self.prior
         both = np.column_stack([self.residual, ones])
         rate, variance = np.empty((2, len(targets.xy)))
         amplitude = self.variogram.amplitude_at(targets.xy)
@@ -73,6 +88,10 @@ class KrigingSystem(NamedTuple):
             variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
             if progress is not None:
                 progress(tile.stop / len(rate))
+        if prior is not None:
+            at = prior.at(targets.xy)
+            rate += prior.mean(at)
+            variance += prior.variance(at)
         return rate, variance
 
     def solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:
@@ -83,10 +102,14 @@ class KrigingSystem(NamedTuple):
         none = np.empty(0, np.intp)
         target, place = coincident(targets.xy, places.xy) if nugget else (none, none)
         step = max(1, _TILE_ELEMENTS // len(places))
+        features = None if self.prior is None else self.prior.at(targets.xy)
         for start in range(0, len(targets.xy), step):
             tile = slice(start, min(start + step, len(targets.xy)))
             covariance = targets.correlation(tile)
             covariance *= variogram.structured_sill
+            if features is not None:
+                assert self.prior is not None
+                covariance += self.prior.covariance(features[tile], self.features)
             if nugget:
                 here = slice(*np.searchsorted(target, (tile.start, tile.stop)))
                 covariance[target[here] - start, place[here]] += variogram.nugget

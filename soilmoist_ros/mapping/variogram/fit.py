@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -9,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, merge_exactly, noise_rate
+from soilmoist_ros.mapping.samples.surveys import Surveys
 from soilmoist_ros.mapping.variogram.amplitude import Box
 from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local_fit import LocalFit, fit_amplitude
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
@@ -51,6 +54,7 @@ class VariogramFit:
     :param local_rate: rate in the Poisson noise of each sample of a map; ``None`` for the mean rate
     :param local: whether the rate varies more here than there; ``None`` if this was not tested. The other
         parameters are those of the stationary fit
+    :param prior: what is known of the field besides the survey; ``None`` for nothing
     """
 
     variogram: Variogram
@@ -68,6 +72,7 @@ class VariogramFit:
     edges_m: Array
     local_rate: LocalRate | None = None
     local: LocalFit | None = None
+    prior: FieldPrior | None = None
 
     @property
     def stationary(self) -> Variogram:
@@ -140,6 +145,8 @@ def estimate_variogram(
     anisotropy: bool = True,
     local_noise: bool = False,
     box: Box | None = None,
+    others: Sequence[Samples] = (),
+    effects: Sequence[Array] | None = None,
 ) -> VariogramFit:
     """Fit a variogram of the latent rate to counts.
 
@@ -170,6 +177,9 @@ def estimate_variogram(
     :param local_noise: whether the Poisson noise in a map has the rate at each place, instead of the mean
     :param box: box of the field, to test whether the rate varies more here than there (:mod:`.local_fit`); with
         ``None`` or soft_l1 the variogram is stationary
+    :param others: samples of other surveys at distinct places, whose rates have the same variogram and a mean of
+        their own; soft_l1 ignores them
+    :param effects: known further structure of each survey, as in :class:`Surveys`, where ``xy`` has no place twice
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
     correlation_model(model)
@@ -184,11 +194,12 @@ def estimate_variogram(
     if method == "soft_l1":
         fit = _fit_soft_l1(places, model, bins)
         return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
-    return _fit_reml(places, model, bins, extent_m, anisotropy, local_noise, box)
+    surveys = Surveys((places, *others), None if effects is None else tuple(effects))
+    return _fit_reml(surveys, model, bins, extent_m, anisotropy, local_noise, box)
 
 
 def _fit_reml(
-    places: Samples,
+    surveys: Surveys,
     model: ModelName,
     bins: _Bins,
     extent_m: float | None,
@@ -197,8 +208,9 @@ def _fit_reml(
     box: Box | None,
 ) -> VariogramFit:
     """Restricted maximum likelihood."""
+    places = surveys.samples[0]
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    estimate = maximise_reml(places, model, extent, anisotropy)
+    estimate = maximise_reml(surveys, model, extent, anisotropy)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     fit = VariogramFit(
         estimate.variogram,

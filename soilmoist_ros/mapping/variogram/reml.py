@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
+from soilmoist_ros.mapping.samples.surveys import Surveys
 from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
 from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
 from soilmoist_ros.mapping.variogram.newton import minimise
@@ -84,13 +85,15 @@ class Prior:
     GUESS_WORTH = 10.0
 
     @classmethod
-    def of(cls, places: Samples, model: ModelName, extent_m: float) -> Prior:
-        """Prior for merged samples in a field of extent ``extent_m`` [m], > 0."""
+    def of(cls, places: Samples, model: ModelName, extent_m: float, others: tuple[Samples, ...] = ()) -> Prior:
+        """Prior for merged samples, and those of other surveys, in a field of extent ``extent_m`` [m], > 0."""
         m = noise_rate(places)
-        n = len(places)
-        corrected = _variance_without_noise(places, m)
-        guess = cls.GUESS_WORTH * (cls.GUESSED_VARIATION * m) ** 2
-        structured = (guess + (n - 1) * corrected) / (cls.GUESS_WORTH + n - 1)
+        structured, worth = cls.GUESS_WORTH * (cls.GUESSED_VARIATION * m) ** 2, cls.GUESS_WORTH
+        for survey in (places, *others):
+            degrees = len(survey) - 1
+            structured += degrees * _variance_without_noise(survey, noise_rate(survey))
+            worth += degrees
+        structured = structured / worth
         medians = [
             structured,
             extent_m / cls.RANGES_PER_EXTENT / correlation_model(model).practical,
@@ -149,6 +152,8 @@ class RestrictedLikelihood:
     :param model: name of the variogram model
     :param blocks: numbers of the places of each block; by default one block with all places
     :param plane: matrix that maps places to the plane where the variogram is isotropic, shape (2, 2)
+    :param noise: Poisson variance of each rate [(counts/s)^2]; by default that of the mean rate
+    :param effects: known further structure E, whose covariance is E E', shape (n, k) [counts/s]
     """
 
     def __init__(
@@ -157,8 +162,10 @@ class RestrictedLikelihood:
         model: ModelName,
         blocks: list[NDArray[np.intp]] | None = None,
         plane: Array | None = None,
+        noise: Array | None = None,
+        effects: Array | None = None,
     ) -> None:
-        m = noise_rate(places)
+        noise = noise_rate(places) / places.exposure_s if noise is None else noise
         self._model = correlation_model(model)
         self._plane = plane
         blocks = [np.arange(len(places))] if blocks is None else blocks
@@ -169,10 +176,27 @@ class RestrictedLikelihood:
                 sizes[len(b)],
                 self._correlation(places.xy[b], places.spread[b], kept, sizes[len(b)]),
                 places.rate_cps[b],
-                m / places.exposure_s[b],
+                noise[b],
+                None if effects is None else sizes[len(b)].pack(effects[b] @ effects[b].T),
             )
             for b in blocks
         ]
+
+    @classmethod
+    def of_surveys(
+        cls, surveys: Surveys, model: ModelName, plane: Array | None = None, whole: bool = False
+    ) -> RestrictedLikelihood:
+        """The likelihood of surveys, each with a mean of its own: a composite of one block each.
+
+        :param whole: whether a survey is one block however many places it has
+        """
+        blocks = [
+            block + start
+            for start, one in zip(surveys.starts, surveys.samples, strict=True)
+            for block in ([np.arange(len(one))] if whole else _likelihood_blocks(one.xy))
+        ]
+        effects = None if surveys.effects is None else np.concatenate(surveys.effects)
+        return cls(surveys.places, model, blocks, plane, surveys.noise, effects)
 
     def value(self, log_parameters: Array) -> float:
         """Log-likelihood at log (structured variance, range, nugget)."""
@@ -202,7 +226,7 @@ class RestrictedLikelihood:
         from scipy.linalg.blas import dsyr
         from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
-        packed, distances, rate, noise = block
+        packed, distances, rate, noise, effects = block
         structured, range_m, nugget = parameters
         n, nothing = len(rate), (np.zeros(3), np.zeros((3, 3)))
         if isinstance(distances, SupportCorrelation):
@@ -213,6 +237,8 @@ class RestrictedLikelihood:
             R = dR = self._model.correlation(distances / range_m**2)
         K = structured * R
         K[packed.diagonal] += nugget + noise
+        if effects is not None:
+            K += effects
         factor, info = dpotrf(packed.unpack(K), lower=1, clean=0, overwrite_a=1)
         if info:  # cannot happen within the bounds unless the noise is absurdly small
             return -1e300, *nothing
@@ -224,9 +250,10 @@ class RestrictedLikelihood:
         if not slope:
             return value, *nothing
         # With P = K^-1 - b b'/sum(b), q = P rate: the information is q' dK_i P dK_j q / 2.
-        moved = np.column_stack(
-            [rate - mean - (nugget + noise) * q, structured * packed.times(dR, q), nugget * q]
-        )  # dK q
+        explained = rate - mean - (nugget + noise) * q
+        if effects is not None:
+            explained -= packed.times(effects, q)
+        moved = np.column_stack([explained, structured * packed.times(dR, q), nugget * q])  # dK q
         turned = dpotrs(factor, moved, lower=1)[0] - np.outer(b, b @ moved / b.sum())
         # d(value)/d(parameter) = -<P - q q', dK>/2. The trace needs the elements of the inverse, so the inverse is
         # formed here (from the factor, lower triangle only).
@@ -243,15 +270,18 @@ class RestrictedLikelihood:
 
 
 class _Block(NamedTuple):
-    """Packing of the matrices, squared distances or correlations, rates and noise variances of a block."""
+    """Packing of the matrices, squared distances or correlations, rates, noise variances and E E' of a block."""
 
     packed: Packed
     correlation: Array | SupportCorrelation
     rate: Array
     noise: Array
+    effects: Array | None
 
 
-def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy: bool = True) -> RemlEstimate:
+def maximise_reml(
+    places: Samples | Surveys, model: ModelName, extent_m: float, anisotropy: bool = True
+) -> RemlEstimate:
     """Variogram under the restricted likelihood and :class:`Prior`.
 
     Kriging with the mode makes the intervals too narrow, because the posteriors of the variances are skewed and
@@ -272,19 +302,20 @@ def maximise_reml(places: Samples, model: ModelName, extent_m: float, anisotropy
     samples and 0.46 to 0.74 at the end in fields with a border or a ridge. In isotropic fields it was 0.99 to 1.05
     and 1.00 to 1.01, and coverage changed by 1 % at most.
 
-    :param places: merged samples, at least one
+    :param places: merged samples, at least one; or those of several surveys
     :param model: name of the variogram model
     :param extent_m: extent of the field for the prior of the range [m], > 0
     :param anisotropy: whether the range may depend on the direction
     """
-    prior = Prior.of(places, model, extent_m)
-    best = _Peak.climb(places, model, prior, _starts(places, model, prior))
-    if anisotropy and len(places) >= MIN_ANISOTROPIC:
+    surveys = places if isinstance(places, Surveys) else Surveys((places,))
+    prior = Prior.of(surveys.samples[0], model, extent_m, surveys.samples[1:])
+    best = _Peak.climb(surveys, model, prior, _starts(surveys, model, prior))
+    if anisotropy and len(surveys) >= MIN_ANISOTROPIC:
         for _ in range(2):  # again at the peak for the first direction
-            direction = _mean_direction(places, model, prior, best.u)
+            direction = _mean_direction(surveys, model, prior, best.u)
             if direction == best.direction:
                 break
-            best = _Peak.climb(places, model, prior, [best.u], direction)
+            best = _Peak.climb(surveys, model, prior, [best.u], direction)
     covariance = _laplace_covariance(best.slope, best.u, best.gradient)
     structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.u)
     mean = np.exp(0.5 * prior.log_sd**2 * covariance)  # of a log-normal variable, in units of its median
@@ -321,14 +352,14 @@ class _Peak:
     @classmethod
     def climb(
         cls,
-        places: Samples,
+        surveys: Surveys,
         model: ModelName,
         prior: Prior,
         starts: list[Array],
         direction: tuple[float, float] = ISOTROPIC,
     ) -> _Peak:
         """The highest peak found from these starts."""
-        expand = _expansion(places, model, prior, direction, _likelihood_blocks(places.xy))
+        expand = _expansion(surveys, model, prior, direction)
         best = min(
             (minimise(expand, start, _LARGEST_STEP, _TOLERANCE) for start in starts), key=lambda found: found.value
         )
@@ -336,15 +367,15 @@ class _Peak:
 
 
 def _expansion(
-    places: Samples,
+    surveys: Surveys,
     model: ModelName,
     prior: Prior,
     direction: tuple[float, float],
-    blocks: list[NDArray[np.intp]] | None = None,
+    whole: bool = False,
 ) -> Callable[[Array], tuple[float, Array, Array]]:
     """Minus the log posterior, its gradient and its curvature, at a position in prior standard deviations."""
     plane = None if direction == ISOTROPIC else isotropic_plane(*direction)
-    likelihood = RestrictedLikelihood(places, model, blocks, plane)
+    likelihood = RestrictedLikelihood.of_surveys(surveys, model, plane, whole)
     scale = np.outer(prior.log_sd, prior.log_sd)
 
     def expand(u: Array) -> tuple[float, Array, Array]:
@@ -354,7 +385,7 @@ def _expansion(
     return expand
 
 
-def _mean_direction(places: Samples, model: ModelName, prior: Prior, u: Array) -> tuple[float, float]:
+def _mean_direction(surveys: Surveys, model: ModelName, prior: Prior, u: Array) -> tuple[float, float]:
     """Posterior mean of anisotropy and angle, over isotropy and all candidates.
 
     The mean is that of the logarithm of the metric (Arsigny et al. 2006, Magnetic Resonance in Medicine
@@ -363,11 +394,11 @@ def _mean_direction(places: Samples, model: ModelName, prior: Prior, u: Array) -
 
     :param u: peak for a similar direction, in prior standard deviations
     """
-    some = _some(places, _DIRECTED_PLACES)
+    some = surveys.thinned(_DIRECTED_PLACES)
     candidates = [ISOTROPIC, *((ratio, angle) for ratio in ANISOTROPIES for angle in ANGLES_DEG)]
 
     def height(direction: tuple[float, float]) -> float:
-        cost, slope, curvature = _expansion(some, model, prior, direction)(u)
+        cost, slope, curvature = _expansion(some, model, prior, direction, True)(u)
         step = np.clip(-np.linalg.solve(curvature, slope), -_DIRECTED_STEP, _DIRECTED_STEP)
         return -float(cost + slope @ step + 0.5 * step @ curvature @ step)
 
@@ -407,12 +438,12 @@ def spatial_blocks(
     return blocks
 
 
-def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
+def _starts(surveys: Surveys, model: ModelName, prior: Prior) -> list[Array]:
     """Start values in prior standard deviations: the best of a few ranges, or the three best.
 
     The likelihood of a subset of the places ranks the ranges, because all places would cost more than they save.
     """
-    likelihood = RestrictedLikelihood(_some(places, _FEW_PLACES), model)
+    likelihood = RestrictedLikelihood.of_surveys(surveys.thinned(_FEW_PLACES), model, whole=True)
 
     def badness(u: Array) -> float:
         return float(0.5 * u @ u) - likelihood.value(prior.log_median + prior.log_sd * u)
@@ -421,14 +452,8 @@ def _starts(places: Samples, model: ModelName, prior: Prior) -> list[Array]:
         min((np.array([0.0, range_, nugget]) for nugget in (-0.5, 1.5)), key=badness)
         for range_ in (-1.5, -0.75, 0.0, 0.75, 1.5)
     ]
-    one = len(places) > _FEW_PLACES and correlation_model(model).has_one_peak
+    one = len(surveys) > _FEW_PLACES and correlation_model(model).has_one_peak
     return sorted(of_ranges, key=badness)[: 1 if one else 3]
-
-
-def _some(places: Samples, most: int) -> Samples:
-    """Every k-th place as a point, at most ``most`` in all."""
-    some = slice(None, None, -(-len(places) // most))
-    return Samples(places.xy[some], places.counts[some], places.exposure_s[some])
 
 
 def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:

@@ -1,0 +1,73 @@
+"""What is known of a field before the survey, as prior mean and covariance of its rate.
+
+Without knowledge, the structured rate has the covariance ``K(x, x')`` of the variogram and the mean of its survey.
+What is known adds features F(x): patterns that earlier surveys have measured, and covariates. With c the mean of
+their coefficients::
+
+    mean(x) = F(x) c,        covariance(x, x') = K(x, x') + F(x) W F(x')'
+
+W is the covariance matrix of the coefficients minus the part of it that K has already. So it is negative in
+directions that earlier surveys have measured, and positive for covariates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping.variogram.support import Supports
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FieldPrior:
+    """Prior mean and covariance of the smooth rate, besides the variogram and the unknown mean of the survey.
+
+    :param features: F at places of shape (n, 2) [m], shape (n, p); a function that may keep what it computed
+    :param scale: factor of each feature, shape (p,)
+    :param matrix: W, symmetric, shape (p, p) [(counts/s)^2]
+    :param coefficients: c, shape (p,) [counts/s]
+    """
+
+    features: Callable[[Array], Array]
+    scale: Array
+    matrix: Array
+    coefficients: Array
+
+    def at(self, xy: Array, spread: Array | None = None) -> Array:
+        """Scaled features at places or averaged over supports, shape (n, p).
+
+        :param xy: shape (n, 2) [m]
+        :param spread: shape (n, 3) [m^2]; all points if ``None``
+        """
+        if spread is None or not spread.any():
+            return self.features(xy) * self.scale
+        return np.ascontiguousarray(Supports(xy, spread).average(lambda points: self.at(points).T.copy()).T)
+
+    def mean(self, at: Array) -> Array:
+        """Prior mean of the rate about the unknown mean of the survey, shape (n,) [counts/s].
+
+        :param at: scaled features, shape (n, p)
+        """
+        return np.asarray(at @ self.coefficients)
+
+    def covariance(self, at: Array, others: Array) -> Array:
+        """Covariance in addition to the variogram's, shape (n, m) [(counts/s)^2].
+
+        :param at: scaled features, shape (n, p)
+        :param others: likewise, shape (m, p)
+        """
+        if len(at) < len(others):
+            return np.asarray((at @ self.matrix) @ others.T)
+        return np.asarray(at @ (self.matrix @ others.T))
+
+    def variance(self, at: Array) -> Array:
+        """Variance in addition to the variogram's, shape (n,) [(counts/s)^2].
+
+        :param at: scaled features, shape (n, p)
+        """
+        return np.asarray(np.einsum("ij,ij->i", at @ self.matrix, at))

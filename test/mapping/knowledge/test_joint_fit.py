@@ -1,0 +1,215 @@
+"""The joint model (joint_fit.py, conditioning.py, pattern.py) against dense kriging of all surveys."""
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge import joint_fit, pattern
+from soilmoist_ros.mapping.knowledge.conditioning import LOADINGS, PatternState
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
+from soilmoist_ros.mapping.knowledge.pattern import PatternFeatures
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
+from soilmoist_ros.mapping.variogram.model import Variogram
+
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
+VARIOGRAM = Variogram("matern32", nugget=0.01, range_m=12.0, sill=0.25)
+NOISE = 3.0
+TARGETS = np.array([(10.0, 10.0), (30.0, 25.0), (55.0, 45.0), (2.0, 48.0)])
+
+
+def joint_covariance(variogram, surveys, between, noise_rate, effects=None):
+    """Covariance matrix of the rates of all surveys, by the textbook: one dense matrix.
+
+    :param between: correlation of the patterns of two surveys, shape (S, S)
+    :param effects: covariates times the standard deviations of their effects, for each survey
+    """
+    xy, survey = _stacked(surveys)
+    distance = np.linalg.norm(xy[:, None] - xy, axis=-1)
+    covariance = variogram.structured_sill * variogram.correlation(distance) * between[survey][:, survey]
+    if effects is not None:
+        covariance += np.concatenate(effects) @ np.concatenate(effects).T
+    exposure_s = np.concatenate([one.exposure_s for one in surveys])
+    return covariance + np.diag(variogram.nugget + noise_rate / exposure_s)
+
+
+def joint_kriging(variogram, surveys, between, noise_rate, targets, effects=None):
+    """Smooth rate of the last survey at targets, and the covariance matrix of its errors.
+
+    :param effects: of the samples of each survey, and of the targets
+    """
+    xy, survey = _stacked(surveys)
+    matrix = joint_covariance(variogram, surveys, between, noise_rate, effects and effects[0])
+    means = (survey[:, None] == np.arange(len(surveys))).astype(float)
+    of_target = np.zeros((len(targets), len(surveys)))
+    of_target[:, -1] = 1.0
+    sill = variogram.structured_sill
+    across = sill * variogram.correlation(np.linalg.norm(xy[:, None] - targets, axis=-1))
+    across *= between[survey][:, [-1]]
+    among = sill * variogram.correlation(np.linalg.norm(targets[:, None] - targets, axis=-1))
+    if effects is not None:
+        across += np.concatenate(effects[0]) @ effects[1].T
+        among = among + effects[1] @ effects[1].T
+    rate = np.concatenate([one.rate_cps for one in surveys])
+    inverse = np.linalg.inv(matrix)
+    information = means.T @ inverse @ means
+    mean = np.linalg.solve(information, means.T @ inverse @ rate)
+    estimate = of_target @ mean + across.T @ inverse @ (rate - means @ mean)
+    open_ = of_target - across.T @ inverse @ means
+    return estimate, among - across.T @ inverse @ across + open_ @ np.linalg.solve(information, open_.T)
+
+
+def joint_likelihood(variogram, surveys, between, noise_rate, effects=None):
+    """Restricted log-likelihood of all rates, the mean of each survey integrated out."""
+    _, survey = _stacked(surveys)
+    matrix = joint_covariance(variogram, surveys, between, noise_rate, effects)
+    means = (survey[:, None] == np.arange(len(surveys))).astype(float)
+    rate = np.concatenate([one.rate_cps for one in surveys])
+    inverse = np.linalg.inv(matrix)
+    information = means.T @ inverse @ means
+    rest = rate - means @ np.linalg.solve(information, means.T @ inverse @ rate)
+    determinants = np.linalg.slogdet(matrix)[1] + np.linalg.slogdet(information)[1]
+    return float(-0.5 * (determinants + rest @ inverse @ rest + (len(rate) - len(surveys)) * np.log(2 * np.pi)))
+
+
+def _stacked(surveys):
+    xy = np.concatenate([one.xy for one in surveys])
+    return xy, np.repeat(np.arange(len(surveys)), [len(one) for one in surveys])
+
+
+def simulated(surveys, samples, rho, seed=0, grid=GRID):
+    """Samples of surveys whose patterns have the correlation rho, and the rate of the last one in the cells."""
+    rng = np.random.default_rng(seed)
+    xy = np.concatenate([grid.cells, rng.uniform([0, 0], [60, 50], (surveys * samples, 2))])
+    distance = np.linalg.norm(xy[:, None] - xy, axis=-1)
+    factor = np.linalg.cholesky(VARIOGRAM.correlation(distance) + 1e-9 * np.eye(len(xy)))
+    pattern_of_all = factor @ rng.standard_normal(len(xy))
+    made = []
+    for number in range(surveys):
+        own = factor @ rng.standard_normal(len(xy))
+        rate = 3.0 + 0.5 * (np.sqrt(rho) * pattern_of_all + np.sqrt(1 - rho) * own)
+        here = len(grid.cells) + samples * number + np.arange(samples)
+        made.append(Samples(xy[here], rng.poisson(np.maximum(rate[here], 0.1) * 40.0), np.full(samples, 40.0)))
+    return made, rate[: len(grid.cells)]
+
+
+def conditioned(surveys, loadings, candidates):
+    """Kriging of the last survey with the prior that the joint model makes of the others, and its likelihood."""
+    features = PatternFeatures.of(VARIOGRAM, candidates)
+    unit = np.full(features.rank, np.sqrt(VARIOGRAM.structured_sill))
+    state, log = PatternState.before(features.rank), 0.0
+    for number, survey in enumerate(surveys):
+        view = joint_fit.view_of(survey, VARIOGRAM, features, unit, NOISE)
+        one = (loadings[number] == LOADINGS).astype(float)
+        log += float(state.log_likelihoods(view)[one > 0][0])
+        if number < len(surveys) - 1:
+            state = state.after(view, one)
+    prior = FieldPrior(features, state.scale(loadings[-1]) * unit, state.excess, state.mean)
+    last = surveys[-1]
+    kriging = PoissonKriging(VARIOGRAM, keep_nugget=False, mean_rate=NOISE, prior=prior)
+    return kriging.fit(last.xy, last.counts, last.exposure_s), log
+
+
+LOADED = (0.98, 0.8, 0.94)
+BETWEEN = np.outer(LOADED, LOADED)
+np.fill_diagonal(BETWEEN, 1.0)
+
+
+@pytest.fixture
+def exact(monkeypatch):
+    """Inducing places enough to lose nothing."""
+    monkeypatch.setattr(pattern, "MAX_LOST", 1e-9)
+    monkeypatch.setattr(pattern, "MAX_RANK", 10_000)
+
+
+@pytest.mark.usefixtures("exact")
+def test_joint_kriging_equals_the_dense_one():
+    surveys, _ = simulated(3, 20, 0.9)
+    everywhere = np.concatenate([*(one.xy for one in surveys), TARGETS])
+    kriging, log = conditioned(surveys, LOADED, everywhere)
+    rate, covariance = joint_kriging(VARIOGRAM, surveys, BETWEEN, NOISE, TARGETS)
+    found, variance = kriging.predict(TARGETS)
+    np.testing.assert_allclose(found, rate, atol=1e-6)
+    np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
+    np.testing.assert_allclose(kriging.covariance(TARGETS), covariance, atol=1e-6)
+    assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, BETWEEN, NOISE), abs=1e-4)
+
+
+@pytest.mark.usefixtures("exact")
+def test_earlier_surveys_may_come_in_any_order():
+    surveys, _ = simulated(3, 15, 0.9)
+    everywhere = np.concatenate([*(one.xy for one in surveys), TARGETS])
+    one, _ = conditioned(surveys, LOADED, everywhere)
+    other, _ = conditioned([surveys[1], surveys[0], surveys[2]], (LOADED[1], LOADED[0], LOADED[2]), everywhere)
+    for found, expected in zip(other.predict(TARGETS), one.predict(TARGETS), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+@pytest.mark.parametrize("model", ["matern32", "matern52", "gaussian", "spherical", "exponential"])
+def test_condensing_loses_at_most_half_a_percent_of_the_sill(model, monkeypatch):
+    monkeypatch.setattr(f"{__name__}.VARIOGRAM", Variogram(model, 0.01, 12.0, 0.25))
+    surveys, _ = simulated(4, 60, 0.9)
+    loaded = np.full(4, 0.94)
+    between = np.outer(loaded, loaded)
+    np.fill_diagonal(between, 1.0)
+    kriging, _ = conditioned(surveys, loaded, np.concatenate([one.xy for one in surveys[:-1]]))
+    rate, covariance = joint_kriging(VARIOGRAM, surveys, between, NOISE, GRID.cells)
+    found, variance = kriging.predict(GRID.cells)
+    lost = (variance - np.diag(covariance)) / VARIOGRAM.structured_sill
+    assert lost.min() > -0.002
+    assert lost.max() < 0.005
+    assert (np.abs(found - rate) < 0.5 * np.sqrt(np.diag(covariance))).all()
+
+
+def test_kriging_with_a_prior_grows_sample_by_sample_and_on_rasters():
+    surveys, _ = simulated(2, 30, 0.9)
+    whole, _ = conditioned(surveys, (0.98, 0.88), surveys[0].xy)
+    last = surveys[-1]
+    grown = PoissonKriging(VARIOGRAM, False, NOISE, whole.prior)
+    for number in range(len(last)):
+        grown.add(last.xy[number], last.counts[number], last.exposure_s[number])
+    for found, expected in zip(grown.predict(TARGETS), whole.predict(TARGETS), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+    rasters = whole.predict_grid(GRID.x_m, GRID.y_m, GRID.mask)
+    for raster, expected in zip(rasters, whole.predict(GRID.cells), strict=True):
+        np.testing.assert_allclose(raster[GRID.mask], expected, rtol=1e-9)
+
+
+def mapped(samples, knowledge=None, **settings):
+    field_map = FieldMap(GRID, FieldMapSettings(**settings), *([] if knowledge is None else [knowledge]))
+    field_map.set_samples(samples)
+    return field_map.update()
+
+
+def test_without_knowledge_maps_stay_as_they_are():
+    (samples,), _ = simulated(1, 30, 1.0)
+    one, other = mapped(samples), mapped(samples, Knowledge())
+    assert (one.rate[GRID.mask] == other.rate[GRID.mask]).all()
+    assert (one.variance[GRID.mask] == other.variance[GRID.mask]).all()
+
+
+def test_a_related_survey_helps_and_an_unrelated_one_does_not_hurt():
+    errors = {}
+    for rho in (0.9, 0.0):
+        alone, joint = [], []
+        for seed in range(6):
+            (before, now), truth = simulated(2, 60, rho, seed)
+            few = Samples(now.xy[:15], now.counts[:15], now.exposure_s[:15])
+            known = Knowledge((EarlierSurvey("may", 0.0, before),))
+            alone.append(np.mean((mapped(few).rate[GRID.mask] - truth) ** 2))
+            joint.append(np.mean((mapped(few, known).rate[GRID.mask] - truth) ** 2))
+        errors[rho] = np.sum(joint) / np.sum(alone)
+    assert errors[0.9] < 0.75
+    assert errors[0.0] < 1.1
+
+
+def test_a_map_for_planning_is_the_same_map():
+    (before, now), _ = simulated(2, 30, 0.9)
+    known = Knowledge((EarlierSurvey("may", 0.0, before),))
+    one, other = mapped(now, known), mapped(now, known, for_planning=True)
+    np.testing.assert_array_equal(one.rate, other.rate)
+    variance = other.kriging.predict(TARGETS)[1] - other.variogram.nugget
+    np.testing.assert_allclose(np.diag(other.kriging.covariance(TARGETS)), variance, rtol=1e-9)
