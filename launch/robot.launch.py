@@ -29,6 +29,7 @@ PARAMETERS = {
     "strategy": "how the next stop is chosen, such as gcb",
     "dwell": "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal",
     "hours": "time of the mission [h], the way home included",
+    "earlier": "earlier runs of the field, which inform map and plan: [FOLDER, FOLDER]",
     "home": "stop to return to at the end",
     "navigator": "how goals are sent: goto_node, navigate_to_pose (Nav2) or goal_pose",
     "save_dir": "folder that the mapper's service save writes",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import report_errors
+from soilmoist_ros.cli.options.earlier_option import earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
 from soilmoist_ros.cli.replay import print_replay
@@ -61,6 +62,7 @@ DEMO_HOURS = 1.0
     default="",
     help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, or a file. Default: none.",
 )
+@earlier_option()
 @output_options("Folder for the run; made if missing.")
 @report_errors
 def command(
@@ -71,6 +73,7 @@ def command(
     old_speed: float | None,
     time_factor: float,
     scenario: str,
+    earlier: tuple[Path, ...],
 ) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
@@ -89,10 +92,12 @@ def command(
     _prepare(out, overwrite)
     from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
     from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
 
+    mission_earlier(mission, earlier)  # before the nodes start
     try:
         with reported_failure(out), _live_view() as show:
-            replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario), show)
+            replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario, earlier=earlier), show)
     except KeyboardInterrupt:
         click.echo(f"interrupted: all nodes have stopped; map the recording with soilmoist replay {out}", err=True)
         sys.exit(130)

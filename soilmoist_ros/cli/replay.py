@@ -50,7 +50,7 @@ if TYPE_CHECKING:
               help="counts: records as the driver corrected them; raw: raw lines, corrected again.")  # fmt: skip
 @click.option("--logger", help="Logger format of the raw lines. Default: detected from the header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
-@earlier_option(" Default: as in the run.")
+@earlier_option(" Default: as in the run; none for a map without.")
 @covariate_option(" Default: as in the run.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @output_options("Folder for the results; made if missing. Required.", required=False)
@@ -101,7 +101,7 @@ def command(
             keep_nugget=keep_nugget,
             truths=named,
             crs=crs,
-            earlier=earlier or None,
+            earlier=_earlier(earlier),
             covariates=covariates or None,
             **choices,
         )
@@ -112,6 +112,11 @@ def command(
     print_replay(replay)
     for path in written:
         click.echo(f"wrote {path}")
+
+
+def _earlier(paths: tuple[Path, ...]) -> tuple[Path, ...] | None:
+    """Earlier runs: those of the run if none are given, and none for ``none``."""
+    return () if paths == (Path("none"),) else paths or None
 
 
 def _truth(text: str) -> tuple[str | int, str]:

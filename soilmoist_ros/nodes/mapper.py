@@ -63,6 +63,7 @@ class Mapper(Node):
         self._frame = parameters.text("frame")
         self._save_dir = Path(parameters.text("save_dir")).expanduser().absolute()
         options: dict[str, Any] = parameters.as_dict()
+        options["property_name"] = Path(parameters.text("start_property")).name
         self._stamps = stamp_limits(parameters)
         self._stored_stamps = replace(self._stamps, max_age_s=0.0)
         for name in ("frame", "save_dir", "start_from", "start_property", "others", "record_dir", "merge_from"):

@@ -47,7 +47,7 @@ class Planner(Node):
         super().__init__("planner")
         self._values = Parameters(self, PARAMETERS)
         self._field = load_field(resource("fields", self._values.text("field")))
-        settings = explorer_settings(self._values)
+        settings = explorer_settings(self._values, self._field)
         rules = mission_rules(self._values, settings)
         folder, resume = self._values.text("journal_dir"), self._values.text("resume")
         journal_dir = Path(folder).expanduser() if folder else None

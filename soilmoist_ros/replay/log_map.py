@@ -140,7 +140,8 @@ def map_logs(
     )
     earlier: tuple[EarlierRun, ...] = ()
     if settings.earlier:
-        earlier = read_earlier_runs(settings.earlier, Target(survey.frame, grid, map_settings, "", simulated))
+        target = Target(survey.frame, grid, map_settings, simulated=simulated)
+        earlier = read_earlier_runs(settings.earlier, target)
         require_other(earlier, survey.records)
     sources = (*(field.covariates if field else ()), *settings.covariates)
     covariates = read_covariates(sources, survey.frame, grid)

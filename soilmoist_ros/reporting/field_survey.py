@@ -144,7 +144,8 @@ def open_survey(
     )
     runs: tuple[EarlierRun, ...] = ()
     if earlier:
-        runs = read_earlier_runs(earlier, Target(the_field.frame, grid, settings, property_name, simulated))
+        target = Target(the_field.frame, grid, settings, property_name, not property_name, simulated)
+        runs = read_earlier_runs(earlier, target)
     sources = (*the_field.covariates, *map(CovariateSource.parse, covariates))
     files += [("covariate", path) for path in dict.fromkeys(one.path for one in sources)]
     knowledge = Knowledge(tuple(run.survey for run in runs), read_covariates(sources, the_field.frame, grid))

@@ -27,6 +27,7 @@ from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 
@@ -65,6 +66,7 @@ class ExplorerSettings:
     :param access: where the robot may drive
     :param learn_travel: whether speed, turning time and stop overhead are learned from the legs driven
     :param calibration: calibration that is there for an operator who asks for the map of the moisture
+    :param knowledge: what is known of the field before the survey
     """
 
     strategy: str
@@ -76,6 +78,7 @@ class ExplorerSettings:
     access: AccessRules = NO_MARGIN
     calibration: MoistureCurve | None = None
     learn_travel: bool = True
+    knowledge: Knowledge = NOTHING
 
     @property
     def needs_map(self) -> bool:
@@ -225,8 +228,9 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
     :param settings: how stops are chosen
     :param rules: those of the mission
     """
+    planning = FieldMapSettings(for_planning=True)
     return Explorer(
-        [Property(FieldMap(access.grid, FieldMapSettings(for_planning=True)), curve=settings.curve)],
+        [Property(FieldMap(access.grid, planning, settings.knowledge), curve=settings.curve)],
         access.stops,
         access.travel,
         make_strategy(settings.strategy, settings.preset),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.nodes.parameters.parameter import Parameter, of_setting
+from soilmoist_ros.nodes.parameters.parameter import EARLIER, Parameter, of_setting
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS
 
 PARAMETERS: Final = (
@@ -51,6 +51,7 @@ PARAMETERS: Final = (
         description="property in start_from whose records the map starts with, as in the planner's "
         "properties; empty for the planner's own field",
     ),
+    EARLIER,
     Parameter(
         name="record_dir",
         default="",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
@@ -175,3 +175,11 @@ def check_values(
             remedy = f"there are: {', '.join(table)}{did_you_mean(name, table)}"
             mistakes.append(Mistake(f"there is no parameter {name!r}", remedy))
     return values, mistakes
+
+
+EARLIER: Final = Parameter(
+    name="earlier",
+    default=[],
+    description="earlier runs of the field whose counts inform map and plan: output folders, recordings, or "
+    "folders of such; mapper and planner need the same ones",
+)

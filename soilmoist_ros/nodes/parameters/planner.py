@@ -12,10 +12,14 @@ from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.field_map import FieldMapSettings
+from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import WATCH_PARAMETERS
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
-from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, of_setting
+from soilmoist_ros.nodes.parameters.parameter import EARLIER, Parameter, Value, of_setting
+from soilmoist_ros.reporting.earlier.earlier_runs import Target, read_earlier_runs
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
 
@@ -56,6 +60,7 @@ PARAMETERS: Final = (
         "namespaces in which further properties of the field are mapped, to be known as well as the first: "
         "NAMESPACE or NAMESPACE:WEIGHT, the weight of the first being 1; one without a map is left out",
     ),
+    EARLIER,
     _row("home", "", "stop to return to at the end; the robot stays where it is if empty", live=True),
     _row(
         "graph",
@@ -227,11 +232,12 @@ RECORD_S: Final = 10.0
 """Usual duration of a record [s]; one that is counted wholly at a stop may begin this long after the arrival."""
 
 
-def explorer_settings(parameters: Parameters) -> ExplorerSettings:
+def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     """Settings for the choice of stops.
 
-    :raises InputError: if the dwell rule is invalid, the strategy's solver is not installed, or the target is the
-        moisture and there is no calibration
+    :param field: the field
+    :raises InputError: if an earlier run cannot be used, the dwell rule is invalid, the strategy's solver is not
+        installed, or the target is the moisture and there is no calibration
     """
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
@@ -251,6 +257,7 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
         curve=_required(calibration) if text("target") == "vwc" else None,
         calibration=calibration,
         learn_travel=parameters.flag("learn_travel"),
+        knowledge=_knowledge(parameters, field, calibration),
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
             beyond_m=number("beyond_m"),
@@ -259,6 +266,15 @@ def explorer_settings(parameters: Parameters) -> ExplorerSettings:
             by_name=text("navigator") == "goto_node",
         ),
     )
+
+
+def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve | None) -> Knowledge:
+    """What is known of the robot's own property: the earlier surveys that the mapper has, too."""
+    paths = parameters.texts("earlier")
+    if not paths:
+        return NOTHING
+    target = Target(field.frame, field.grid(), FieldMapSettings(curve=calibration))
+    return Knowledge(tuple(run.survey for run in read_earlier_runs(paths, target)))
 
 
 def _required(calibration: MoistureCurve | None) -> MoistureCurve:

@@ -27,6 +27,7 @@ class DemoSettings:
     :param scenario: name or file with faults of navigation and links; empty for none
     :param autostart: whether the missions start as soon as they can
     :param exit_when_finished: whether the planners end with their missions
+    :param earlier: earlier runs of the field
     """
 
     out: Path
@@ -36,6 +37,7 @@ class DemoSettings:
     scenario: str = ""
     autostart: bool = True
     exit_when_finished: bool = True
+    earlier: tuple[Path, ...] = ()
 
 
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -54,6 +56,8 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     simulated = {"use_sim_time": True}
     choices = {name: getattr(mission, name) for name in ("model", "fit", "noise", "local")}
     fitted = {**choices, "simulated": True, **simulated}
+    known: dict[str, object] = {"earlier": [str(path.absolute()) for path in settings.earlier]}
+    known = known if settings.earlier else {}
     robots = robot_namespaces(mission.robots)
     several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
     others: dict[str, object] = {"others": several} if several else {}
@@ -74,7 +78,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     nodes: dict[str, dict[str, object]] = {
         # The recorder starts first and ends last, so that it records everything.
         "recorder": {"out": str(out), "name": "bag"},
-        "mapper": {**files, "save_dir": str(out / "map"), **others, **fitted},
+        "mapper": {**files, "save_dir": str(out / "map"), **others, **known, **fitted},
         **mappers,
         **{
             node_name(robot, "planner"): {
@@ -88,6 +92,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
                 "preset": mission.preset,
                 **trips,
                 **planned,
+                **known,
                 "navigator": settings.navigator,
                 "autostart": settings.autostart,
                 "exit_when_finished": settings.exit_when_finished,

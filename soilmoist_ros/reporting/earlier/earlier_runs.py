@@ -35,7 +35,8 @@ class Target:
     :param frame: plane of the field
     :param grid: the field
     :param settings: of its map
-    :param name: name of the property; empty for the robot's own
+    :param name: name of the property; may be empty for the robot's own
+    :param first: whether it is the robot's own; runs without a further property are left out
     :param simulated: whether its counts are simulated, ``None`` if either may be
     """
 
@@ -43,6 +44,7 @@ class Target:
     grid: FieldGrid
     settings: FieldMapSettings
     name: str = ""
+    first: bool = True
     simulated: bool | None = None
 
 
@@ -96,7 +98,8 @@ def read_earlier_runs(paths: Sequence[Path | str], target: Target) -> tuple[Earl
     mistakes: list[Mistake] = []
     for path in paths:
         try:
-            found += [_earlier(read_run(one, target.name), target) for one in find_runs(Path(path).expanduser())]
+            runs = [read_run(one, target.name, target.first) for one in find_runs(Path(path).expanduser())]
+            found += [_earlier(run, target) for run in runs if run is not None]
         except InputError as error:
             mistakes += error.mistakes
     for number, run in enumerate(found):

@@ -33,7 +33,7 @@ def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping
         curve = None if number else one.curve
         choices = FieldMapSettings(curve=curve, footprint_radius_m=radius_m)
         found[wanted.name] = read_earlier_runs(
-            paths, Target(one.frame, grid, choices, wanted.name, simulated=True)
+            paths, Target(one.frame, grid, choices, wanted.name, number == 0, True)
         )
     return found
 

@@ -67,19 +67,21 @@ def _is_run(path: Path) -> bool:
     return (path / SUMMARY).is_file() or (bag / "metadata.yaml").is_file() or any(bag.glob("*.mcap"))
 
 
-def read_run(path: Path, name: str = "") -> RunRecords:
+def read_run(path: Path, name: str = "", first: bool = True) -> RunRecords | None:
     """The records of a run.
 
     :param path: one of :func:`find_runs`
-    :param name: name of the property to read; the run's first if it is the robot's own, or the only one
+    :param name: name of the property to read
+    :param first: whether it is the robot's own, which may be without a name
+    :returns: ``None`` if the run does not have this further property
     :raises InputError: if the run has no records, not this property, or does not say where it was
     """
     if (path / SUMMARY).is_file():
-        return _of_folder(path, name)
-    return _of_bag(path, name)
+        return _of_folder(path, name, first)
+    return _of_bag(path, "" if first else name)
 
 
-def _of_folder(path: Path, name: str) -> RunRecords:
+def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
     """Records of an output folder."""
     try:
         about = json.loads((path / SUMMARY).read_text(encoding="utf-8"))
@@ -93,6 +95,8 @@ def _of_folder(path: Path, name: str) -> RunRecords:
     first = names[0] if names else ""
     if name in names[1:]:
         table, found = path / f"records_{name}.csv", name
+    elif not own and name != first:
+        return None
     else:
         _require_same(name, first, names, path)
         table, found = path / RECORDS, first
@@ -113,12 +117,13 @@ def _of_folder(path: Path, name: str) -> RunRecords:
     )
 
 
-def _of_bag(path: Path, name: str) -> RunRecords:
-    """Records of a recording, in the plane of the field that its nodes had."""
+def _of_bag(path: Path, name: str) -> RunRecords | None:
+    """Records of a recording, in the plane of the field that its nodes had; the robot's own without a name."""
     bag = bag_of(path)
     configuration = configuration_of(bag)
-    mapper = read_parameters(configuration, f"{name.strip('/')}/mapper" if name not in FIRST_NAMES else "mapper")
-    mapper = mapper or read_parameters(configuration, "mapper")
+    mapper = read_parameters(configuration, f"{name.strip('/')}/mapper".strip("/"))
+    if name and not mapper:
+        return None
     if not mapper.get("field"):
         remedy = "map it with soilmoist replay --field, and give the folder of that"
         raise InputError("does not say in which field it was recorded", remedy, path)
@@ -127,7 +132,7 @@ def _of_bag(path: Path, name: str) -> RunRecords:
     return RunRecords(
         path,
         load_field(resource("fields", str(mapper["field"]))).frame,
-        _good(read_earlier(bag, "" if name in FIRST_NAMES else name), path),
+        _good(read_earlier(bag, name), path),
         name,
         bool(mapper.get("simulated")),
         None if curve is None else curve.n0_cps,

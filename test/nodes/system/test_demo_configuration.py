@@ -1,0 +1,18 @@
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
+from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters
+from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
+
+
+def test_mapper_and_planner_know_the_same_earlier_runs_and_other_properties_have_none(tmp_path):
+    mission = MissionSettings(field="smooth", properties=(PropertySettings("rough"),))
+    settings = DemoSettings(tmp_path, mission, earlier=(tmp_path / "may", tmp_path / "june"))
+    write_configuration(settings, surrogate_field("smooth"), tmp_path)
+    wanted = [str(tmp_path / "may"), str(tmp_path / "june")]
+    for node, expected in (("mapper", wanted), ("planner", wanted), ("rough/mapper", None)):
+        assert read_parameters(tmp_path / CONFIGURATION, node).get("earlier") == expected
