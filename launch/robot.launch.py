@@ -30,6 +30,7 @@ PARAMETERS = {
     "dwell": "how long to count at a stop: fmi:SECONDS, ami:THRESHOLD or optimal",
     "hours": "time of the mission [h], the way home included",
     "earlier": "earlier runs of the field, which inform map and plan: [FOLDER, FOLDER]",
+    "covariates": "files that may explain the map: [FILE:BAND, FILE]",
     "home": "stop to return to at the end",
     "navigator": "how goals are sent: goto_node, navigate_to_pose (Nav2) or goal_pose",
     "save_dir": "folder that the mapper's service save writes",

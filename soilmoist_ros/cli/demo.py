@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import report_errors
+from soilmoist_ros.cli.options.covariate_option import covariate_option
 from soilmoist_ros.cli.options.earlier_option import earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
@@ -63,6 +64,7 @@ DEMO_HOURS = 1.0
     help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, or a file. Default: none.",
 )
 @earlier_option()
+@covariate_option()
 @output_options("Folder for the run; made if missing.")
 @report_errors
 def command(
@@ -74,6 +76,7 @@ def command(
     time_factor: float,
     scenario: str,
     earlier: tuple[Path, ...],
+    covariates: tuple[str, ...],
 ) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
@@ -90,14 +93,21 @@ def command(
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
     mission = chosen_settings({"hours": DEMO_HOURS, **choices})
     _prepare(out, overwrite)
+    from soilmoist_ros.mapping.covariates.reading import read_covariates
+    from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
+    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
     mission_earlier(mission, earlier)  # before the nodes start
+    sources = tuple(map(CovariateSource.parse, covariates))
+    field = surrogate_field(mission.field_name).field
+    read_covariates((*field.covariates, *sources), field.frame, field.grid())
+    settings = DemoSettings(out, mission, time_factor, navigator, scenario, earlier=earlier, covariates=sources)
     try:
         with reported_failure(out), _live_view() as show:
-            replay = run_demo(DemoSettings(out, mission, time_factor, navigator, scenario, earlier=earlier), show)
+            replay = run_demo(settings, show)
     except KeyboardInterrupt:
         click.echo(f"interrupted: all nodes have stopped; map the recording with soilmoist replay {out}", err=True)
         sys.exit(130)

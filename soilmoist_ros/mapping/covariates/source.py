@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -47,6 +47,17 @@ class CovariateSource:
     def label(self) -> str:
         """Name for readers."""
         return self.name or self.path.stem
+
+    @property
+    def section(self) -> dict[str, object]:
+        """The source in a field file of any folder, without what is left out."""
+        keys = {"band": self.band, "derive": list(self.derive), "name": self.name}
+        return {"file": str(self.path.absolute()), **{key: value for key, value in keys.items() if value}}
+
+    @property
+    def absolute(self) -> CovariateSource:
+        """The source with an absolute path."""
+        return replace(self, path=self.path.absolute())
 
     def __str__(self) -> str:
         return f"{self.path}:{self.band}" if self.band else str(self.path)

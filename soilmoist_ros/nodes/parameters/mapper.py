@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.nodes.parameters.parameter import EARLIER, Parameter, of_setting
+from soilmoist_ros.nodes.parameters.parameter import COVARIATES, EARLIER, Parameter, of_setting
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS
 
 PARAMETERS: Final = (
@@ -52,6 +52,7 @@ PARAMETERS: Final = (
         "properties; empty for the planner's own field",
     ),
     EARLIER,
+    COVARIATES,
     Parameter(
         name="record_dir",
         default="",

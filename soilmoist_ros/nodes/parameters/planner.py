@@ -12,13 +12,15 @@ from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.covariates.reading import read_covariates
+from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import WATCH_PARAMETERS
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
-from soilmoist_ros.nodes.parameters.parameter import EARLIER, Parameter, Value, of_setting
+from soilmoist_ros.nodes.parameters.parameter import COVARIATES, EARLIER, Parameter, Value, of_setting
 from soilmoist_ros.reporting.earlier.earlier_runs import Target, read_earlier_runs
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
@@ -61,6 +63,7 @@ PARAMETERS: Final = (
         "NAMESPACE or NAMESPACE:WEIGHT, the weight of the first being 1; one without a map is left out",
     ),
     EARLIER,
+    COVARIATES,
     _row("home", "", "stop to return to at the end; the robot stays where it is if empty", live=True),
     _row(
         "graph",
@@ -236,8 +239,8 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     """Settings for the choice of stops.
 
     :param field: the field
-    :raises InputError: if an earlier run cannot be used, the dwell rule is invalid, the strategy's solver is not
-        installed, or the target is the moisture and there is no calibration
+    :raises InputError: if an earlier run or a covariate cannot be used, the dwell rule is invalid, the
+        strategy's solver is not installed, or the target is the moisture and there is no calibration
     """
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
@@ -269,12 +272,14 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
 
 
 def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve | None) -> Knowledge:
-    """What is known of the robot's own property: the earlier surveys that the mapper has, too."""
+    """What is known of the robot's own property: the earlier surveys and covariates that the mapper has, too."""
     paths = parameters.texts("earlier")
-    if not paths:
+    sources = (*field.covariates, *map(CovariateSource.parse, parameters.texts("covariates")))
+    if not (paths or sources):
         return NOTHING
     target = Target(field.frame, field.grid(), FieldMapSettings(curve=calibration))
-    return Knowledge(tuple(run.survey for run in read_earlier_runs(paths, target)))
+    runs = read_earlier_runs(paths, target) if paths else ()
+    return Knowledge(tuple(run.survey for run in runs), read_covariates(sources, field.frame, target.grid))
 
 
 def _required(calibration: MoistureCurve | None) -> MoistureCurve:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
@@ -28,6 +29,7 @@ class DemoSettings:
     :param autostart: whether the missions start as soon as they can
     :param exit_when_finished: whether the planners end with their missions
     :param earlier: earlier runs of the field
+    :param covariates: files with covariates, in addition to those of the field
     """
 
     out: Path
@@ -38,6 +40,7 @@ class DemoSettings:
     autostart: bool = True
     exit_when_finished: bool = True
     earlier: tuple[Path, ...] = ()
+    covariates: tuple[CovariateSource, ...] = ()
 
 
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -56,8 +59,9 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     simulated = {"use_sim_time": True}
     choices = {name: getattr(mission, name) for name in ("model", "fit", "noise", "local")}
     fitted = {**choices, "simulated": True, **simulated}
-    known: dict[str, object] = {"earlier": [str(path.absolute()) for path in settings.earlier]}
-    known = known if settings.earlier else {}
+    explained = {"covariates": [str(one.absolute) for one in settings.covariates]} if settings.covariates else {}
+    earlier = {"earlier": [str(path.absolute()) for path in settings.earlier]} if settings.earlier else {}
+    known = {**earlier, **explained}
     robots = robot_namespaces(mission.robots)
     several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
     others: dict[str, object] = {"others": several} if several else {}
@@ -65,6 +69,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         f"{one.name}/mapper": {
             "field": files["field"],
             "save_dir": str(out / f"map_{one.name}"),
+            **explained,
             **({"others": [f"{robot}/{one.name}" for robot in several]} if several else {}),
             **fitted,
         }

@@ -67,6 +67,8 @@ def _outline(field: SurrogateField) -> dict[str, Any]:
         content["no_go"] = [ring.tolist() for ring in field.field.no_go]
     if field.field.cell_m is not None:
         content["cell_m"] = field.field.cell_m
+    if field.field.covariates:
+        content["covariates"] = [one.section for one in field.field.covariates]
     return content
 
 
