@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.drift import WINDOW_S, Drift, TimedSamples, find_drift
 from soilmoist_ros.mapping.knowledge.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
@@ -96,6 +97,8 @@ class MapState:
     :param samples: the samples
     :param fit_samples: the samples that the variogram is fitted to: as they were when it was last due
     :param given_fit: variogram fitted elsewhere, used instead
+    :param timed: the samples by place and time; ``None`` if no drift is looked for
+    :param fit_timed: the same, as they were when a fit was last due, and the time then [s]
     """
 
     records: int = 0
@@ -103,6 +106,8 @@ class MapState:
     samples: Samples = NO_SAMPLES
     fit_samples: Samples = NO_SAMPLES
     given_fit: VariogramFit | None = None
+    timed: TimedSamples | None = None
+    fit_timed: tuple[TimedSamples, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -177,6 +182,8 @@ class FieldMap:
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None
         self._joint = None if knowledge.is_empty else JointModel(grid, knowledge, self._estimate, settings.noise)
+        self._last_drift: tuple[TimedSamples, Drift | None] | None = None
+        self._finds_drift = knowledge.drift == "auto" and settings.fit == "reml"
         raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
         self._raster = None if settings.for_planning else raster
         self._computing = threading.Lock()
@@ -190,6 +197,7 @@ class FieldMap:
     def reset(self) -> None:
         """Forget all records, samples and the last map."""
         self._merger = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m)
+        self._timed = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m, WINDOW_S)
         self._paths = DrivenPaths()
         self._expected: ExpectedCounts[_Where] = ExpectedCounts(self.merge_radius_m)
         self._recent_fit: tuple[int, Variogram] | None = None
@@ -229,10 +237,29 @@ class FieldMap:
 
     def _merge(self, record: CountRecord, spread: Array) -> None:
         self._merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread)
-        samples, fitted = self._merger.samples, self.state.fit_samples
+        if self._finds_drift:
+            self._add_timed(record, spread)
+        timed = self._timed_samples
+        samples, earlier = self._merger.samples, self.state
+        due = _has_grown(earlier.fit_samples, samples)
         self.state = MapState(
-            self.state.records + 1, record.stamp_s, samples, samples if _has_grown(fitted, samples) else fitted
+            earlier.records + 1,
+            record.stamp_s,
+            samples,
+            samples if due else earlier.fit_samples,
+            timed=timed,
+            fit_timed=earlier.fit_timed if timed is None or not due else (timed, record.stamp_s),
         )
+
+    def _add_timed(self, record: CountRecord, spread: Array) -> None:
+        """Add a record to the samples by place and time."""
+        middle_s = record.stamp_s - record.exposure_s / 2
+        self._timed.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread, middle_s)
+
+    @property
+    def _timed_samples(self) -> TimedSamples | None:
+        """The samples by place and time; ``None`` if no drift is looked for."""
+        return TimedSamples(self._timed.samples, self._timed.time_s) if self._finds_drift else None
 
     def _release(self, held: Held[_Where]) -> None:
         """Use a record that was quarantined until another one confirmed it."""
@@ -274,13 +301,21 @@ class FieldMap:
         self.track = [unexpected.get(index, record) for index, record in enumerate(records)]
         records = [record for record in self.track if not record.quarantine]
         samples = survey_samples(records, self.merge_radius_m, self.settings.footprint_radius_m)
-        self.state = MapState(len(records), records[-1].stamp_s if records else 0.0, samples, samples)
+        end_s = records[-1].stamp_s if records else 0.0
+        self._timed = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m, WINDOW_S)
+        paths = DrivenPaths()
+        for record in records if self._finds_drift else ():
+            self._add_timed(record, paths.spread(record))
+        timed = self._timed_samples
+        self.state = MapState(
+            len(records), end_s, samples, samples, timed=timed, fit_timed=None if timed is None else (timed, end_s)
+        )
 
     def _unexpected(self, records: Sequence[CountRecord]) -> dict[int, CountRecord]:
         """Records that :meth:`add` quarantines, by their index; they are counted as skipped."""
         # Larger samples are as good for this test, and quick for any number of records.
         radius_m = max(self.merge_radius_m, default_merge_radius_m(self.grid, self.settings.margin_m))
-        grown = FieldMap(self.grid, replace(self.settings, merge_radius_m=radius_m))
+        grown = FieldMap(self.grid, replace(self.settings, merge_radius_m=radius_m), Knowledge(drift="off"))
         place = {}
         for index, record in enumerate(records):
             if not record.quarantine:
@@ -373,6 +408,7 @@ class FieldMap:
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
+        drift = self._drift(state, fit)
         most = sys.maxsize if settings.for_planning else settings.max_exact_samples
         with self._computing:
             return make_soil_map(
@@ -385,6 +421,7 @@ class FieldMap:
                 most,
                 compute,
                 self._raster,
+                None if drift is None or state.timed is None else (state.timed, drift, state.stamp_s),
             )
 
     def fit(self, state: MapState) -> VariogramFit | None:
@@ -419,6 +456,16 @@ class FieldMap:
             others=others,
             effects=effects,
         )
+
+    def _drift(self, state: MapState, fit: VariogramFit) -> Drift | None:
+        """The drift of the mean rate up to a state, if there is one."""
+        if state.fit_timed is None or len(state.samples) > self.settings.max_exact_samples:
+            return None
+        timed, now_s = state.fit_timed
+        known = self._last_drift
+        if known is None or known[0] is not timed:
+            known = self._last_drift = timed, find_drift(timed, now_s, fit.variogram, fit.noise_rate, fit.prior)
+        return known[1]
 
     @cached_property
     def _area(self) -> Polygon | MultiPolygon:

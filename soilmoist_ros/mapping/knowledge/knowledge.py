@@ -18,13 +18,14 @@ class Knowledge:
 
     :param earlier: earlier surveys of the field, in any order
     :param covariates: covariates over the field; ``None`` for none
-    :param drift: ``auto`` if the mean rate may drift during the survey where the counts ask for it; ``off`` if not
+    :param drift: ``auto`` if the mean rate may drift during the survey where the counts ask for it, with REML
+        (:mod:`.drift`); ``off`` if not
     :raises ValueError: if two earlier surveys have one name
     """
 
     earlier: tuple[EarlierSurvey, ...] = ()
     covariates: Covariates | None = None
-    drift: DriftModel = "off"
+    drift: DriftModel = "auto"
 
     def __post_init__(self) -> None:
         repeated = [name for name, count in Counter(one.name for one in self.earlier).items() if count > 1]
@@ -34,7 +35,7 @@ class Knowledge:
     @property
     def is_empty(self) -> bool:
         """Whether nothing is known, and the map is that of the survey alone."""
-        return not self.earlier and not self.covariates and self.drift == "off"
+        return not self.earlier and not self.covariates
 
 
 NOTHING = Knowledge()

@@ -98,6 +98,7 @@ class PoissonKriging:
         self.jitter = 0.0
         self.clipped_variances = 0
         self._records: Samples | None = None
+        self._shared: Array | None = None
         self._record_place: NDArray[np.intp] = np.empty(0, int)
         self._places = NO_SAMPLES
         self._system = no_system(variogram)
@@ -120,8 +121,27 @@ class PoissonKriging:
         """
         return self._system.mean
 
+    @property
+    def system(self) -> KrigingSystem:
+        """The factored system of the merged samples."""
+        return self._system
+
+    @property
+    def merging(self) -> Array:
+        """Share of each sample as given in the rate of each place, shape (places, samples)."""
+        assert self._records is not None
+        shares = np.zeros((len(self._places), len(self._records)))
+        of_place = self._places.exposure_s[self._record_place]
+        shares[self._record_place, np.arange(len(self._records))] = self._records.exposure_s / of_place
+        return shares
+
     def fit(
-        self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
+        self,
+        xy: ArrayLike,
+        counts: ArrayLike,
+        exposure_s: ArrayLike,
+        spread: ArrayLike | None = None,
+        shared: Array | None = None,
     ) -> PoissonKriging:
         """Replace the samples and factor the kriging matrix.
 
@@ -130,6 +150,8 @@ class PoissonKriging:
         :param exposure_s: effective exposures, shape (n,) [s]
         :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
             :mod:`support`; all points by default
+        :param shared: covariance that the samples have in addition, and the targets have not, shape (n, n)
+            [(counts/s)^2], such as that of a drift; none by default
         :returns: itself
         :raises ValueError: if there is no sample, or as :class:`Samples`
         :raises IllConditionedError: if the matrix cannot be factored
@@ -138,6 +160,9 @@ class PoissonKriging:
         if not len(records):
             raise ValueError("kriging needs at least one sample; wait for the first record")
         self._take(records)
+        if shared is not None:
+            shared = self.merging @ shared @ self.merging.T
+        self._shared = shared
         self._rebuild()
         return self
 
@@ -161,6 +186,8 @@ class PoissonKriging:
         new = as_samples(xy, counts, exposure_s, spread)
         if not len(new):
             return self
+        if self._shared is not None:
+            raise ValueError("samples cannot be added to others that share something; fit all of them anew")
         known = len(self._places)
         self._take(self._records.joined(new))
         drift = abs(self._wanted_mean_rate() / self.noise_mean_rate - 1)
@@ -304,6 +331,11 @@ class PoissonKriging:
         amplitude = self.variogram.amplitude_at(places.xy)
         return noise if amplitude is None else noise / amplitude**2
 
+    def _in_units(self, covariance: Array) -> Array:
+        """A covariance of the places, shape (n, n), in units of their amplitudes."""
+        amplitude = self.variogram.amplitude_at(self._places.xy)
+        return covariance if amplitude is None else covariance / np.multiply.outer(amplitude, amplitude)
+
     def _rebuild(self) -> None:
         """Factor the whole matrix, with as little jitter as makes it positive definite."""
         self.noise_mean_rate = self._wanted_mean_rate()
@@ -338,6 +370,8 @@ class PoissonKriging:
             new = prior.at(places.xy[first:], places.spread[first:])
             features = np.concatenate([features[:first], new]) if first else new
             rows += prior.covariance(new, features)
+        if self._shared is not None:
+            rows += self._in_units(self._shared)[first:]
         noise = self.variogram.nugget + self.jitter + self._noise(places)[first:]
         rows[np.arange(n - first), np.arange(first, n)] += noise
         factor = np.zeros((n, n), order="F")

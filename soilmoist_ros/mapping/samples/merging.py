@@ -75,19 +75,28 @@ class SampleMerger:
 
     :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
     :param footprint_radius_m: radius of the footprint over which every record was counted [m], 0 for a point
+    :param window_s: a sample takes no records from this time after its first one on [s]
     :raises ValueError: if a radius is negative or not finite
     """
 
-    def __init__(self, radius_m: float, footprint_radius_m: float = 0.0) -> None:
+    def __init__(self, radius_m: float, footprint_radius_m: float = 0.0, window_s: float = math.inf) -> None:
         if not (math.isfinite(radius_m) and radius_m >= 0):
             raise ValueError(f"radius_m must be >= 0 and finite, got {radius_m}")
         self.radius_m = radius_m
+        self.window_s = window_s
         self._count = 0
         self._footprint = footprint_spread(footprint_radius_m)
-        self._columns = np.empty((7, 64))  # x, y, counts, exposure, spread; doubled when full
+        # x, y, counts, exposure, spread, mean time, begin; doubled when full
+        self._columns = np.empty((9, 64))
 
     def add(
-        self, x_m: float, y_m: float, raw_counts: int, exposure_s: float, spread: ArrayLike = (0.0, 0.0, 0.0)
+        self,
+        x_m: float,
+        y_m: float,
+        raw_counts: int,
+        exposure_s: float,
+        spread: ArrayLike = (0.0, 0.0, 0.0),
+        time_s: float = 0.0,
     ) -> None:
         """Add a record.
 
@@ -96,10 +105,11 @@ class SampleMerger:
         :param raw_counts: raw counts, >= 0
         :param exposure_s: effective exposure [s], > 0 and finite
         :param spread: of the path along which it was counted, shape (3,) [m^2]
+        :param time_s: when it was counted [s]
         """
-        nearest = self._within_reach(x_m, y_m)
+        nearest = self._within_reach(x_m, y_m, time_s)
         if nearest is None:
-            nearest = self._begin(x_m, y_m)
+            nearest = self._begin(x_m, y_m, time_s)
         sample = self._columns[:, nearest]
         sample[2] += raw_counts
         sample[3] += exposure_s
@@ -108,7 +118,8 @@ class SampleMerger:
         sample[0] += share * east
         sample[1] += share * north
         apart = np.array([east * east, east * north, north * north])
-        sample[4:] += share * (np.asarray(spread) + (1 - share) * apart - sample[4:])
+        sample[4:7] += share * (np.asarray(spread) + (1 - share) * apart - sample[4:7])
+        sample[7] += share * (time_s - sample[7])
 
     @property
     def samples(self) -> Samples:
@@ -117,22 +128,29 @@ class SampleMerger:
         Spreads that the noise of positions may have made count as none.
         """
         columns = self._columns[:, : self._count]
-        return Samples(columns[:2].T, columns[2], columns[3], without_noise(columns[4:].T) + self._footprint)
+        return Samples(columns[:2].T, columns[2], columns[3], without_noise(columns[4:7].T) + self._footprint)
+
+    @property
+    def time_s(self) -> Array:
+        """Mean time at which each sample was counted, shape (n,) [s]; a copy."""
+        return self._columns[7, : self._count].copy()
 
     def __len__(self) -> int:
         return self._count
 
-    def _within_reach(self, x_m: float, y_m: float) -> int | None:
+    def _within_reach(self, x_m: float, y_m: float, time_s: float) -> int | None:
         if not self._count:
             return None
         offset = self._columns[:2, : self._count] - [[x_m], [y_m]]
         distance_m = np.hypot(offset[0], offset[1])
+        if self.window_s < math.inf:
+            distance_m[time_s - self._columns[8, : self._count] >= self.window_s] = math.inf
         nearest = int(distance_m.argmin())
         return nearest if distance_m[nearest] <= self.radius_m else None
 
-    def _begin(self, x_m: float, y_m: float) -> int:
+    def _begin(self, x_m: float, y_m: float, time_s: float) -> int:
         if self._count == self._columns.shape[1]:
             self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
-        self._columns[:, self._count] = x_m, y_m, *np.zeros(5)
+        self._columns[:, self._count] = x_m, y_m, *np.zeros(5), time_s, time_s
         self._count += 1
         return self._count - 1

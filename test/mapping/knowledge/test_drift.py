@@ -1,0 +1,170 @@
+"""A drift of the mean rate: drift.py, and the maps that know of it."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, Drift, TimedSamples, find_drift
+from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.samples.merging import SampleMerger
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.records import CountRecord
+
+VARIOGRAM = Variogram("matern32", nugget=0.01, range_m=20.0, sill=0.4)
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
+HOURS = 2.0
+
+
+def survey(seed, change=0.0, passes=3, exposure_s=60.0, mean=4.0):
+    """Passes over the same stops of a random field, whose rate changes by a share of the mean."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(5.0, 60, 10), np.arange(5.0, 50, 10))
+    stops = np.column_stack([x.ravel(), y.ravel()])
+    everywhere = np.concatenate([stops, GRID.cells])
+    away = ((everywhere[:, None] - everywhere) ** 2).sum(axis=2)
+    covariance = VARIOGRAM.structured_sill * VARIOGRAM.correlation_of_square(away / VARIOGRAM.range_m**2)
+    field = mean + np.linalg.cholesky(covariance + 1e-9 * np.eye(len(away))) @ rng.normal(size=len(away))
+    xy = np.concatenate([stops + rng.normal(0, 0.02, stops.shape) for _ in range(passes)])
+    time_s = np.linspace(0, HOURS * 3600, len(xy))
+    rate = np.tile(field[: len(stops)], passes) + change * mean * time_s / time_s[-1]
+    counts = rng.poisson(rate * exposure_s)
+    timed = TimedSamples(Samples(xy, counts, np.full(len(xy), exposure_s)), time_s)
+    return timed, field[len(stops) :] + change * mean
+
+
+def records(timed):
+    one = timed.samples
+    return [
+        CountRecord(time_s, x, y, 0.0, int(counts), exposure_s, exposure_s)
+        for time_s, (x, y), counts, exposure_s in zip(
+            timed.time_s.tolist(), one.xy.tolist(), one.counts.tolist(), one.exposure_s.tolist(), strict=True
+        )
+    ]
+
+
+def test_a_drift_is_found_and_nearly_never_where_there_is_none():
+    found = [find_drift(survey(seed, 0.1)[0], HOURS * 3600, VARIOGRAM) for seed in range(20)]
+    false = [find_drift(survey(seed)[0], HOURS * 3600, VARIOGRAM) for seed in range(40)]
+    assert sum(drift is not None for drift in found) >= 18
+    assert sum(drift is not None for drift in false) <= 2
+    # 10 % of 4 counts/s in two hours
+    assert np.median([drift.per_hour for drift in found if drift]) == pytest.approx(0.2, rel=0.5)
+
+
+@pytest.mark.parametrize("change", [0.1, -0.1, 0.3])
+def test_a_drift_does_not_become_a_pattern(change):
+    errors = []
+    for seed in range(6):
+        timed, truth = survey(seed, change)
+        maps = []
+        for drift in ("auto", "off"):
+            field_map = FieldMap(GRID, FieldMapSettings(local="off"), Knowledge(drift=drift))
+            field_map.set_records(records(timed))
+            field_map.update()
+            maps.append(np.mean((field_map.rate - truth) ** 2))
+        errors.append(maps)
+    auto, off = np.sqrt(np.mean(errors, axis=0))
+    assert auto < 0.8 * off
+
+
+def test_without_evidence_the_map_is_that_without_drift_bit_for_bit():
+    timed, _ = survey(3)
+    maps = []
+    for drift in ("auto", "off"):
+        field_map = FieldMap(GRID, knowledge=Knowledge(drift=drift))
+        for record in records(timed):
+            field_map.add(record)
+        maps.append(field_map.update())
+    assert maps[0].drift is None
+    assert maps[0].rate.tobytes() == maps[1].rate.tobytes()
+    assert maps[0].variance.tobytes() == maps[1].variance.tobytes()
+
+
+def test_the_map_of_a_state_does_not_depend_on_the_maps_before():
+    timed, _ = survey(1, 0.3)
+    often, once = (FieldMap(GRID, FieldMapSettings(local="off")) for _ in range(2))
+    for number, record in enumerate(records(timed)):
+        often.add(record)
+        once.add(record)
+        if number % 20 == 5:
+            often.update()
+    assert often.update().drift is not None
+    np.testing.assert_array_equal(often.soil_map.rate, once.update().rate)
+
+
+def test_soft_l1_knows_no_drift():
+    field_map = FieldMap(GRID, FieldMapSettings(fit="soft_l1"))
+    field_map.set_records(records(survey(1, 0.3)[0]))
+    assert field_map.update().drift is None
+
+
+def test_few_samples_one_time_and_many_samples():
+    timed, _ = survey(1, 0.3)
+    assert find_drift(timed.thinned(8), HOURS * 3600, VARIOGRAM) is None
+    assert find_drift(TimedSamples(timed.samples, np.zeros(90)), 0.0, VARIOGRAM) is None
+    many, _ = survey(1, 0.3, passes=40)
+    assert len(many.samples) > MAX_SAMPLES >= len(many.thinned(MAX_SAMPLES).samples)
+    assert find_drift(many, HOURS * 3600, VARIOGRAM) is not None
+
+
+@given(st.lists(st.floats(0, 1e4), min_size=1, max_size=12), st.floats(0, 1e4))
+def test_the_covariance_is_one_and_does_not_concern_the_present(times, later_s):
+    time_s = np.array(times)
+    samples = Samples(np.zeros((len(times), 2)), np.ones(len(times)), np.ones(len(times)))
+    now_s = time_s.max() + later_s
+    covariance = Drift(0.2, 3.0).covariance(TimedSamples(samples, time_s), now_s)
+    assert np.linalg.eigvalsh(covariance).min() >= -1e-9 * max(covariance.max(), 1)
+    np.testing.assert_array_equal(covariance, covariance.T)
+    assert not covariance[time_s == now_s].any()
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 1000), st.booleans())
+def test_kriging_with_something_shared_solves_the_whole_system(seed, repeated):
+    rng = np.random.default_rng(seed)
+    n = 12
+    xy = rng.uniform(0, 50, (n, 2))
+    if repeated:
+        xy[3] = xy[1]
+    exposure_s = rng.uniform(20, 100, n)
+    counts = rng.poisson(4 * exposure_s)
+    age = rng.uniform(0, 2, n)
+    if repeated:
+        age[3] = age[1]  # then merging loses nothing
+    shared = 0.3 * np.minimum.outer(age, age)
+    targets = rng.uniform(0, 50, (5, 2))
+    variogram = Variogram("matern32", nugget=0.0, range_m=15.0, sill=0.5)
+    rate, variance = (
+        PoissonKriging(variogram, mean_rate=4.0).fit(xy, counts, exposure_s, shared=shared).predict(targets)
+    )
+
+    def covariance(a, b):
+        away = ((a[:, None] - b) ** 2).sum(axis=2)
+        return 0.5 * variogram.correlation_of_square(away / 15.0**2)
+
+    matrix = np.ones((n + 1, n + 1))
+    matrix[:n, :n] = covariance(xy, xy) + shared + np.diag(4.0 / exposure_s)
+    matrix[n, n] = 0
+    right = np.vstack([covariance(xy, targets), np.ones(5)])
+    weights = np.linalg.solve(matrix, right)
+    np.testing.assert_allclose(rate, (counts / exposure_s) @ weights[:n], rtol=1e-8)
+    np.testing.assert_allclose(variance, 0.5 - (weights * right).sum(axis=0), rtol=1e-6, atol=1e-9)
+
+
+def test_samples_that_share_something_cannot_be_extended():
+    kriging = PoissonKriging(VARIOGRAM).fit([(0, 0), (9, 0)], [30, 40], [10.0, 10.0], shared=np.eye(2))
+    with pytest.raises(ValueError, match="fit all of them anew"):
+        kriging.add((5, 5), 30, 10.0)
+
+
+def test_records_of_far_times_are_not_merged():
+    merger = SampleMerger(2.0, window_s=WINDOW_S)
+    for time_s in (0.0, 10.0, WINDOW_S - 1, WINDOW_S, WINDOW_S + 90):
+        merger.add(1.0, 1.0, 30, 10.0, time_s=time_s)
+    assert merger.samples.counts.tolist() == [90, 60]
+    np.testing.assert_allclose(merger.time_s, [(10 + WINDOW_S - 1) / 3, WINDOW_S + 45])
