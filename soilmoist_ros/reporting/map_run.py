@@ -19,7 +19,8 @@ from soilmoist_ros.mapping.expected_counts import UNEXPECTED
 from soilmoist_ros.mapping.field_map import Snapshot
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
 from soilmoist_ros.mapping.record_check import Skip
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, with_corrections
+from soilmoist_ros.reporting.earlier.run_change import run_change
 from soilmoist_ros.reporting.run import (
     CalibrationInfo,
     CorrectionRow,
@@ -68,6 +69,9 @@ def make_run(
     The other parameters are those of :class:`MapRun`.
     """
     track = [record for record in records if not record.quarantine]
+    rows = _correction_rows(track, site)
+    earlier = [with_corrections(one, {row.name: row.parameters for row in rows}) for one in earlier]
+    stamp_s = max((record.stamp_s for record in track), default=0.0)
     return MapRun(
         soil_map=soil_map,
         frame=frame,
@@ -78,7 +82,7 @@ def make_run(
         field_name=field_name,
         inputs=inputs,
         logger_format=logger_format,
-        corrections=_correction_rows(track, site),
+        corrections=rows,
         losses=losses,
         calibration=_calibration(site),
         simulated=simulated,
@@ -90,6 +94,7 @@ def make_run(
         irrigation=IrrigationLimits(**site.irrigation.model_dump()),
         sensed=_sensed_soil(soil_map, track, site),
         earlier=earlier,
+        change=run_change(soil_map, stamp_s, earlier),
         covariates=covariates,
     )
 

@@ -16,6 +16,7 @@ from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.mission_earlier import EARLIER, simulated_runs
+from soilmoist_ros.reporting.earlier.run_change import RunChange, run_change
 from soilmoist_ros.reporting.failed_outputs import write_failed
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.files.summary import settings_summary
@@ -147,6 +148,7 @@ def mission_run(
         covariates=first.covariates,
         earlier=[*simulated_runs(first, result.soil_map), *earlier.get(name, ())],
     )
+    run = replace(run, change=_change(result, run))
     others = [
         replace(
             run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
@@ -157,7 +159,14 @@ def mission_run(
         for other in result.properties[1:]
         if other.soil_map is not None
     ]  # fmt: skip
+    others = [replace(one, change=_change(result, one)) for one in others]
     return replace(run, others=others)
+
+
+def _change(result: MissionResult, run: MapRun) -> RunChange | None:
+    """What has changed since the latest earlier survey."""
+    end_s = result.series[-1].time_s if result.series else 0.0
+    return run_change(run.soil_map, end_s, run.earlier)
 
 
 def _left_out(result: MissionResult) -> Iterator[LossRow]:

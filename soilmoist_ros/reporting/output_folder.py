@@ -26,7 +26,16 @@ MAX_BEYOND_AREA_DEG = 6.0
 _WORKSHOP = ".writing-"
 _LEFT_S = 3600.0
 """Age from which nobody writes such a folder any more [s]."""
-_PATTERNS = (*NAMES, *MISSION_NAMES, SERIES_NAME, "map_*.tif", "samples_*.geojson", "records_*.csv")
+_PATTERNS = (
+    *NAMES,
+    *MISSION_NAMES,
+    SERIES_NAME,
+    "map_*.tif",
+    "change.tif",
+    "change_*.tif",
+    "samples_*.geojson",
+    "records_*.csv",
+)
 
 
 def require_writable(folder: Path) -> None:

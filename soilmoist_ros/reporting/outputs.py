@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, FieldChange
 from soilmoist_ros.recording.record_table import write_records
+from soilmoist_ros.reporting.files.cell_raster import CellBand, write_cell_raster
 from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
@@ -23,7 +25,8 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html`` and ``records.csv``.
 
     Records that all lie at one place add ``moisture.csv``, a mission ``series.csv`` and ``visits.csv``. Each
-    property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``.
+    property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``. Earlier
+    surveys add ``change.tif``.
 
     The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
     half a file, nor files of different runs after a failure.
@@ -39,12 +42,17 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
     names += (SERIES_NAME,) if at_one_place(run) else ()
     names += tuple(name for other in run.others for name in property_names(other.name))
+    names += tuple(_change_name(run, one) for one in run.properties if one.change is not None)
     with replaced_together(folder, names) as workshop:
         for number, one in enumerate(run.properties):
             of_map, of_samples, of_records = property_names(one.name if number else "")
             write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
             write_samples(workshop / of_samples, one)
             write_records(workshop / of_records, one.all_records)
+            if one.change is not None:
+                bands = change_bands(one.change.change)
+                tags = {**_tags(one), "SOILMOIST_CHANGE_SINCE": one.change.since.survey.name}
+                write_cell_raster(workshop / _change_name(run, one), one.soil_map, one.frame, target, bands, tags)
         write_report(workshop / "report.html", run)
         if at_one_place(run):
             write_moisture(workshop / SERIES_NAME, run)
@@ -62,6 +70,29 @@ def property_names(name: str) -> tuple[str, str, str]:
     """
     end = f"_{name}" if name else ""
     return f"map{end}.tif", f"samples{end}.geojson", f"records{end}.csv"
+
+
+def _change_name(run: MapRun, one: MapRun) -> str:
+    """Name of the file with the change of a property."""
+    return "change.tif" if one is run else f"change_{one.name}.tif"
+
+
+def change_bands(change: FieldChange) -> dict[str, CellBand]:
+    """Bands of the file with a change; those of the moisture need a calibration."""
+    moisture = {
+        "vwc_change": CellBand(change.vwc, "m3/m3", "change of the volumetric water content"),
+        "vwc_change_sd": CellBand(change.vwc_sd, "m3/m3", "its standard deviation"),
+    }
+    return {
+        **(moisture if change.mean_vwc is not None else {}),
+        "rate_change": CellBand(change.rate, "counts/s", "change of the corrected neutron count rate"),
+        "rate_change_sd": CellBand(change.rate_sd, "counts/s", "its standard deviation"),
+        "significant": CellBand(
+            change.significant,
+            "1",
+            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FALSE_SHARE:g}",
+        ),
+    }
 
 
 def _tags(run: MapRun) -> dict[str, str]:

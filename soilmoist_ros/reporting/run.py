@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.mapping.knowledge.covariates import Covariates
     from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+    from soilmoist_ros.reporting.earlier.run_change import RunChange
     from soilmoist_ros.simulation.mission.result import MissionResult
 
 
@@ -198,6 +199,7 @@ class MapRun(SurveyTimes):
     :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
         share of the rate [-]
     :param earlier: earlier surveys that inform the map
+    :param change: what has changed since the latest of them
     :param quarantined: records left out of the map, each with its reason, in order of time
     :param irrigation: limits of dry and moist soil
     :param sensed: depth and radius that the counts come from, if known
@@ -233,6 +235,7 @@ class MapRun(SurveyTimes):
     irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
     sensed: SensedSoil | None = None
     earlier: Sequence[EarlierRun] = ()
+    change: RunChange | None = None
     covariates: Covariates | None = None
 
     def __post_init__(self) -> None:

@@ -123,6 +123,21 @@ def require_other(runs: Sequence[EarlierRun], records: Sequence[CountRecord]) ->
             raise InputError(message, "leave it out", run.path)
 
 
+def with_corrections(run: EarlierRun, applied: Mapping[str, Mapping[str, Any]]) -> EarlierRun:
+    """A run with a remark if its counts were corrected otherwise than those of the present survey.
+
+    :param applied: parameters of each correction of the present survey by its name
+    """
+    if run.corrections is None:
+        return run
+    names = sorted({*applied, *run.corrections})
+    other = [name for name in names if dict(applied.get(name, {})) != dict(run.corrections.get(name, {}))]
+    if not other:
+        return run
+    remark = f"Corrected otherwise: {', '.join(other)}. Its mean is free, but its pattern may differ a little."
+    return replace(run, remarks=(*run.remarks, remark))
+
+
 def same_survey(first: Sequence[CountRecord], second: Sequence[CountRecord]) -> bool:
     """Whether most records of the shorter survey are in the other one: stamp, counts and exposure."""
     keys = [

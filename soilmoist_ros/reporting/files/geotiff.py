@@ -58,7 +58,7 @@ def write_geotiff(
     import rasterio
 
     target = export_crs(frame, crs)
-    x, y, step = _axes(soil_map, frame, target)
+    x, y, step = export_axes(soil_map, frame, target)
     transform = rasterio.Affine(step[0], 0, x[0] - step[0] / 2, 0, -step[1], y[0] + step[1] / 2)
     names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
     profile = {
@@ -67,7 +67,7 @@ def write_geotiff(
         "compress": "deflate", "predictor": "floating_point", "blocksize": 256,
         "overview_resampling": "average", "bigtiff": "IF_SAFER",
     }  # fmt: skip
-    layers = _evaluate(soil_map, names, _to_local(frame, target), x, y)
+    layers = _evaluate(soil_map, names, to_local(frame, target), x, y)
     with rasterio.open(path, "w", **profile) as raster:
         raster.write(layers)
         for band, name in enumerate(names, start=1):
@@ -140,20 +140,21 @@ def _moisture_tags(soil_map: SoilMap) -> dict[str, str]:
     }
 
 
-def _to_local(frame: LocalFrame, crs: CRS) -> Transformer:
+def to_local(frame: LocalFrame, crs: CRS) -> Transformer:
+    """From a reference system to the local frame, longitude or east first."""
     from pyproj import Transformer
 
     return Transformer.from_crs(crs, frame.crs, always_xy=True)
 
 
-def _axes(
+def export_axes(
     soil_map: SoilMap, frame: LocalFrame, crs: CRS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[float, float]]:
     """Cell centres (x ascending, y descending: north up) and cell size of the exported raster."""
     from shapely import get_coordinates
 
     local = get_coordinates(field_polygon(soil_map).segmentize(soil_map.grid.cell_m))
-    back = _to_local(frame, crs)
+    back = to_local(frame, crs)
     there = np.column_stack(back.transform(local[:, 0], local[:, 1], direction="INVERSE"))
     if not np.isfinite(there).all():
         raise InputError(

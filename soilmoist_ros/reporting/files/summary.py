@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,8 @@ import numpy as np
 
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
+from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
@@ -83,6 +86,8 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
         "mission": None if run.mission is None else mission_summary(run.mission),
         "properties": [_property_run(one) for one in run.properties],
+        "earlier": [_earlier(one) for one in run.earlier],
+        "change": _change(run),
         "corrections": [_correction(row) for row in run.corrections],
         "calibration": _calibration(run),
         "irrigation": _irrigation(run),
@@ -206,6 +211,49 @@ def _cross_validation(run: MapRun) -> dict[str, float] | None:
     if loo is None:
         return None
     return {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95}
+
+
+def _earlier(one: EarlierRun) -> dict[str, Any]:
+    """An earlier survey that informs the map."""
+    return {
+        "name": one.survey.name,
+        "path": str(one.path),
+        "end_utc": utc_text(datetime.fromtimestamp(one.survey.stamp_s, UTC)) if one.date else None,
+        "end_stamp_s": one.survey.stamp_s,
+        "n_records": len(one.records),
+        "n_samples": len(one.survey.samples),
+        "n_outside": one.outside,
+        "rate_scale": one.scale,
+        "remarks": list(one.remarks),
+    }
+
+
+def _change(run: MapRun) -> dict[str, Any] | None:
+    """What the earlier surveys contributed, and the change since the latest of them."""
+    if run.change is None:
+        return None
+    found, change = run.change, run.change.change
+    drier, wetter = change.shares
+    decay_days = found.persistence.decay_days
+    return {
+        "since": found.since.survey.name,
+        "pattern_correlation": found.persistence.share,
+        "pattern_correlation_sd": found.persistence.sd,
+        "pattern_decay_days": decay_days if math.isfinite(decay_days) else None,
+        "rate_sd_cps": found.sd,
+        "rate_sd_without_earlier_cps": found.sd_alone,
+        "mean_rate_cps": _estimate(change.mean_rate),
+        "mean_vwc": None if change.mean_vwc is None else _estimate(change.mean_vwc),
+        "drier_share": drier,
+        "wetter_share": wetter,
+        "false_discovery_rate": FALSE_SHARE,
+        "mean_rate_since_cps": {name: _estimate(value) for name, value in found.means.items()},
+    }
+
+
+def _estimate(estimate: Estimate) -> dict[str, float]:
+    low, high = estimate.interval95
+    return {"value": estimate.value, "sd": estimate.sd, "low95": low, "high95": high}
 
 
 def _score(score: TruthScore) -> dict[str, float]:

@@ -12,6 +12,7 @@ from soilmoist_ros.reporting.page import numbers, wording
 from soilmoist_ros.reporting.page.charts import survey_charts
 from soilmoist_ros.reporting.page.charts.chart import Chart
 from soilmoist_ros.reporting.page.charts.variogram_chart import variogram_charts
+from soilmoist_ros.reporting.page.earlier_section import earlier_part
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.mission_section import mission_part
@@ -51,6 +52,7 @@ def render_report(run: MapRun) -> str:
         series=_series(run),
         map_data=None if at_one_place(run) else viewer_data(run, found),
         pictures=() if at_one_place(run) else list(pictures(run)),
+        earlier=earlier_part(run),
         mission=mission_part(run),
         variograms=[chart for chart, _ in variograms],
         classes=[classes for _, classes in variograms],

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.mapping.knowledge.change import FieldChange
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
 from soilmoist_ros.reporting.page.irrigation import Irrigation, absolute
@@ -120,6 +121,8 @@ def _layers(run: MapRun, found: Irrigation) -> Iterator[dict[str, Any]]:
         if index == 0:
             yield _zones(one, found)
         yield from more
+        if one.change is not None:
+            yield from _change(one, one.change.change, index)
         if one.truth_rate is not None:
             yield from _truth(one, np.asarray(one.truth_rate, float), index)
 
@@ -166,6 +169,27 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
         **_shown(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1])),
         "about": "One standard deviation of the true rate, given all counts.",
     }  # fmt: skip
+
+
+def _change(run: MapRun, change: FieldChange, index: int) -> Iterator[dict[str, Any]]:
+    """The change since an earlier survey: of the moisture if there is a calibration, else of the rate."""
+    end = f"{index}" if index else ""
+    name = f"{run.label or run.name}: " if index else ""
+    moist = run.calibrated
+    values, sd = (100 * change.vwc, 100 * change.vwc_sd) if moist else (change.rate, change.rate_sd)
+    most = colour_limits(np.abs(values), sd)[1]
+    unit, digits = (PERCENT, 1) if moist else ("counts/s", 2)
+    unsure = (change.significant == 0) & run.soil_map.grid.mask
+    # Purple is dry in both: less moisture, or more neutrons.
+    colour = f"{DIFFERENCE}_r" if moist else DIFFERENCE
+    yield {
+        **_raster(run, index, f"change{end}", values),
+        **_shown(f"{name}Change", unit, digits, colour, (-most, most)), "sd": f"change_sd{end}",
+        "hatch": pack_bits(_cells(run, unsure)), "hatchText": "not significant",
+        "about": "Change since the latest earlier survey: purple is drier, orange is wetter. Hatched: the change "
+        "may be chance (false discovery rate 5 %).",
+    }  # fmt: skip
+    yield {**_raster(run, index, f"change_sd{end}", sd)}
 
 
 def _truth(run: MapRun, truth: Array, index: int) -> Iterator[dict[str, Any]]:

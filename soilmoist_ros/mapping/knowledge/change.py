@@ -1,0 +1,169 @@
+"""What has changed in a field from one survey to another, with its uncertainty and where it is significant.
+
+The change is a posterior of both surveys together: its variance is ``v1 + v2 - 2 cov``, and the covariance between
+the surveys is large where the pattern persists. The difference of two separate maps would not know it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging
+from soilmoist_ros.mapping.moisture_bands import possible_moisture
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+
+Array = NDArray[np.float64]
+
+FALSE_SHARE = 0.05
+"""Expected share of the cells that are called changed, but are not."""
+MAX_MEAN_CELLS = 500
+"""Maximum number of cells whose mean stands for that of the field."""
+_Z95 = 1.959963984540054
+_SLOPE_STEP = 1e-4
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its standard deviation.
+
+    :param value: the value
+    :param sd: its standard deviation
+    """
+
+    value: float
+    sd: float
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """The 95 % interval."""
+        return self.value - _Z95 * self.sd, self.value + _Z95 * self.sd
+
+
+@dataclass(frozen=True, eq=False)
+class FieldChange:
+    """The change of a field from one survey to another; rasters have shape (ny, nx), NaN outside.
+
+    :param rate: change of the smooth rate [counts/s]
+    :param rate_sd: its standard deviation [counts/s]
+    :param vwc: change of the moisture [m^3/m^3]; all NaN without a calibration
+    :param vwc_sd: its standard deviation [m^3/m^3]
+    :param significant: 1 where the rate has risen, -1 where it has fallen, 0 where neither is sure
+    :param mean_rate: change of the mean rate of the field [counts/s]
+    :param mean_vwc: change of the mean moisture of the field [m^3/m^3], ``None`` without a calibration
+    """
+
+    rate: Array
+    rate_sd: Array
+    vwc: Array
+    vwc_sd: Array
+    significant: Array
+    mean_rate: Estimate
+    mean_vwc: Estimate | None
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Shares of the field whose rate has risen (drier) and fallen (wetter) significantly."""
+        inside = self.significant[np.isfinite(self.significant)]
+        return float((inside > 0).mean()), float((inside < 0).mean())
+
+
+def field_change(
+    kriging: JointKriging, grid: FieldGrid, survey: int, other: int, curve: MoistureCurve | None = None
+) -> FieldChange:
+    """The change of a field from one survey to another.
+
+    :param kriging: of all surveys
+    :param grid: the field
+    :param survey: index of the later survey
+    :param other: index of the earlier one
+    :param curve: calibration; that of both, so its error shifts both alike
+    """
+    cells = grid.cells
+    rate, variance = kriging.predict(cells, survey, other)
+    sd = np.sqrt(variance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(sd > 0, rate / sd, np.where(rate == 0, 0.0, np.sign(rate) * np.inf))
+    sure = discoveries(two_sided(z), FALSE_SHARE) * np.sign(rate)
+    some = mean_cells(grid)
+    equal = np.full(len(some), 1.0 / len(some))
+    mean, mean_variance = kriging.mean(some, {survey: equal, other: -equal})
+    vwc, vwc_sd = np.full((2, len(cells)), np.nan)
+    mean_vwc = None
+    if curve is not None:
+        vwc, vwc_sd = _moisture_change(kriging, cells, survey, other, curve)
+        mean_vwc = _mean_moisture_change(kriging, some, survey, other, curve, float(vwc.mean()))
+    raster = grid.to_raster
+    return FieldChange(
+        raster(rate), raster(sd), raster(vwc), raster(vwc_sd), raster(sure),
+        Estimate(mean, math.sqrt(mean_variance)), mean_vwc,
+    )  # fmt: skip
+
+
+def discoveries(p_values: ArrayLike, false_share: float = FALSE_SHARE) -> NDArray[np.bool_]:
+    """Which of many hypotheses to reject, so that the expected share of wrong rejections is limited.
+
+    Benjamini & Hochberg (1995), J. R. Stat. Soc. B 57:289-300: with the p-values in order, reject up to the last
+    one for which ``p_(k) <= false_share * k / m``. Cells of a map are correlated, and positively. The limit holds
+    then, too (Benjamini & Yekutieli 2001, Annals of Statistics 29:1165-1188: positive regression dependence, which
+    normal variables with positive correlations have; proved for one-sided tests, and found for two-sided ones).
+    In addition, kriging shrinks the change towards its mean, so the p-values are too large rather than too small.
+
+    :param p_values: shape (m,)
+    :param false_share: limit of the expected share
+    :returns: shape (m,)
+    """
+    p = np.asarray(p_values, float)
+    order = np.argsort(p, kind="stable")
+    good = np.flatnonzero(p[order] <= false_share * np.arange(1, len(p) + 1) / max(len(p), 1))
+    found = np.zeros(len(p), bool)
+    if len(good):
+        found[order[: good[-1] + 1]] = True
+    return found
+
+
+def two_sided(z: ArrayLike) -> Array:
+    """Probability of a standard normal variable at least as far from 0 as z."""
+    from scipy.special import ndtr
+
+    return np.asarray(2 * ndtr(-np.abs(np.asarray(z, float))))
+
+
+def mean_cells(grid: FieldGrid) -> Array:
+    """Cells, evenly spread, whose mean stands for that of the field, shape (g, 2) [m]."""
+    cells = grid.cells
+    return cells[:: max(1, -(-len(cells) // MAX_MEAN_CELLS))]
+
+
+def moisture_slope(curve: MoistureCurve, rate: Array) -> Array:
+    """Change of the moisture with the rate, by differences [m^3/m^3 per count/s]; 0 at the soil's limits."""
+    step = _SLOPE_STEP * np.maximum(rate, 1e-9)
+    return np.asarray((possible_moisture(curve, rate + step) - possible_moisture(curve, rate - step)) / (2 * step))
+
+
+def _moisture_change(
+    kriging: JointKriging, cells: Array, survey: int, other: int, curve: MoistureCurve
+) -> tuple[Array, Array]:
+    """Change of the moisture and its standard deviation, to first order, shape (g,) each."""
+    now, now_variance = kriging.predict(cells, survey)
+    then, then_variance = kriging.predict(cells, other)
+    _, difference_variance = kriging.predict(cells, survey, other)
+    covariance = (now_variance + then_variance - difference_variance) / 2
+    slope_now, slope_then = moisture_slope(curve, now), moisture_slope(curve, then)
+    variance = slope_now**2 * now_variance + slope_then**2 * then_variance
+    variance -= 2 * slope_now * slope_then * covariance
+    change = possible_moisture(curve, now) - possible_moisture(curve, then)
+    return change, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _mean_moisture_change(
+    kriging: JointKriging, some: Array, survey: int, other: int, curve: MoistureCurve, value: float
+) -> Estimate:
+    """Change of the mean moisture; its error to first order."""
+    slopes = {one: moisture_slope(curve, kriging.predict(some, one)[0]) / len(some) for one in (survey, other)}
+    _, variance = kriging.mean(some, {survey: slopes[survey], other: -slopes[other]})
+    return Estimate(value, math.sqrt(variance))

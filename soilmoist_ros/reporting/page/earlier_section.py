@@ -1,0 +1,107 @@
+"""The part of a report on earlier surveys: which informed the map, what they contributed, and what has changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.reporting.earlier.run_change import RunChange
+from soilmoist_ros.reporting.page import numbers
+from soilmoist_ros.reporting.run import MapRun
+
+
+@dataclass(frozen=True)
+class EarlierRow:
+    """A row of the table of earlier surveys.
+
+    :param name: name of the survey
+    :param date: its day; empty for a clock without a date
+    :param records: number of records used
+    :param samples: number of samples
+    :param change: change of the field's mean since then; empty if unknown
+    :param remarks: what the user should know
+    """
+
+    name: str
+    date: str
+    records: int
+    samples: int
+    change: str
+    remarks: str
+
+
+@dataclass(frozen=True)
+class EarlierPart:
+    """The part of the report.
+
+    :param text: sentences on what the surveys contributed
+    :param change: sentences on what has changed; empty if it is not known
+    :param rows: the earlier surveys in order of time
+    """
+
+    text: str
+    change: str
+    rows: tuple[EarlierRow, ...]
+
+
+def earlier_part(run: MapRun) -> EarlierPart | None:
+    """The part of the report on earlier surveys; ``None`` without any."""
+    if not run.earlier:
+        return None
+    found = run.change
+    rows = tuple(
+        EarlierRow(
+            one.survey.name,
+            one.date or "no date",
+            len(one.records),
+            len(one.survey.samples),
+            "" if found is None or one.survey.name not in found.means else _rate(found.means[one.survey.name]),
+            " ".join(one.remarks),
+        )
+        for one in run.earlier
+    )
+    if found is None:
+        return EarlierPart("The counts of earlier surveys inform this map.", "", rows)
+    return EarlierPart(contribution(found), change_text(found), rows)
+
+
+def contribution(found: RunChange) -> str:
+    """What the earlier surveys contributed, in sentences."""
+    share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
+    persistence = found.persistence
+    fades = ""
+    if persistence.decay_days < 1e6:
+        fades = f" It falls to a third in {numbers.number(persistence.decay_days, 2)} days."
+    gain = (
+        f"They lower the standard deviation of the smooth rate from {numbers.number(found.sd_alone, 2)} to "
+        f"{numbers.number(found.sd, 2)} counts/s, by {numbers.percent(share)}."
+    )
+    return (
+        "The counts of earlier surveys inform this map. The patterns of two surveys of this field have a "
+        f"correlation of {persistence.share:.2f} ± {persistence.sd:.2f}.{fades} {gain}"
+    )
+
+
+def change_text(found: RunChange) -> str:
+    """What has changed since the latest earlier survey, in sentences."""
+    drier, wetter = found.change.shares
+    since = f"{found.since.survey.name}{f' of {found.since.date}' if found.since.date else ''}"
+    mean = found.change.mean_vwc
+    if mean is not None:
+        low, high = (100 * value for value in mean.interval95)
+        amount = (
+            f"the mean moisture has changed by {100 * mean.value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
+        )
+    else:
+        amount = f"the mean rate has changed by {_rate(found.change.mean_rate)}"
+    return (
+        f"Since the survey {since}, {amount}. {numbers.percent(wetter)} of the field has become wetter and "
+        f"{numbers.percent(drier)} drier significantly: of the cells called changed, "
+        f"{numbers.percent(FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both surveys "
+        "together."
+    )
+
+
+def _rate(change: Estimate) -> str:
+    low, high = change.interval95
+    return f"{change.value:+.3f} counts/s ({low:+.3f} to {high:+.3f})"

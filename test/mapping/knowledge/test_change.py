@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.change import discoveries, field_change, moisture_slope, two_sided
+from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
+VARIOGRAM = Variogram("matern32", 0.01, 12.0, 0.3)
+CURVE = CalibrationCurve(8.0, 1.4)
+
+
+def survey(rng: np.random.Generator, rate, exposure_s: float = 1500.0) -> Samples:
+    xy = rng.uniform(0, (60, 50), (100, 2))
+    return Samples(xy, rng.poisson(rate(xy) * exposure_s), np.full(100, exposure_s))
+
+
+def pattern(xy: np.ndarray) -> np.ndarray:
+    return 4.5 + 0.5 * np.sin(xy[:, 0] / 12) * np.cos(xy[:, 1] / 9)
+
+
+def irrigated(xy: np.ndarray) -> np.ndarray:
+    return pattern(xy) - 0.8 * (xy[:, 0] < 25)
+
+
+def change(first, second, seed: int = 1, share: float = 0.8):
+    rng = np.random.default_rng(seed)
+    surveys = [survey(rng, first), survey(rng, second)]
+    kriging = JointKriging(VARIOGRAM, surveys, Persistence(share).matrix([0.0, 0.0]))
+    return field_change(kriging, GRID, 1, 0, CURVE)
+
+
+def test_an_irrigated_part_is_wetter_and_the_rest_as_it_was():
+    found = change(pattern, irrigated)
+    west, east = GRID.x_m < 20, GRID.x_m > 32
+    assert (found.significant[:, west] == -1).mean() > 0.95
+    assert (found.significant[:, east] != 0).mean() < 0.1
+    assert found.vwc[:, west].mean() > 0.03
+    assert abs(found.vwc[:, east].mean()) < 0.015
+    low, high = found.mean_rate.interval95
+    assert low < -0.8 * 25 / 60 < high
+    assert found.mean_vwc is not None
+    assert found.mean_vwc.interval95[0] > 0
+    drier, wetter = found.shares
+    assert drier < 0.1 < wetter
+
+
+def test_where_nothing_changed_little_is_significant():
+    shares = [np.mean(change(pattern, pattern, seed).significant != 0) for seed in range(20)]
+    assert np.mean(np.array(shares) > 0) <= 0.15  # FDR is the chance of any discovery when there is nothing
+
+
+def test_a_change_backwards_is_the_negative():
+    rng = np.random.default_rng(2)
+    kriging = JointKriging(
+        VARIOGRAM, [survey(rng, pattern), survey(rng, irrigated)], Persistence(0.5).matrix([0, 0])
+    )
+    forth, back = field_change(kriging, GRID, 1, 0, CURVE), field_change(kriging, GRID, 0, 1, CURVE)
+    np.testing.assert_allclose(forth.rate, -back.rate)
+    np.testing.assert_allclose(forth.vwc_sd, back.vwc_sd)
+    np.testing.assert_array_equal(forth.significant, -back.significant)
+
+
+def test_without_a_calibration_only_the_rate_changes():
+    rng = np.random.default_rng(3)
+    kriging = JointKriging(VARIOGRAM, [survey(rng, pattern), survey(rng, irrigated)], np.eye(2))
+    found = field_change(kriging, GRID, 1, 0)
+    assert np.isnan(found.vwc).all()
+    assert found.mean_vwc is None
+
+
+def test_discoveries_of_the_example_of_benjamini_and_hochberg():
+    # The 15 p-values of their section 3.2: the first four are rejected at 0.05.
+    p = [0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262, 0.5719, 0.6528,
+         0.7590, 1.0]  # fmt: skip
+    assert np.flatnonzero(discoveries(p, 0.05)).tolist() == [0, 1, 2, 3]
+    assert not discoveries([]).any()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=40), st.floats(0.001, 0.5))
+def test_discoveries_are_the_smallest_and_grow_with_the_limit(p, share):
+    found = discoveries(p, share)
+    values = np.array(p)
+    if found.any() and not found.all():
+        assert values[found].max() <= values[~found].min()
+    assert (found <= discoveries(p, 2 * share)).all()
+    assert (found >= (values <= share / len(p))).all()  # as Bonferroni at least
+
+
+def test_the_share_of_false_discoveries_holds_for_correlated_cells():
+    rng = np.random.default_rng(6)
+    lag = np.abs(np.subtract.outer(np.arange(120), np.arange(120)))
+    lower = np.linalg.cholesky(np.exp(-lag / 15.0))
+    shift = np.where(np.arange(120) < 30, 3.0, 0.0)
+    false = []
+    for _ in range(400):
+        found = discoveries(two_sided(lower @ rng.standard_normal(120) + shift), 0.1)
+        false.append(found[30:].sum() / max(found.sum(), 1))
+    assert np.mean(false) < 0.1
+
+
+def test_the_slope_of_the_curve_is_its_derivative():
+    rate = np.array([4.6, 5.5])
+    derivative = (CURVE.vwc(rate + 1e-5) - CURVE.vwc(rate - 1e-5)) / 2e-5
+    assert moisture_slope(CURVE, rate) == pytest.approx(derivative, rel=1e-4)
