@@ -99,6 +99,9 @@ class MapState:
     :param given_fit: variogram fitted elsewhere, used instead
     :param timed: the samples by place and time; ``None`` if no drift is looked for
     :param fit_timed: the same, as they were when a fit was last due, and the time then [s]
+    :param model_samples: with knowledge, the samples to which what earlier surveys determine too is fitted:
+        as they were when that was last due; ``None`` for ``fit_samples``
+    :param began_s: end of the first record [s since 1970-01-01 UTC], 0 before
     """
 
     records: int = 0
@@ -108,6 +111,8 @@ class MapState:
     given_fit: VariogramFit | None = None
     timed: TimedSamples | None = None
     fit_timed: tuple[TimedSamples, float] | None = None
+    model_samples: Samples | None = None
+    began_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -181,7 +186,7 @@ class FieldMap:
         chosen_m = settings.merge_radius_m
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None
-        self._joint = None if knowledge.is_empty else JointModel(grid, knowledge, self._estimate, settings.noise)
+        self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
         self._last_drift: tuple[TimedSamples, Drift | None] | None = None
         self._finds_drift = knowledge.drift == "auto" and settings.fit == "reml"
         raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
@@ -242,6 +247,7 @@ class FieldMap:
         timed = self._timed_samples
         samples, earlier = self._merger.samples, self.state
         due = _has_grown(earlier.fit_samples, samples)
+        model, known = earlier.model_samples, 0 if self._joint is None else self._joint.fitted_samples
         self.state = MapState(
             earlier.records + 1,
             record.stamp_s,
@@ -249,6 +255,8 @@ class FieldMap:
             samples if due else earlier.fit_samples,
             timed=timed,
             fit_timed=earlier.fit_timed if timed is None or not due else (timed, record.stamp_s),
+            model_samples=samples if model is None or _has_grown(model, samples, known) else model,
+            began_s=earlier.began_s or record.stamp_s,
         )
 
     def _add_timed(self, record: CountRecord, spread: Array) -> None:
@@ -301,14 +309,15 @@ class FieldMap:
         self.track = [unexpected.get(index, record) for index, record in enumerate(records)]
         records = [record for record in self.track if not record.quarantine]
         samples = survey_samples(records, self.merge_radius_m, self.settings.footprint_radius_m)
-        end_s = records[-1].stamp_s if records else 0.0
+        began_s, end_s = (records[0].stamp_s, records[-1].stamp_s) if records else (0.0, 0.0)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m, WINDOW_S)
         paths = DrivenPaths()
         for record in records if self._finds_drift else ():
             self._add_timed(record, paths.spread(record))
         timed = self._timed_samples
+        fit_timed = None if timed is None else (timed, end_s)
         self.state = MapState(
-            len(records), end_s, samples, samples, timed=timed, fit_timed=None if timed is None else (timed, end_s)
+            len(records), end_s, samples, samples, timed=timed, fit_timed=fit_timed, began_s=began_s
         )
 
     def _unexpected(self, records: Sequence[CountRecord]) -> dict[int, CountRecord]:
@@ -332,7 +341,8 @@ class FieldMap:
         :param samples: the samples
         :param fit: their variogram, if it was fitted elsewhere: used as it is, its model included
         """
-        self.state = MapState(self.state.records, self.state.stamp_s, samples, samples, fit)
+        earlier = self.state
+        self.state = MapState(earlier.records, earlier.stamp_s, samples, samples, fit, began_s=earlier.began_s)
 
     def skip(self, reason: Skip, why: str) -> None:
         """Count a record that cannot be used.
@@ -435,7 +445,10 @@ class FieldMap:
             return None
         if known is not None and known[0] is samples:
             return known[1]
-        fit = self._estimate(samples) if self._joint is None else self._joint.fit(samples)
+        if self._joint is None:
+            fit = self._estimate(samples)
+        else:
+            fit = self._joint.fit(samples, state.model_samples or samples, state.began_s)
         self._last_fit = samples, fit
         return fit
 
@@ -486,7 +499,14 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
     return max(footprint_radius_m / 4, grid.extent_m / 40)
 
 
-def _has_grown(fitted: Samples, samples: Samples) -> bool:
-    """Whether a new fit is due. It depends on the records alone, not on which maps were computed."""
-    factor = 1 + (LATER_REFIT_GROWTH if len(fitted) >= MANY_SAMPLES else REFIT_GROWTH)
-    return len(samples) > factor * len(fitted) or bool(samples.exposure_s.sum() > factor * fitted.exposure_s.sum())
+def _has_grown(fitted: Samples, samples: Samples, earlier: int = 0) -> bool:
+    """Whether a new fit is due. It depends on the records alone, not on which maps were computed.
+
+    :param earlier: number of samples of earlier surveys to which the fit is too; they have the exposure of these
+    """
+    factor = 1 + (LATER_REFIT_GROWTH if len(fitted) + earlier >= MANY_SAMPLES else REFIT_GROWTH)
+    before, now = fitted.exposure_s.sum(), samples.exposure_s.sum()
+    if earlier:
+        before += earlier * before / len(fitted)
+        now += earlier * now / len(samples)
+    return len(samples) + earlier > factor * (len(fitted) + earlier) or bool(now > factor * before)

@@ -8,7 +8,7 @@ the coefficients of :mod:`pattern` and b). The unknown mean of each survey is in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,24 @@ class PatternState:
     def before(cls, rank: int, covariates: int = 0) -> PatternState:
         """The state before any survey."""
         return cls(rank, np.zeros(rank + covariates), np.eye(rank + covariates))
+
+    def later(self, share: float) -> PatternState:
+        """The state after a time in which the pattern changes.
+
+        :param share: correlation of the pattern then with that now, from 0 to 1
+        """
+        if share == 1:
+            return self
+        factors = self.scale(share)
+        covariance = self.covariance * np.outer(factors, factors)
+        index = np.arange(self.rank)
+        covariance[index, index] += 1 - share**2
+        return replace(self, mean=self.mean * factors, covariance=covariance)
+
+    @property
+    def effects(self) -> tuple[Array, Array]:
+        """Mean and covariance of the effects of covariates, in units of their prior standard deviations."""
+        return self.mean[self.rank :], self.covariance[self.rank :, self.rank :]
 
     @property
     def excess(self) -> Array:

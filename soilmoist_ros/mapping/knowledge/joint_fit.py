@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.conditioning import LOADINGS, PatternState, SurveyView
+from soilmoist_ros.mapping.knowledge.earlier import DAY_S
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.knowledge.pattern import PatternFeatures
+from soilmoist_ros.mapping.knowledge.shrinkage import effect_variances
 from soilmoist_ros.mapping.kriging.targets import Points
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate
-from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
+from soilmoist_ros.mapping.variogram.field_prior import Effect, FieldPrior, Relation
 from soilmoist_ros.mapping.variogram.fit import NoiseModel, VariogramFit
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
@@ -38,61 +41,241 @@ FIRST_LOADING = 0.98
 """Loading of the first survey. Only products of loadings matter, so this is nearly a choice of unit."""
 MAX_FITTED = 500
 """Maximum number of earlier samples to which the variogram is fitted; of more, the last surveys are used."""
+DECAYS_DAYS = (math.inf, 365.0, 120.0, 40.0, 14.0)
+"""Times in which the correlation of the persistent pattern falls to 1/e."""
+NO_DECAY = 0.5
+"""Prior probability that the pattern does not change with time."""
+MIN_DECAYING = 3
+"""Minimum number of earlier surveys that tell whether the pattern changes with time, or which of them is odd."""
+MAX_ODD = 2
+"""Maximum number of surveys left out at the beginning of a history."""
+WIDE = 1.0
+"""Standard deviation of the wide prior of an effect, in standard deviations of the structured rate."""
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class _Past:
+    """An earlier survey.
+
+    :param days: since the survey before, 0 for the first
+    """
+
+    name: str
+    places: Samples
+    stamp_s: float
+    days: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """What does not depend on the last few samples of the survey.
+
+    :param fit: variogram
+    :param features: features of the field
+    :param unit: standard deviation of each coefficient [counts/s]
+    :param state: what the earlier surveys say of the coefficients
+    """
+
+    fit: VariogramFit
+    features: PatternFeatures
+    unit: Array
+    state: PatternState
 
 
 class JointModel:
     """Fits the joint model of the surveys and covariates of a field.
 
-    :param grid: the field
     :param knowledge: what is known besides the survey
     :param estimate: fits a variogram
     :param noise: rate in the Poisson noise: ``local`` to each place, or ``mean``
+
+    Attributes
+    ----------
+    fitted_samples : int
+        number of earlier samples to which the variogram is fitted
     """
 
-    def __init__(self, grid: FieldGrid, knowledge: Knowledge, estimate: Estimate, noise: NoiseModel) -> None:
-        self._grid = grid
-        self._knowledge = knowledge
+    def __init__(self, knowledge: Knowledge, estimate: Estimate, noise: NoiseModel) -> None:
+        self._covariates = knowledge.covariates
         self._estimate = estimate
         self._local_noise = noise == "local"
         ordered = sorted(knowledge.earlier, key=lambda one: (one.stamp_s, one.name))
-        self._earlier = [merge_exactly(one.samples)[0] for one in ordered]
+        stamps = [one.stamp_s for one in ordered]
+        self._all = tuple(
+            _Past(one.name, merge_exactly(one.samples)[0], one.stamp_s, (one.stamp_s - before) / DAY_S)
+            for one, before in zip(ordered, [*stamps[:1], *stamps], strict=False)
+        )
+        self._last: tuple[Samples, float, _Model] | None = None
+        self.fitted_samples = sum(map(len, _fitted(self._all)))
 
-    def fit(self, samples: Samples) -> VariogramFit:
-        """Variogram and prior for a survey."""
-        places = merge_exactly(samples)[0]
-        fit = self._estimate(places, self._fitted())
-        variogram = fit.variogram
-        features = PatternFeatures.of(variogram, self._candidates())
-        unit = np.full(features.rank, np.sqrt(variogram.structured_sill))
-        state = PatternState.before(features.rank)
-        for survey in self._earlier:
-            view = self._view(survey, variogram, features, unit)
-            if not state.loadings:
-                state = state.after(view, (LOADINGS == FIRST_LOADING).astype(float))
-            else:
-                state = state.after(view, *state.loading_of(view))
-        rate = fit.noise_rate or noise_rate(places)
-        probabilities, _ = state.loading_of(view_of(places, variogram, features, unit, rate))
-        prior = FieldPrior(features, state.scale(float(probabilities @ LOADINGS)) * unit, state.excess, state.mean)
-        return replace(fit, prior=prior)
+    def fit(self, samples: Samples, model_samples: Samples, stamp_s: float = 0.0) -> VariogramFit:
+        """Variogram and prior for a survey.
 
-    def _fitted(self) -> list[Samples]:
-        """Earlier surveys to which the variogram is fitted."""
-        chosen: list[Samples] = []
-        for survey in reversed(self._earlier):
-            if chosen and sum(map(len, chosen)) + len(survey) > MAX_FITTED:
-                break
-            chosen.append(survey)
-        return chosen
+        :param samples: the samples, at least one
+        :param model_samples: those to which all is fitted that earlier surveys determine as well
+        :param stamp_s: time of the survey [s since 1970-01-01 UTC]; 0 if it is unknown
+        """
+        if self._last is None or self._last[0] is not model_samples or self._last[1] != stamp_s:
+            self._last = model_samples, stamp_s, self._model(merge_exactly(model_samples)[0], stamp_s)
+        model = self._last[2]
+        places, variogram, state = merge_exactly(samples)[0], model.fit.variogram, model.state
+        local_rate = LocalRate.of(places, variogram) if self._local_noise else None
+        view = view_of(places, variogram, model.features, model.unit, local_rate or noise_rate(places))
+        probabilities, _ = state.loading_of(view)
+        loading = float(probabilities @ LOADINGS)
+        prior = FieldPrior(
+            model.features,
+            state.scale(loading) * model.unit,
+            state.excess,
+            state.mean,
+            self._effects(state.after(view, probabilities), model.unit) if self._covariates else (),
+            self._relations(state, loading, stamp_s),
+        )
+        mean_rate = places.mean_rate_cps
+        return replace(model.fit, prior=prior, local_rate=local_rate, mean_rate=mean_rate, n_samples=len(places))
 
-    def _candidates(self) -> Array:
-        """Places of earlier samples."""
-        return np.concatenate([np.empty((0, 2)), *(one.xy for one in self._earlier)])
+    def _model(self, places: Samples, stamp_s: float) -> _Model:
+        past, others = self._history.past, _fitted(self._history.past)
+        fit = self._estimate(places, others)
+        features = self._features(fit.variogram)
+        variances = np.empty(0)
+        wide = WIDE * math.sqrt(fit.variogram.structured_sill)
+        for _ in range(_ROUNDS if self._covariates else 0):
+            unit = _unit(fit.variogram, features, np.full(len(self._covariates or ()), wide))
+            state = self._conditioned(past, fit.variogram, features, unit, stamp_s)
+            view = view_of(places, fit.variogram, features, unit, fit.noise_rate or noise_rate(places))
+            mean, covariance = state.after(view, state.loading_of(view)[0]).effects
+            precision = np.linalg.inv(covariance)
+            variances = effect_variances(precision - np.eye(len(mean)), precision @ mean)
+            effects = [self._at(one) * (wide * np.sqrt(variances)) for one in (places, *others)]
+            fit = self._estimate(places, others, effects)
+            features = self._features(fit.variogram)
+        unit = _unit(fit.variogram, features, wide * np.sqrt(variances))
+        return _Model(fit, features, unit, self._conditioned(past, fit.variogram, features, unit, stamp_s))
+
+    @cached_property
+    def _history(self) -> _History:
+        """Surveys to use, and the decay, by the evidence of the earlier surveys alone."""
+        best = _History(self._all, math.inf)
+        if len(self._all) < MIN_DECAYING:
+            return best
+        chosen = _fitted(self._all)
+        variogram = self._estimate(chosen[0], chosen[1:]).variogram
+        features = PatternFeatures.of(variogram, _places(self._all))
+        unit = _unit(variogram, features, np.empty(0))
+        views = [self._view(one.places, variogram, features, unit) for one in self._all]
+        alone = [float(PatternState.before(features.rank).log_likelihoods(view)[0]) for view in views]
+
+        def evidence(odd: int, decay_days: float) -> float:
+            state = _passed(PatternState.before(features.rank), self._all[odd:], views[odd:], decay_days)
+            share = NO_DECAY if decay_days == math.inf else (1 - NO_DECAY) / (len(DECAYS_DAYS) - 1)
+            return state.log_likelihood + sum(alone[:odd]) + math.log(share)
+
+        last_odd = min(MAX_ODD, len(self._all) - MIN_DECAYING + 1)
+        odd = max(range(last_odd + 1), key=lambda number: evidence(number, math.inf))
+        return _History(self._all[odd:], max(DECAYS_DAYS, key=lambda days: evidence(odd, days)))
+
+    def _features(self, variogram: Variogram) -> PatternFeatures:
+        covariates = self._covariates
+        return PatternFeatures.of(variogram, _places(self._history.past), covariates.at if covariates else None)
+
+    def _at(self, places: Samples) -> Array:
+        """Covariates of samples, shape (n, k)."""
+        assert self._covariates is not None
+        at = self._covariates.at
+        return Supports(places.xy, places.spread).average(lambda points: at(points).T.copy()).T
+
+    def _conditioned(
+        self,
+        past: tuple[_Past, ...],
+        variogram: Variogram,
+        features: PatternFeatures,
+        unit: Array,
+        stamp_s: float,
+    ) -> PatternState:
+        """What earlier surveys say of the coefficients at a time."""
+        views = (self._view(one.places, variogram, features, unit) for one in past)
+        state = _passed(
+            PatternState.before(features.rank, len(unit) - features.rank), past, views, self._history.decay_days
+        )
+        return state.later(self._history.share(stamp_s))
 
     def _view(self, places: Samples, variogram: Variogram, features: PatternFeatures, unit: Array) -> SurveyView:
         """An earlier survey."""
         rate = LocalRate.of(places, variogram) if self._local_noise else noise_rate(places)
         return view_of(places, variogram, features, unit, rate)
+
+    def _effects(self, state: PatternState, unit: Array) -> tuple[Effect, ...]:
+        assert self._covariates is not None
+        mean, covariance = state.effects
+        sd, unit = np.sqrt(np.diag(covariance)), unit[state.rank :]
+        columns = zip(self._covariates.names, (mean * unit).tolist(), (sd * unit).tolist(), strict=True)
+        return tuple(Effect(*column) for column in columns)
+
+    def _relations(self, state: PatternState, loading: float, stamp_s: float) -> tuple[Relation, ...]:
+        past, decayed, found = self._history.past, self._history.share(stamp_s), []
+        for one, probabilities in zip(reversed(past), reversed(state.loadings), strict=True):
+            found.append(Relation(one.name, loading * decayed * float(probabilities @ LOADINGS)))
+            decayed *= self._history.decayed(one.days)
+        left_out = [Relation(one.name, 0.0) for one in self._all[: len(self._all) - len(past)]]
+        return (*left_out, *reversed(found))
+
+
+@dataclass(frozen=True, eq=False)
+class _History:
+    """Earlier surveys to use, in order of time, and how fast the pattern changes.
+
+    :param past: the surveys
+    :param decay_days: time in which the correlation falls to 1/e [days]
+    """
+
+    past: tuple[_Past, ...]
+    decay_days: float
+
+    def decayed(self, days: float) -> float:
+        """Correlation of the pattern with itself after some days."""
+        return math.exp(-days / self.decay_days)
+
+    def share(self, stamp_s: float) -> float:
+        """Correlation of the pattern at a time with the pattern at the last survey; 1 if the time is unknown."""
+        if not self.past or not stamp_s:
+            return 1.0
+        return self.decayed(abs(stamp_s - self.past[-1].stamp_s) / DAY_S)
+
+
+def _passed(
+    state: PatternState, past: Sequence[_Past], views: Iterable[SurveyView], decay_days: float
+) -> PatternState:
+    """The state after surveys, one by one."""
+    for number, (one, view) in enumerate(zip(past, views, strict=True)):
+        if number:
+            state = state.later(math.exp(-one.days / decay_days))
+            state = state.after(view, *state.loading_of(view))
+        else:
+            known = (LOADINGS == FIRST_LOADING).astype(float)
+            state = state.after(view, known, float(state.log_likelihoods(view)[-1]))
+    return state
+
+
+def _fitted(past: Sequence[_Past]) -> list[Samples]:
+    """Earlier surveys to which the variogram is fitted, the last ones first."""
+    chosen: list[Samples] = []
+    for one in reversed(past):
+        if chosen and sum(map(len, chosen)) + len(one.places) > MAX_FITTED:
+            break
+        chosen.append(one.places)
+    return chosen
+
+
+def _places(past: Sequence[_Past]) -> Array:
+    """Places of earlier samples."""
+    return np.concatenate([np.empty((0, 2)), *(one.places.xy for one in past)])
+
+
+def _unit(variogram: Variogram, features: PatternFeatures, effects: Array) -> Array:
+    """Prior standard deviation of each coefficient, shape (r + k,) [counts/s]."""
+    return np.concatenate([np.full(features.rank, math.sqrt(variogram.structured_sill)), effects])
 
 
 def view_of(

@@ -23,6 +23,37 @@ from soilmoist_ros.mapping.variogram.support import Supports
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Effect:
+    """Effect of a covariate on the rate.
+
+    :param name: of the covariate
+    :param mean: change of the rate per standard deviation of the covariate, posterior mean [counts/s]
+    :param sd: its posterior standard deviation [counts/s]
+    """
+
+    name: str
+    mean: float
+    sd: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval [counts/s]."""
+        return self.mean - 1.96 * self.sd, self.mean + 1.96 * self.sd
+
+
+@dataclass(frozen=True)
+class Relation:
+    """How an earlier survey is related to this one.
+
+    :param name: of the earlier survey
+    :param correlation: of the patterns of the two surveys, posterior mean
+    """
+
+    name: str
+    correlation: float
+
+
 @dataclass(frozen=True, eq=False)
 class FieldPrior:
     """Prior mean and covariance of the smooth rate, besides the variogram and the unknown mean of the survey.
@@ -31,12 +62,16 @@ class FieldPrior:
     :param scale: factor of each feature, shape (p,)
     :param matrix: W, symmetric, shape (p, p) [(counts/s)^2]
     :param coefficients: c, shape (p,) [counts/s]
+    :param effects: effects of covariates, the counts of the survey included
+    :param relations: earlier surveys, in order of time
     """
 
     features: Callable[[Array], Array]
     scale: Array
     matrix: Array
     coefficients: Array
+    effects: tuple[Effect, ...] = ()
+    relations: tuple[Relation, ...] = ()
 
     def at(self, xy: Array, spread: Array | None = None) -> Array:
         """Scaled features at places or averaged over supports, shape (n, p).

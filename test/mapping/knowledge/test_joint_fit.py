@@ -7,13 +7,17 @@ from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge import joint_fit, pattern
 from soilmoist_ros.mapping.knowledge.conditioning import LOADINGS, PatternState
+from soilmoist_ros.mapping.knowledge.covariates import Covariates
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.knowledge.pattern import PatternFeatures
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples.surveys import Surveys
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood
+from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
 VARIOGRAM = Variogram("matern32", nugget=0.01, range_m=12.0, sill=0.25)
@@ -96,11 +100,11 @@ def simulated(surveys, samples, rho, seed=0, grid=GRID):
     return made, rate[: len(grid.cells)]
 
 
-def conditioned(surveys, loadings, candidates):
+def conditioned(surveys, loadings, candidates, covariates=None, effect_sd=()):
     """Kriging of the last survey with the prior that the joint model makes of the others, and its likelihood."""
-    features = PatternFeatures.of(VARIOGRAM, candidates)
-    unit = np.full(features.rank, np.sqrt(VARIOGRAM.structured_sill))
-    state, log = PatternState.before(features.rank), 0.0
+    features = PatternFeatures.of(VARIOGRAM, candidates, covariates)
+    unit = np.concatenate([np.full(features.rank, np.sqrt(VARIOGRAM.structured_sill)), effect_sd])
+    state, log = PatternState.before(features.rank, len(effect_sd)), 0.0
     for number, survey in enumerate(surveys):
         view = joint_fit.view_of(survey, VARIOGRAM, features, unit, NOISE)
         one = (loadings[number] == LOADINGS).astype(float)
@@ -136,6 +140,43 @@ def test_joint_kriging_equals_the_dense_one():
     np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
     np.testing.assert_allclose(kriging.covariance(TARGETS), covariance, atol=1e-6)
     assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, BETWEEN, NOISE), abs=1e-4)
+
+
+@pytest.mark.usefixtures("exact")
+def test_effects_of_covariates_are_kriged_as_part_of_the_covariance():
+    surveys, _ = simulated(3, 20, 0.9)
+    everywhere = np.concatenate([*(one.xy for one in surveys), TARGETS])
+    effect_sd = np.array([0.3, 0.1])
+
+    def covariates(xy):
+        return np.column_stack([xy[:, 0] / 30 - 1, np.sin(xy[:, 1] / 9)])
+
+    kriging, log = conditioned(surveys, LOADED, everywhere, covariates, effect_sd)
+    effects = [covariates(one.xy) * effect_sd for one in surveys]
+    rate, covariance = joint_kriging(
+        VARIOGRAM, surveys, BETWEEN, NOISE, TARGETS, (effects, covariates(TARGETS) * effect_sd)
+    )
+    found, variance = kriging.predict(TARGETS)
+    np.testing.assert_allclose(found, rate, atol=1e-6)
+    np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
+    np.testing.assert_allclose(kriging.covariance(TARGETS), covariance, atol=1e-6)
+    assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, BETWEEN, NOISE, effects), abs=1e-4)
+
+
+def test_the_variogram_is_that_of_what_the_effects_leave():
+    (samples,), _ = simulated(1, 40, 1.0)
+    at = np.log([0.2, 12.0, 0.01])
+    effects = np.column_stack([samples.xy[:, 0] / 30 - 1]) * 0.4
+    surveys = Surveys((samples, samples), (effects, effects))
+    found = RestrictedLikelihood.of_surveys(surveys, "matern32").value(at)
+    rate = samples.counts.sum() / samples.exposure_s.sum()
+    one = joint_likelihood(Variogram("matern32", 0.01, 12.0, 0.21), [samples], np.eye(1), rate, [effects])
+    assert found == pytest.approx(2 * one, rel=1e-9)
+    slope = RestrictedLikelihood.of_surveys(surveys, "matern32").expand(at)[1]
+    for number, step in enumerate(1e-5 * np.eye(3)):
+        likelihood = RestrictedLikelihood.of_surveys(surveys, "matern32")
+        difference = (likelihood.value(at + step) - likelihood.value(at - step)) / 2e-5
+        assert slope[number] == pytest.approx(difference, rel=1e-4, abs=1e-6)
 
 
 @pytest.mark.usefixtures("exact")
@@ -204,6 +245,55 @@ def test_a_related_survey_helps_and_an_unrelated_one_does_not_hurt():
         errors[rho] = np.sum(joint) / np.sum(alone)
     assert errors[0.9] < 0.75
     assert errors[0.0] < 1.1
+
+
+def test_a_covariate_helps_and_has_an_effect_and_useless_ones_do_not_hurt():
+    shape = np.random.default_rng(1).standard_normal((5, *GRID.shape))
+    with_it, useless, alone, effects = [], [], [], []
+    for seed in range(6):
+        (now,), truth = simulated(1, 25, 1.0, seed)
+        raster = np.full(GRID.shape, np.nan)
+        raster[GRID.mask] = truth
+        smooth = Covariates.over(GRID, ["moisture"], [raster])
+        follows = mapped(now, Knowledge(covariates=smooth))
+        rough = mapped(now, Knowledge(covariates=Covariates.over(GRID, list("abcde"), shape)))
+        for errors, soil_map in ((alone, mapped(now)), (with_it, follows), (useless, rough)):
+            errors.append(np.mean((soil_map.rate[GRID.mask] - truth) ** 2))
+        (effect,) = follows.fit.prior.effects
+        effects.append(effect.mean)
+        assert effect.interval[0] > 0
+    assert np.sum(with_it) < 0.7 * np.sum(alone)
+    assert np.sum(useless) < 1.05 * np.sum(alone)
+    assert 0.2 < np.mean(effects) < 0.7
+
+
+def surveys_of_a_season(rho, odd=None, days=7.0, count=5):
+    made, _ = simulated(count + 1, 40, rho)
+    if odd is not None:
+        made[odd] = simulated(1, 40, 1.0, seed=77)[0][0]
+    earlier = [EarlierSurvey(f"week {number}", 86400.0 * days * number, made[number]) for number in range(count)]
+    return Knowledge(tuple(earlier)), made[-1]
+
+
+def test_one_odd_survey_does_not_spoil_a_season():
+    for odd in (0, 2):
+        known, now = surveys_of_a_season(0.95, odd)
+        correlations = [one.correlation for one in mapped(now, known).fit.prior.relations]
+        assert correlations[odd] < 0.3
+        assert min(correlations[:odd] + correlations[odd + 1 :]) > 0.4
+
+
+def test_model_samples_follow_the_records_and_not_the_maps():
+    known, now = surveys_of_a_season(0.9, count=2)
+    one, other = (FieldMap(GRID, FieldMapSettings(merge_radius_m=1.0), known) for _ in range(2))
+    for number in range(25):
+        x_m, y_m = now.xy[number].tolist()
+        record = CountRecord(1e9 + 60.0 * number, x_m, y_m, 0.0, int(now.counts[number]), 40.0, 40.0)
+        for field_map in (one, other):
+            assert field_map.add(record) is None
+        one.update()
+    assert len(one.state.model_samples) < len(one.samples)
+    np.testing.assert_array_equal(one.soil_map.rate, other.update().rate)
 
 
 def test_a_map_for_planning_is_the_same_map():
