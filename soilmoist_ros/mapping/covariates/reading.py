@@ -113,7 +113,8 @@ def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> d
         if derive:
             wanted = dict.fromkeys(name for one in derive for name in _parts(one))
             found = _terrain(bands, number, frame, grid)
-            return {f"{source.label} {name}": found[name] for name in wanted}
+            label = source.label.removesuffix(" elevation").removesuffix("elevation").strip()
+            return {f"{label} {name}".strip(): found[name] for name in wanted}
         label = source.label if source.name or not band else f"{source.label} {band}"
         return {label: bands.on(number, frame, grid.x_m, grid.y_m)}
 

@@ -19,6 +19,7 @@ from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
+from soilmoist_ros.reporting.page.covariates import Importance, covariate_importance
 from soilmoist_ros.reporting.page.irrigation import absolute_limits, irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
@@ -81,8 +82,8 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "crs": crs or run.frame.export_crs().to_string(),
         "variogram": model_parameters(soil_map),
         "fit": _fit(run),
-        "within_survey": _within_survey(soil_map),
         "map": _map(run),
+        "covariates": [_covariate(one) for one in covariate_importance(run)],
         "cross_validation": _cross_validation(run),
         "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
         "mission": None if run.mission is None else mission_summary(run.mission),
@@ -146,17 +147,6 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
     }
 
 
-def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
-    """How the mean rate changed during the survey."""
-    change = soil_map.change
-    certain = change.jump is not None and change.jump.is_certain
-    return {
-        "text": change.text,
-        "drift": None if change.drift is None else asdict(change.drift),
-        "jump": asdict(change.jump) if certain and change.jump is not None else None,
-    }
-
-
 def _local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
     """Whether the rate varies more here than there."""
     amplitude = fit.variogram.amplitude
@@ -215,6 +205,17 @@ def _sensed(run: MapRun) -> dict[str, dict[str, float]] | None:
     return {
         "depth_d86_cm": dict(zip(names, run.sensed.depth_cm, strict=True)),
         "radius_r86_m": dict(zip(names, run.sensed.radius_m, strict=True)),
+    }
+
+
+def _covariate(one: Importance) -> dict[str, Any]:
+    """Effect of a covariate per standard deviation, with its 95 % interval, and what it explains."""
+    return {
+        "name": one.name,
+        "rate_cps_per_sd": one.rate_cps._asdict(),
+        "vwc_per_sd": one.vwc and one.vwc._asdict(),
+        "variance_share": one.variance_share._asdict(),
+        "covered_share": one.covered_share,
     }
 
 

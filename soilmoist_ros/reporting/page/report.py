@@ -12,6 +12,7 @@ from soilmoist_ros.reporting.page import numbers, wording
 from soilmoist_ros.reporting.page.charts import survey_charts
 from soilmoist_ros.reporting.page.charts.chart import Chart
 from soilmoist_ros.reporting.page.charts.variogram_chart import variogram_charts
+from soilmoist_ros.reporting.page.covariates import covariate_importance
 from soilmoist_ros.reporting.page.earlier_section import earlier_part
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.irrigation import irrigation
@@ -50,6 +51,7 @@ def render_report(run: MapRun) -> str:
         notes=notes(run),
         irrigation=found,
         series=_series(run),
+        covariates=_covariate_rows(run),
         map_data=None if at_one_place(run) else viewer_data(run, found),
         pictures=() if at_one_place(run) else list(pictures(run)),
         earlier=earlier_part(run),
@@ -62,6 +64,17 @@ def render_report(run: MapRun) -> str:
         outside=sum(row.count for row in run.losses if row.consequence != "kept"),
         datum=wording.datum(run),
     )
+
+
+def _covariate_rows(run: MapRun) -> list[tuple[str, str, str, str]]:
+    """Name, effect, share of the variance and coverage of each covariate, as texts."""
+    rows = []
+    for one in covariate_importance(run):
+        effect, digits = (one.rate_cps, 2) if one.vwc is None else (one.vwc.times(100), 1)
+        change = f"{effect.value:+.{digits}f} ({effect.p025:+.{digits}f} to {effect.p975:+.{digits}f})"
+        share, low, high = (numbers.percent(value) for value in one.variance_share)
+        rows.append((one.name, change, f"{share} ({low} to {high})", numbers.percent(one.covered_share)))
+    return rows
 
 
 def _series(run: MapRun) -> Chart | None:

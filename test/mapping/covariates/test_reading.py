@@ -235,3 +235,9 @@ def test_what_the_text_of_a_source_means(tmp_path):
     odd.touch()
     assert CovariateSource.parse(odd.name, tmp_path) == CovariateSource(odd)
     assert str(CovariateSource.parse("b/a.tif:slope")) == "b/a.tif:slope"
+
+
+def test_a_file_called_elevation_says_it_once(tmp_path):
+    path = write_raster(tmp_path / "elevation.tif")
+    found = read_covariates([CovariateSource(path, derive=("elevation", "slope"))], FRAME, GRID)
+    assert found.names == ("elevation", "slope")
