@@ -20,6 +20,7 @@ COMMANDS = {
     "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.",
     "bag": "Inspect recordings, play them, and recover interrupted ones.",
     "export": "Export a RUN for GIS, phones and farm terminals.",
+    "season": "Make a time series of all RUNS of one field.",
     "calibrate": "Find N0 from soil CORES (a CSV file) and the counts at the calibration.",
     "graph": "Build a travel graph for a FIELD and write it as a topological map.",
     "check": "Check configuration files and report every mistake in them.",

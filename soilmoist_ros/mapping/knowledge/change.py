@@ -7,6 +7,7 @@ the surveys is large where the pattern persists. The difference of two separate 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +74,12 @@ class FieldChange:
 
 
 def field_change(
-    kriging: JointKriging, grid: FieldGrid, survey: int, other: int, curve: MoistureCurve | None = None
+    kriging: JointKriging,
+    grid: FieldGrid,
+    survey: int,
+    other: int,
+    curve: MoistureCurve | None = None,
+    maps: Mapping[int, tuple[Array, Array]] | None = None,
 ) -> FieldChange:
     """The change of a field from one survey to another.
 
@@ -82,6 +88,7 @@ def field_change(
     :param survey: index of the later survey
     :param other: index of the earlier one
     :param curve: calibration; that of both, so its error shifts both alike
+    :param maps: rates and variances of both surveys in the cells, if they are known already
     """
     cells = grid.cells
     rate, variance = kriging.predict(cells, survey, other)
@@ -95,7 +102,8 @@ def field_change(
     vwc, vwc_sd = np.full((2, len(cells)), np.nan)
     mean_vwc = None
     if curve is not None:
-        vwc, vwc_sd = _moisture_change(kriging, cells, survey, other, curve)
+        now, then = (kriging.predict(cells, one) if maps is None else maps[one] for one in (survey, other))
+        vwc, vwc_sd = _moisture_change(now, then, variance, curve)
         mean_vwc = _mean_moisture_change(kriging, some, survey, other, curve, float(vwc.mean()))
     raster = grid.to_raster
     return FieldChange(
@@ -146,17 +154,18 @@ def moisture_slope(curve: MoistureCurve, rate: Array) -> Array:
 
 
 def _moisture_change(
-    kriging: JointKriging, cells: Array, survey: int, other: int, curve: MoistureCurve
+    now: tuple[Array, Array], then: tuple[Array, Array], difference_variance: Array, curve: MoistureCurve
 ) -> tuple[Array, Array]:
-    """Change of the moisture and its standard deviation, to first order, shape (g,) each."""
-    now, now_variance = kriging.predict(cells, survey)
-    then, then_variance = kriging.predict(cells, other)
-    _, difference_variance = kriging.predict(cells, survey, other)
-    covariance = (now_variance + then_variance - difference_variance) / 2
-    slope_now, slope_then = moisture_slope(curve, now), moisture_slope(curve, then)
-    variance = slope_now**2 * now_variance + slope_then**2 * then_variance
-    variance -= 2 * slope_now * slope_then * covariance
-    change = possible_moisture(curve, now) - possible_moisture(curve, then)
+    """Change of the moisture and its standard deviation, to first order, shape (g,) each.
+
+    :param now: rate of the later survey and its variance
+    :param then: likewise of the earlier one
+    :param difference_variance: variance of the change of the rate
+    """
+    covariance = (now[1] + then[1] - difference_variance) / 2
+    slope_now, slope_then = moisture_slope(curve, now[0]), moisture_slope(curve, then[0])
+    variance = slope_now**2 * now[1] + slope_then**2 * then[1] - 2 * slope_now * slope_then * covariance
+    change = possible_moisture(curve, now[0]) - possible_moisture(curve, then[0])
     return change, np.sqrt(np.maximum(variance, 0.0))
 
 

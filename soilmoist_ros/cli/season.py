@@ -1,0 +1,50 @@
+"""``soilmoist season``: all surveys of a field over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
+from soilmoist_ros.cli.options.output_options import output_options, prepare_output
+
+
+@click.command("season")
+@click.argument("runs", type=FILE, nargs=-1, required=True)
+@click.option("--field", help="Field file. Default: the boundary of the last run.")
+@click.option("--site", help="Site file with the calibration. Default: the calibration of the last run.")
+@click.option("--model", type=VariogramModel(), default="matern32", show_default=True, help="Variogram model.")
+@click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
+@click.option("--title", help="Title of the page.")
+@output_options()
+@report_errors
+def command(
+    runs: tuple[Path, ...], field: str | None, site: str | None, out: Path, overwrite: bool, **choices: Any
+) -> None:
+    """Make a time series of all RUNS of one field.
+
+    RUNS are output folders of map, simulate, replay or demo, recordings, or folders of such. The map of each
+    survey is made from the counts of all. Writes report.html, season.nc, season.csv and summary.json to --out.
+    """
+    from soilmoist_ros.foundation.configuration import resource
+    from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
+    from soilmoist_ros.reporting.season.season_files import estimate_text, write_season
+
+    prepare_output(out, overwrite)
+    settings = SeasonSettings(
+        field=resource("fields", field) if field else None,
+        site=resource("sites", site) if site else None,
+        **choices,
+    )
+    with progress_bar() as progress:
+        season = make_season(runs, settings, progress)
+        progress("writing the results", 1.0)
+        written = write_season(out, season)
+    share = season.persistence
+    click.echo(f"patterns   correlation of two surveys {share.share:.2f} +- {share.sd:.2f}")
+    for label, survey in zip(season.labels, season.surveys, strict=True):
+        click.echo(f"{label:10} {estimate_text(survey)}")
+    for path in written:
+        click.echo(f"wrote {path}")

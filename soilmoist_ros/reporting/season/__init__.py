@@ -1,0 +1,1 @@
+"""All surveys of a field as a time series: maps, changes, files and a page."""

@@ -1,0 +1,320 @@
+"""All surveys of a field as a time series; the map of each is made from the counts of all, past and future."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field, load_field
+from soilmoist_ros.mapping.field_map import FieldMapSettings
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.change import (
+    Estimate,
+    FieldChange,
+    field_change,
+    mean_cells,
+    moisture_slope,
+)
+from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence, estimate_persistence
+from soilmoist_ros.mapping.moisture_bands import Bands, make_bands
+from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
+from soilmoist_ros.mapping.variogram.correlation import ModelName
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
+from soilmoist_ros.reporting.earlier.run_records import SUMMARY, find_runs
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
+from soilmoist_ros.sensing.moisture.site import load_site
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+MAX_SAMPLES = 4000
+"""Number of samples from which each survey is mapped with those nearest to it in time."""
+MAX_FITTED = 800
+"""Number of samples to which the variogram is fitted: those of the last surveys."""
+USUAL_CELLS = 2000
+"""Cells that a map has at most, unless a cell size is given."""
+
+
+@dataclass(frozen=True)
+class SeasonSettings:
+    """Choices of a season; ``None`` derives the value from the runs.
+
+    :param field: field file; by default the boundary of the last run
+    :param site: site file; by default the calibration of the last run
+    :param model: variogram model
+    :param cell_m: cell size of the maps [m]
+    :param title: title of the page
+    """
+
+    field: Path | None = None
+    site: Path | None = None
+    model: ModelName = "matern32"
+    cell_m: float | None = None
+    title: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SeasonSurvey:
+    """A survey of the season, mapped with the counts of all.
+
+    :param run: the survey
+    :param bands: its maps, each of shape (ny, nx)
+    :param mean_rate: mean rate of the field [counts/s]
+    :param mean_vwc: mean moisture of the field [m^3/m^3], ``None`` without a calibration
+    :param change: change since the survey before it, ``None`` for the first
+    """
+
+    run: EarlierRun
+    bands: Bands
+    mean_rate: Estimate
+    mean_vwc: Estimate | None
+    change: FieldChange | None
+
+
+@dataclass(frozen=True, eq=False)
+class Season:
+    """The surveys of a field over time.
+
+    :param title: title for readers
+    :param field_name: name of the field
+    :param frame: plane of the field
+    :param grid: cells of the maps
+    :param surveys: in order of time, at least two
+    :param variogram: variogram of the rate of each survey
+    :param persistence: how alike the patterns of the surveys are
+    :param curve: calibration, if any
+    :param simulated: whether the counts are simulated
+    :param created_utc: when it was made
+    """
+
+    title: str
+    field_name: str
+    frame: LocalFrame
+    grid: FieldGrid
+    surveys: Sequence[SeasonSurvey]
+    variogram: Variogram
+    persistence: Persistence
+    curve: MoistureCurve | None
+    simulated: bool
+    created_utc: datetime
+
+    @property
+    def labels(self) -> list[str]:
+        """Day of each survey; days since the first one where the clock has no date."""
+        first_s = self.surveys[0].run.survey.stamp_s
+        return [
+            date_text(one.run.survey.stamp_s) or f"day {(one.run.survey.stamp_s - first_s) / 86_400:.3g}"
+            for one in self.surveys
+        ]
+
+    @property
+    def days(self) -> Array:
+        """Time of each survey since the first one [d]."""
+        stamps = np.array([one.run.survey.stamp_s for one in self.surveys])
+        return np.asarray((stamps - stamps[0]) / 86_400, float)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """Where the surveys lie, and how their counts become moisture."""
+
+    name: str
+    frame: LocalFrame
+    grid: FieldGrid
+    curve: MoistureCurve | None
+    property_name: str
+    simulated: bool
+
+
+def make_season(
+    paths: Sequence[Path], settings: SeasonSettings, progress: Progress = lambda step, share: None
+) -> Season:
+    """The season of a field.
+
+    :param paths: finished runs, or folders of such
+    :param settings: choices
+    :param progress: called during the work
+    :raises InputError: if a run cannot be used, or there are fewer than two
+    """
+    runs_at = [run for path in paths for run in find_runs(path)]
+    if len(runs_at) < 2:
+        message = f"a season needs two surveys, but there {'is one' if runs_at else 'is none'}"
+        raise InputError(message, "give the folders of more runs of this field")
+    progress("reading the runs", 0.0)
+    ground = _ground(runs_at, settings)
+    choices = FieldMapSettings(settings.model, curve=ground.curve)
+    target = Target(ground.frame, ground.grid, choices, ground.property_name, simulated=ground.simulated)
+    runs = read_earlier_runs(runs_at, target)
+    progress("fitting the variogram", 0.0)
+    variogram = _variogram(runs, settings.model, ground.grid)
+    samples = [run.survey.samples for run in runs]
+    stamps = [run.survey.stamp_s for run in runs]
+    persistence = estimate_persistence(variogram, samples, stamps)
+    surveys: list[SeasonSurvey] = []
+    kriging, used = None, list[int]()
+    for number, run in enumerate(runs):
+        progress(f"mapping {len(runs)} surveys", number / len(runs))
+        wanted = _window(samples, stamps, number)
+        if kriging is None or wanted != used:
+            used = wanted
+            matrix = persistence.matrix([stamps[one] for one in used])
+            kriging = JointKriging(variogram, [samples[one] for one in used], matrix)
+        here = used.index(number)
+        before = used.index(number - 1) if number else None
+        surveys.append(_mapped(run, kriging, ground, here, before))
+    return Season(
+        settings.title or f"Season of {ground.name}",
+        ground.name,
+        ground.frame,
+        ground.grid,
+        surveys,
+        variogram,
+        persistence,
+        ground.curve,
+        ground.simulated,
+        datetime.now(UTC),
+    )
+
+
+def _mapped(
+    run: EarlierRun, kriging: JointKriging, ground: _Ground, number: int, before: int | None
+) -> SeasonSurvey:
+    """Map a survey, and its change since the one before."""
+    grid, curve = ground.grid, ground.curve
+    cells, some = grid.cells, mean_cells(grid)
+    maps = {number: kriging.predict(cells, number)}
+    rate, variance = maps[number]
+    bands = make_bands(grid.to_raster(rate), grid.to_raster(variance), curve)
+    equal = np.full(len(some), 1.0 / len(some))
+    mean, mean_variance = kriging.mean(some, {number: equal})
+    mean_vwc = None
+    if curve is not None:
+        slopes = moisture_slope(curve, kriging.predict(some, number)[0]) / len(some)
+        mean_vwc = Estimate(float(np.nanmean(bands.vwc)), math.sqrt(kriging.mean(some, {number: slopes})[1]))
+    change = None
+    if before is not None:
+        if curve is not None:
+            maps[before] = kriging.predict(cells, before)
+        change = field_change(kriging, grid, number, before, curve, maps)
+    return SeasonSurvey(run, bands, Estimate(mean, math.sqrt(mean_variance)), mean_vwc, change)
+
+
+def _window(samples: Sequence[Samples], stamps_s: Sequence[float], number: int) -> list[int]:
+    """Surveys with which a survey is mapped: all, or of very many the one before and those nearest in time."""
+    if sum(map(len, samples)) <= MAX_SAMPLES:
+        return list(range(len(samples)))
+    chosen = [number, number - 1] if number else [number]
+    count = sum(len(samples[one]) for one in chosen)
+    for one in np.argsort(np.abs(np.subtract(stamps_s, stamps_s[number])), kind="stable").tolist():
+        count += len(samples[one]) if one not in chosen else 0
+        if count > MAX_SAMPLES:
+            break
+        if one not in chosen:
+            chosen.append(one)
+    return sorted(chosen)
+
+
+def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) -> Variogram:
+    """Variogram of the rate of each survey, by restricted maximum likelihood of the last ones together."""
+    last, *others = [merge_exactly(run.survey.samples)[0] for run in reversed(runs)]
+    chosen, count = [], len(last)
+    for one in others:
+        count += len(one)
+        if count > MAX_FITTED:
+            break
+        chosen.append(one)
+    fit = estimate_variogram(
+        last.xy, last.counts, last.exposure_s, model, extent_m=grid.extent_m, spread=last.spread,
+        local_noise=True, others=chosen,
+    )  # fmt: skip
+    return fit.variogram
+
+
+def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
+    """Field and calibration: those of files, else those of the last run that has a folder."""
+    folders = [path for path in runs if (path / SUMMARY).is_file()]
+    about: dict[str, Any] = {}
+    if folders:
+        about = max((_json(path / SUMMARY) for path in folders), key=lambda one: one.get("last_stamp_s") or 0.0)
+        home = next(path for path in folders if _json(path / SUMMARY) == about)
+    field = load_field(settings.field) if settings.field else None
+    curve = load_site(settings.site).curve if settings.site else _curve(about)
+    if field is None and not folders:
+        field = _field_of_bag(runs[-1])
+    if field is not None:
+        name, frame = field.name, field.frame
+        grid = _sized(lambda cell_m: field.grid(cell_m), settings.cell_m, field.grid(settings.cell_m))
+    else:
+        name, frame = str(about.get("field") or "the field"), _frame(about, home)
+        rings, holes = _rings(home, frame)
+        cell_m = settings.cell_m or float(about.get("cell_m") or 1.0)
+        first = FieldGrid.from_polygon(rings, cell_m, holes)
+        grid = _sized(lambda size: FieldGrid.from_polygon(rings, size, holes), settings.cell_m, first)
+    names = [one.get("name", "") for one in about.get("properties") or ()]
+    return _Ground(name, frame, grid, curve, names[0] if names else "", bool(about.get("simulated")))
+
+
+def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:
+    """A grid of at most :data:`USUAL_CELLS`, unless its cell size is given."""
+    cells = np.count_nonzero(grid.mask)
+    if given_m is not None or cells <= USUAL_CELLS:
+        return grid
+    return make(grid.cell_m * math.ceil(math.sqrt(cells / USUAL_CELLS)))
+
+
+def _curve(about: dict[str, Any]) -> MoistureCurve | None:
+    """Calibration curve of a run, by its summary; those with other parameters need a site file."""
+    calibration = about.get("calibration") or {}
+    if calibration.get("curve") != "desilets":
+        return None
+    names = CalibrationCurve.__dataclass_fields__
+    return CalibrationCurve(**{name: calibration[name] or 0.0 for name in names if name in calibration})
+
+
+def _frame(about: dict[str, Any], path: Path) -> LocalFrame:
+    try:
+        return LocalFrame(float(about["datum"]["latitude_deg"]), float(about["datum"]["longitude_deg"]))
+    except (KeyError, TypeError, ValueError):
+        raise InputError("does not say where its datum lies", "give the field file with --field", path) from None
+
+
+def _rings(path: Path, frame: LocalFrame) -> tuple[list[Array], list[Array]]:
+    """Outlines and holes of the field of a run, in its plane [m]."""
+    features = _json(path / "samples.geojson").get("features", ())
+    shape = next((one["geometry"] for one in features if one["properties"].get("kind") == "field"), None)
+    if shape is None:
+        raise InputError("has no boundary of the field", "give the field file with --field", path)
+    polygons = shape["coordinates"] if shape["type"] == "MultiPolygon" else [shape["coordinates"]]
+
+    def local(ring: Any) -> Array:
+        places = np.array(ring, float)[:-1]
+        return frame.to_local(places[:, 1], places[:, 0])
+
+    return [local(rings[0]) for rings in polygons], [local(hole) for rings in polygons for hole in rings[1:]]
+
+
+def _field_of_bag(path: Path) -> Field:
+    field = read_parameters(configuration_of(bag_of(path)), "mapper").get("field")
+    if not field:
+        raise InputError("does not say in which field it was recorded", "give the field file with --field", path)
+    return load_field(Path(field))
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", "make the run again", path) from None

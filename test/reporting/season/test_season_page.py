@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.reporting.page.viewer.packing import unpack, unpack_bits
+from soilmoist_ros.reporting.season.season_page import mean_chart, render_season, season_data
+
+
+def test_the_page_asks_for_nothing_from_elsewhere_and_names_every_survey(season):
+    page = render_season(season)
+    assert not re.search(r"""(src|href)=["']?(https?:)?//""", page)
+    for name in ("survey_1", "survey_2", "run"):
+        assert f">{name}<" in page
+    assert 'type="range"' in page
+    assert "SIMULATED DATA" in page
+
+
+def test_layers_have_a_map_of_every_survey_in_one_scale(season):
+    data = season_data(season)
+    assert [layer["key"] for layer in data["layers"]] == ["vwc", "rate", "change", "sd"]
+    shape = (data["grid"]["ny"], data["grid"]["nx"])
+    for layer in data["layers"]:
+        assert len(layer["maps"]) == 3
+        assert layer["from"] < layer["to"]
+    moisture = unpack(data["layers"][0]["maps"][1], shape)
+    np.testing.assert_allclose(moisture, 100 * season.surveys[1].bands.vwc, atol=0.01)
+    change = data["layers"][2]
+    assert np.isnan(unpack(change["maps"][0], shape)).all()
+    unsure = unpack_bits(change["hatch"][1], shape)
+    np.testing.assert_array_equal(unsure, season.surveys[1].change.significant == 0)
+
+
+def test_without_a_calibration_the_page_shows_the_rate(season):
+    bare = replace(season, curve=None, surveys=[replace(one, mean_vwc=None) for one in season.surveys])
+    assert [layer["key"] for layer in season_data(bare)["layers"]] == ["rate", "change", "sd"]
+    assert "mean rate" in mean_chart(bare).y_label
+    assert "counts/s" in render_season(bare)
+
+
+def test_the_chart_shows_every_mean_with_its_interval(season):
+    area, line, dots = mean_chart(season).marks
+    assert len(dots.x) == 3
+    assert (np.asarray(area.low) < np.asarray(line.y)).all()
+    assert line.y[0] == pytest.approx(100 * season.surveys[0].mean_vwc.value)
