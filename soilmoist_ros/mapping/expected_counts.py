@@ -1,7 +1,8 @@
 """Compares counts with what the map expects: one record that does not fit is held back until another confirms it.
 
 A fault of the sensor and a wet hollow can look alike in one record. The next record at the same place decides:
-a hollow is there again, a fault is not.
+a hollow is there again, a fault is not. Rain lowers the records of all places, so some low records in a row
+confirm each other.
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ SAME_PLACE: Final = 0.5
 """Correlation of the rates from which two records are at the same place, and from which a sample knows a place."""
 CONFIRMED: Final = 0.5
 """Share of the deviation, of the square root of the rate, from which the next record confirms the first."""
+RAIN_ROW: Final = 3
+"""Number of records in a row that are too low, wherever they are, from which the field has changed: it rains."""
+MIN_RAIN: Final = 0.6
+"""Least rate that rain leaves, relative to what the map expects. No rain of an hour lowers it further."""
 MAX_HELD: Final = 200
 """Number of records that can be held back; the oldest are no longer waited for."""
 
@@ -170,6 +175,7 @@ class ExpectedCounts(Generic[Where]):
     def __init__(self, radius_m: float) -> None:
         self._radius_m = radius_m
         self._held: list[Held[Where]] = []
+        self._row: list[Held[Where]] = []  # records in a row that rain may have lowered
 
     def judge(
         self, record: CountRecord, where: Where, samples: Samples, fit: Callable[[], Variogram | None]
@@ -181,6 +187,7 @@ class ExpectedCounts(Generic[Where]):
         :param samples: samples of the map without the record
         :param fit: makes the variogram of the map; called only if the record is out of the ordinary
         """
+        row, self._row = self._row, []
         if len(samples) < MIN_SAMPLES or not (self._held or stands_out(record, samples)):
             return Verdict()
         variogram = fit()
@@ -200,6 +207,14 @@ class ExpectedCounts(Generic[Where]):
         self._held = [held for held in self._held if held not in waiting]
         if confirmed or not expected.is_far(record):
             return Verdict(confirmed=confirmed)
+        if MIN_RAIN <= record.corrected_rate / expected.rate_cps < 1:
+            self._row = [*row, Held(record, deviation, where)]
+            if len(self._row) >= RAIN_ROW:
+                confirmed = tuple(held for held in row if any(held is other for other in self._held))
+                self._held = [held for held in self._held if not any(held is other for other in row)]
+                return Verdict(confirmed=confirmed)
+            self._held = [*self._held, self._row[-1]][-MAX_HELD:]
+            return Verdict(expected.text(record))
         self._held = [*self._held, Held(record, deviation, where)][-MAX_HELD:]
         return Verdict(expected.text(record))
 

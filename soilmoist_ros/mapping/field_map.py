@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import WINDOW_S, Drift, TimedSamples, find_drift
+from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, WINDOW_S, Change, TimedSamples, find_change
 from soilmoist_ros.mapping.knowledge.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
@@ -187,7 +187,7 @@ class FieldMap:
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._last_fit: tuple[Samples, VariogramFit] | None = None
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
-        self._last_drift: tuple[TimedSamples, Drift | None] | None = None
+        self._last_change: tuple[TimedSamples, Change] | None = None
         self._finds_drift = knowledge.drift == "auto" and settings.fit == "reml"
         raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
         self._raster = None if settings.for_planning else raster
@@ -418,7 +418,7 @@ class FieldMap:
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
-        drift = self._drift(state, fit)
+        change = self._change(state, fit)
         most = sys.maxsize if settings.for_planning else settings.max_exact_samples
         with self._computing:
             return make_soil_map(
@@ -431,7 +431,7 @@ class FieldMap:
                 most,
                 compute,
                 self._raster,
-                None if drift is None or state.timed is None else (state.timed, drift, state.stamp_s),
+                None if state.timed is None else (state.timed, change, state.stamp_s),
             )
 
     def fit(self, state: MapState) -> VariogramFit | None:
@@ -470,14 +470,15 @@ class FieldMap:
             effects=effects,
         )
 
-    def _drift(self, state: MapState, fit: VariogramFit) -> Drift | None:
-        """The drift of the mean rate up to a state, if there is one."""
+    def _change(self, state: MapState, fit: VariogramFit) -> Change:
+        """How the mean rate changed up to a state, as far as it is known."""
         if state.fit_timed is None or len(state.samples) > self.settings.max_exact_samples:
-            return None
+            return NO_CHANGE
         timed, now_s = state.fit_timed
-        known = self._last_drift
+        known = self._last_change
         if known is None or known[0] is not timed:
-            known = self._last_drift = timed, find_drift(timed, now_s, fit.variogram, fit.noise_rate, fit.prior)
+            change = find_change(timed, now_s, fit.variogram, fit.noise_rate, fit.prior)
+            known = self._last_change = timed, change
         return known[1]
 
     @cached_property

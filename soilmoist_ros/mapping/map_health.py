@@ -6,6 +6,10 @@ from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.map_worker import MapWorker
 
+MAP_PART = "map"
+RAIN = "rain"
+"""Value of the health of a map with the reason why rain is likely; empty if it is not."""
+
 
 def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
     """Health of a map.
@@ -36,11 +40,14 @@ def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
             "standard deviation of the rate": fit.local_text,
             "mean rate [counts/s]": f"{fit.mean_rate:.4g}",
         }
-    level, message = _verdict(field_map, worker)
-    return Health("map", level, message, values)
+    rain = "" if soil_map is None else soil_map.change.rain(mapped.stamp_s)
+    if soil_map is not None:
+        values |= {"change of the mean rate": soil_map.change.text or "none", RAIN: rain}
+    level, message = _verdict(field_map, worker, rain)
+    return Health(MAP_PART, level, message, values)
 
 
-def _verdict(field_map: FieldMap, worker: MapWorker) -> tuple[Level, str]:
+def _verdict(field_map: FieldMap, worker: MapWorker, rain: str) -> tuple[Level, str]:
     trouble = field_map.trouble
     if worker.failure:
         return Level.ERROR, worker.failure
@@ -51,4 +58,6 @@ def _verdict(field_map: FieldMap, worker: MapWorker) -> tuple[Level, str]:
         return Level.OK, "waiting for the first record"
     if worker.soil_map is None:
         return Level.OK, "waiting for enough samples for a map"
+    if rain:
+        return Level.WARN, rain
     return Level.OK, f"map of {len(worker.mapped.samples)} samples"

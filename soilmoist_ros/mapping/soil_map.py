@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.extras import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import Drift, TimedSamples
+from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, TimedSamples
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
@@ -51,7 +51,7 @@ class SoilMap:
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
     :param made_by: the fitted kriging that made the map; ``None`` if
         :meth:`RasterKriging.update` did
-    :param drift: drift of the mean rate during the survey, which the map has not; ``None`` for none
+    :param change: how the mean rate changed during the survey; the map is of its end
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
     """
 
@@ -66,7 +66,7 @@ class SoilMap:
     keep_nugget: bool
     made_by: PoissonKriging | TiledKriging | None
     clipped_variances: int
-    drift: Drift | None = None
+    change: Change = NO_CHANGE
 
     def __repr__(self) -> str:
         rows, columns = self.grid.shape
@@ -193,7 +193,7 @@ def make_soil_map(
     max_exact_samples: int = MAX_EXACT_SAMPLES,
     compute: Compute = map,
     raster: RasterKriging | None = None,
-    drifting: tuple[TimedSamples, Drift, float] | None = None,
+    changing: tuple[TimedSamples, Change, float] | None = None,
 ) -> SoilMap:
     """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
 
@@ -210,8 +210,8 @@ def make_soil_map(
         :class:`TiledKriging` that makes the map
     :param compute: computes the tiles, as there
     :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
-    :param drifting: the samples by place and time, the drift of their mean, and the time of the map [s]; not for
-        more than ``max_exact_samples``
+    :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
+        needs at most ``max_exact_samples``
     :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
@@ -222,7 +222,11 @@ def make_soil_map(
         raster, max_exact_samples = None, sys.maxsize
     kriging: PoissonKriging | TiledKriging | None = None
     rasters = None
-    if raster is not None and 0 < len(samples) <= max_exact_samples and drifting is None:
+    if (
+        raster is not None
+        and 0 < len(samples) <= max_exact_samples
+        and (changing is None or changing[1].drift is None)
+    ):
         mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
         rasters = raster.update(samples, model, known_rate or mean_rate)
     if rasters is not None:
@@ -234,7 +238,7 @@ def make_soil_map(
         else:
             model = model if fit is None else fit.stationary
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
-        _fit(kriging, samples, drifting)
+        _fit(kriging, samples, changing)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
         clipped, mean_rate = kriging.clipped_variances, (fit.mean_rate if fit else 0.0) or kriging.noise_mean_rate
     return SoilMap(
@@ -249,18 +253,19 @@ def make_soil_map(
         keep_nugget=keep_nugget,
         made_by=kriging,
         clipped_variances=clipped,
-        drift=None if drifting is None else drifting[1],
+        change=NO_CHANGE if changing is None else changing[1],
     )
 
 
 def _fit(
-    kriging: PoissonKriging | TiledKriging, samples: Samples, drifting: tuple[TimedSamples, Drift, float] | None
+    kriging: PoissonKriging | TiledKriging, samples: Samples, changing: tuple[TimedSamples, Change, float] | None
 ) -> None:
     """Fit a kriging to samples, or to those by place and time."""
-    if drifting is None or isinstance(kriging, TiledKriging):
+    drift = None if changing is None else changing[1].drift
+    if changing is None or drift is None or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         return
-    timed, drift, now_s = drifting
+    timed, _, now_s = changing
     samples = timed.samples
     shared = drift.covariance(timed, now_s)
     kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread, shared)

@@ -152,6 +152,8 @@ class NoteCode(StrEnum):
     PRIOR_MATTERED = "prior_mattered"
     NOT_CONVERGED = "not_converged"
     COVARIATE_GAPS = "covariate_gaps"
+    RATE_CHANGED = "rate_changed"
+    RAIN_LIKELY = "rain_likely"
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,31 @@ def test_a_record_elsewhere_neither_confirms_nor_ends_the_wait():
     assert (verdicts, released) == ([True, False, False], [held])
 
 
+def test_rain_is_not_a_fault():
+    # Rain lowers the rate by a third wherever the robot is.
+    dry = samples(rate_cps=80.0)
+    places = [(0.0, 0.0), (50.0, 0.0), (0.0, 50.0), (50.0, 50.0), (0.0, 0.0), (50.0, 0.0)]
+    rain = [record(540, *place) for place in places]
+    verdicts, released = judge([record(800, 25.0, 25.0), *rain], dry)
+    assert verdicts == [False, True, True, False, False, False, False]
+    assert released == rain[:2]
+
+
+@pytest.mark.parametrize("counts", [300, 1500])
+def test_what_rain_cannot_do_stays_held_back(counts):
+    dry = samples(rate_cps=80.0)
+    verdicts, released = judge([record(counts, *place) for place in ((0.0, 0.0), (50.0, 0.0), (0.0, 50.0))], dry)
+    assert (verdicts, released) == ([True] * 3, [])
+
+
+def test_low_records_between_good_ones_are_no_rain():
+    dry = samples(rate_cps=80.0)
+    verdicts, _ = judge(
+        [record(800), record(540, 0.0, 0.0), record(800), record(540, 50.0, 50.0), record(800)], dry
+    )
+    assert verdicts == [False, True, False, True, False]
+
+
 def test_counts_at_an_unknown_place_or_of_a_young_map_are_not_judged():
     assert judge([record(300)], samples(MIN_SAMPLES - 1)) == ([False], [])
     assert judge([record(300, 500.0, 500.0)]) == ([False], [])

@@ -1,4 +1,5 @@
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, MapState
+from soilmoist_ros.mapping.knowledge.drift import Change, Jump
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
 from soilmoist_ros.sensing.records import NAN, CountRecord
@@ -116,6 +118,11 @@ def test_the_health_shows_what_the_map_rests_on():
     assert health().values["model"] == "matern32"
     assert health().values["records not yet in the map"] == "0"
     assert float(health().values["range [m]"]) == pytest.approx(worker.soil_map.variogram.range_m, rel=0.01)
+    assert health().values["rain"] == ""
+    worker.soil_map = replace(worker.soil_map, change=Change(jump=Jump(-500.0, -0.5, 0.1, -0.1)))
+    assert health().level is Level.WARN
+    assert health().message == health().values["rain"]
+    assert "the rate fell by (10 ± 2) % within minutes, 10 min ago; if it rains, wait" in health().message
     for _ in range(3):
         field_map.add(CountRecord(90.0, NAN, NAN, NAN, 40, 10.0, 9.0))
     assert health().level is Level.WARN

@@ -47,7 +47,15 @@ class Surveys:
         return np.concatenate([noise_rate(one) / one.exposure_s for one in self.samples])
 
     def thinned(self, most: int) -> Surveys:
-        """Every k-th place of each survey as a point, about ``most`` in all."""
-        some = slice(None, None, -(-len(self) // most))
-        samples = tuple(Samples(one.xy[some], one.counts[some], one.exposure_s[some]) for one in self.samples)
-        return Surveys(samples, None if self.effects is None else tuple(one[some] for one in self.effects))
+        """Places of each survey as points, evenly from its first to its last, about ``most`` in all."""
+        share = min(1.0, most / len(self))
+        parts = [
+            np.linspace(0, len(one) - 1, max(round(share * len(one)), 1)).astype(np.intp) for one in self.samples
+        ]
+        samples = tuple(
+            Samples(one.xy[some], one.counts[some], one.exposure_s[some])
+            for one, some in zip(self.samples, parts, strict=True)
+        )
+        if self.effects is None:
+            return Surveys(samples)
+        return Surveys(samples, tuple(one[some] for one, some in zip(self.effects, parts, strict=True)))

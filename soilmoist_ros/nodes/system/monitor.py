@@ -19,6 +19,7 @@ from msg_adapters.mission import mission_from_message
 from msg_adapters.samples import samples_from_message
 from msg_adapters.soil_map import soil_map_from_message
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.map_health import MAP_PART, RAIN
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission, LiveRobot
 from soilmoist_ros.sensing.survey.driver_health import logger_fault
@@ -75,6 +76,8 @@ class Monitor(Node):
         for health in parts:
             if health.name.endswith(f": {CLOCK_PART}"):
                 self._live.clock_waits_for = health.values.get(WAITS_FOR, "")
+            if health.name.endswith(f": {MAP_PART}") and RAIN in health.values:
+                self._live.rain = health.values[RAIN]
 
 
 @contextlib.contextmanager

@@ -82,6 +82,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "crs": crs or run.frame.export_crs().to_string(),
         "variogram": model_parameters(soil_map),
         "fit": _fit(run),
+        "within_survey": _within_survey(soil_map),
         "map": _map(run),
         "covariates": [_covariate(one) for one in covariate_importance(run)],
         "cross_validation": _cross_validation(run),
@@ -144,6 +145,17 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
         "log_sd": fit.log_sd and dict(zip(("structured_sill", "range", "nugget"), fit.log_sd, strict=True)),
         "prior_share": dict(zip(("structured_sill", "range", "nugget"), fit.prior_share, strict=True)),
         "local": None if fit.local is None else _local(fit, fit.local),
+    }
+
+
+def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
+    """How the mean rate changed during the survey."""
+    change = soil_map.change
+    certain = change.jump is not None and change.jump.is_certain
+    return {
+        "text": change.text,
+        "drift": None if change.drift is None else asdict(change.drift),
+        "jump": asdict(change.jump) if certain and change.jump is not None else None,
     }
 
 

@@ -87,6 +87,8 @@ class LiveMission:
         self.samples_xy: Array = np.empty((0, 2))
         self.clock_waits_for = ""
         """What simulated time waits for, if that has lasted long."""
+        self.rain = ""
+        """Why rain is likely, and what to do; empty if it is not."""
 
     def view(self) -> LiveView:
         """The view now."""
@@ -113,6 +115,8 @@ class LiveMission:
                 facts[f"{several} sensor".lstrip()] = robot.sensor_fault
         if self.clock_waits_for:
             facts["clock"] = f"waits for {self.clock_waits_for}"
+        if self.rain:
+            facts["weather"] = self.rain
         known = [status for status in statuses if status]
         if not known:
             return facts

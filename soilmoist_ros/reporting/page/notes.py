@@ -48,6 +48,7 @@ def notes(run: MapRun) -> list[Note]:
         *_on_calibration(run),
         *_on_moisture(run),
         *_on_covariates(run),
+        *_on_change(run.soil_map),
         *(_on_one_place() if at_one_place(run) else _on_model(run.soil_map)),
     ]
 
@@ -162,6 +163,32 @@ def _on_covariates(run: MapRun) -> Iterator[Note]:
             f"Some covariates cover a part of the field only: {', '.join(gaps)}. Elsewhere they count as average; "
             "check that their files reach over the field.",
         )
+
+
+def _on_change(soil_map: SoilMap) -> Iterator[Note]:
+    """Note on a mean rate that changed while the survey lasted."""
+    change = soil_map.change
+    if not change.text:
+        return
+    allowed = "The map is of the field at the end" if change.drift is not None else "The map does not allow for it"
+    jump = change.jump
+    if jump is not None and jump.is_certain and jump.change_cps < 0:
+        yield Note(
+            NoteCode.RAIN_LIKELY,
+            f"Rain is likely during the survey{_at(jump.since_s)}: {change.text}. {allowed}; if it rained, visits "
+            "to some of the first stops after it make the map better.",
+        )
+        return
+    yield Note(
+        NoteCode.RATE_CHANGED,
+        f"The field changed during the survey, as by drying: {change.text}. {allowed}; visits to some of the "
+        "first stops at the end make the map better.",
+    )
+
+
+def _at(stamp_s: float) -> str:
+    """Time of a stamp, if its clock has a date."""
+    return "" if stamp_s < EARLIEST_STAMP_S else f" at about {str(np.datetime64(int(stamp_s), 's'))[11:16]} UTC"
 
 
 def _on_one_place() -> Iterator[Note]:

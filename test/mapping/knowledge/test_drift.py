@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, Drift, TimedSamples, find_drift
+from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, Drift, TimedSamples, find_change
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.merging import SampleMerger
@@ -48,8 +48,8 @@ def records(timed):
 
 
 def test_a_drift_is_found_and_nearly_never_where_there_is_none():
-    found = [find_drift(survey(seed, 0.1)[0], HOURS * 3600, VARIOGRAM) for seed in range(20)]
-    false = [find_drift(survey(seed)[0], HOURS * 3600, VARIOGRAM) for seed in range(40)]
+    found = [find_change(survey(seed, 0.1)[0], HOURS * 3600, VARIOGRAM).drift for seed in range(20)]
+    false = [find_change(survey(seed)[0], HOURS * 3600, VARIOGRAM).drift for seed in range(40)]
     assert sum(drift is not None for drift in found) >= 18
     assert sum(drift is not None for drift in false) <= 2
     # 10 % of 4 counts/s in two hours
@@ -80,7 +80,7 @@ def test_without_evidence_the_map_is_that_without_drift_bit_for_bit():
         for record in records(timed):
             field_map.add(record)
         maps.append(field_map.update())
-    assert maps[0].drift is None
+    assert maps[0].change.drift is None
     assert maps[0].rate.tobytes() == maps[1].rate.tobytes()
     assert maps[0].variance.tobytes() == maps[1].variance.tobytes()
 
@@ -93,23 +93,40 @@ def test_the_map_of_a_state_does_not_depend_on_the_maps_before():
         once.add(record)
         if number % 20 == 5:
             often.update()
-    assert often.update().drift is not None
+    assert often.update().change.drift is not None
     np.testing.assert_array_equal(often.soil_map.rate, once.update().rate)
 
 
 def test_soft_l1_knows_no_drift():
     field_map = FieldMap(GRID, FieldMapSettings(fit="soft_l1"))
     field_map.set_records(records(survey(1, 0.3)[0]))
-    assert field_map.update().drift is None
+    assert field_map.update().change.drift is None
 
 
 def test_few_samples_one_time_and_many_samples():
     timed, _ = survey(1, 0.3)
-    assert find_drift(timed.thinned(8), HOURS * 3600, VARIOGRAM) is None
-    assert find_drift(TimedSamples(timed.samples, np.zeros(90)), 0.0, VARIOGRAM) is None
+    assert find_change(timed.thinned(8), HOURS * 3600, VARIOGRAM).drift is None
+    assert find_change(TimedSamples(timed.samples, np.zeros(90)), 0.0, VARIOGRAM).drift is None
     many, _ = survey(1, 0.3, passes=40)
     assert len(many.samples) > MAX_SAMPLES >= len(many.thinned(MAX_SAMPLES).samples)
-    assert find_drift(many, HOURS * 3600, VARIOGRAM) is not None
+    assert find_change(many, HOURS * 3600, VARIOGRAM).drift is not None
+
+
+def test_rain_is_seen_and_nearly_never_where_there_is_none():
+    rain, none = [], []
+    for seed in range(20):
+        timed, _ = survey(seed, exposure_s=120.0)
+        none.append(find_change(timed, HOURS * 3600, VARIOGRAM))
+        wet = timed.time_s > 1.7 * 3600
+        counts = np.random.default_rng(seed).binomial(timed.samples.counts.astype(int), np.where(wet, 0.85, 1.0))
+        wet_samples = Samples(timed.samples.xy, counts, timed.samples.exposure_s)
+        rain.append(find_change(TimedSamples(wet_samples, timed.time_s), HOURS * 3600, VARIOGRAM))
+    assert sum(bool(change.rain(HOURS * 3600)) for change in rain) >= 16
+    assert not any(change.rain(HOURS * 3600) for change in none)
+    seen = [change for change in rain if change.rain(HOURS * 3600)]
+    assert np.median([change.jump.since_s for change in seen]) == pytest.approx(1.7 * 3600, abs=600)
+    assert np.median([change.jump.share for change in seen]) == pytest.approx(-0.15, abs=0.04)
+    assert not any(change.rain(4 * 3600) for change in rain)
 
 
 @given(st.lists(st.floats(0, 1e4), min_size=1, max_size=12), st.floats(0, 1e4))

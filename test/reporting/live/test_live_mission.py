@@ -46,6 +46,8 @@ def test_what_is_told():
         "mission": "1 h 00 min used, 30 min left; 812 m driven",
         "map": "7 stops, 31 samples with those on the way",
     }
+    live.rain = "rain is likely"
+    assert live.view().facts["weather"] == "rain is likely"
     live.maps[0].cells = cells()
     assert live.view().targets_xy == [(12.5, 3.0)]
     live.robots[0].status = {**STATUS, "forecast": "±3.0 % of the rate now"}

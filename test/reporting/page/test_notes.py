@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from soilmoist_ros.mapping.knowledge.drift import Change, Drift, Jump
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.run import Note, NoteCode
 
@@ -30,6 +31,20 @@ def test_moisture_that_no_soil_has_is_noted(make_run, the_map, steep, uncalibrat
     sure = replace(the_map, variance=the_map.variance / 100, curve=replace(the_map.curve, n0_sd_cps=0.0))
     assert NoteCode.BEYOND_LIMITS not in codes(make_run(soil_map=sure))
     assert codes(make_run(soil_map=uncalibrated, notes=(), calibration=None)) == []
+
+
+def test_a_change_during_the_survey_is_noted(make_run, uncalibrated):
+    def said(change):
+        return notes(make_run(soil_map=replace(uncalibrated, change=change), notes=(), calibration=None))
+
+    rain = Jump(1.78e9, -0.4, 0.08, -0.1)
+    assert said(Change(jump=replace(rain, sd_cps=0.2))) == []
+    (note,) = said(Change(jump=rain, drift=Drift(0.4, 5.0, -0.4, 0.08, rain.since_s)))
+    assert note.code is NoteCode.RAIN_LIKELY
+    assert "at about 20:26 UTC: the rate fell by (10 ± 2) %" in note.message
+    (note,) = said(Change(Drift(0.2, 5.0, 0.4, 0.1), replace(rain, change_cps=0.1)))
+    assert note.code is NoteCode.RATE_CHANGED
+    assert "the rate rose by (0.40 ± 0.10) counts/s" in note.message
 
 
 def test_few_samples_are_noted_once(make_run, map_of):
