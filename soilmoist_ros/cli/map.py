@@ -11,6 +11,7 @@ from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report
 from soilmoist_ros.cli.options.covariate_option import covariate_option
 from soilmoist_ros.cli.options.earlier_option import earlier_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
+from soilmoist_ros.cli.options.reference_option import reference_option
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
 @click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
 @earlier_option()
 @covariate_option()
+@reference_option
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @click.option("--title", help="Title of the report.")
 @output_options()

@@ -13,6 +13,7 @@ from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_e
 from soilmoist_ros.cli.options.covariate_option import covariate_option
 from soilmoist_ros.cli.options.earlier_option import earlier_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output, reported_failure
+from soilmoist_ros.cli.options.reference_option import reference_option
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @earlier_option(" Default: as in the run; none for a map without.")
 @covariate_option(" Default: as in the run.")
+@reference_option
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @output_options("Folder for the results; made if missing. Required.", required=False)
 @click.option("--live", is_flag=True, hidden=True)

@@ -10,7 +10,7 @@ from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
-from soilmoist_ros.replay.log_map import loss_rows
+from soilmoist_ros.replay.log_map import loss_rows, read_reference, with_reference
 from soilmoist_ros.replay.mission import RobotMission, replay_mission
 from soilmoist_ros.replay.no_map import no_map
 from soilmoist_ros.replay.properties import (
@@ -31,6 +31,7 @@ from soilmoist_ros.reporting.field_survey import FieldSurvey
 from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
+from soilmoist_ros.sensing.corrections.reference import Reference
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
@@ -62,6 +63,7 @@ class _Content:
     missions: Sequence[RobotMission]
     simulated: bool
     properties: Sequence[ReplayedProperty]
+    reference: Reference | None = None
 
 
 def replay_bag(
@@ -83,7 +85,7 @@ def replay_bag(
         survey, remarks = robot_survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
         content = _read(reader, survey, chosen, configuration, remarks)
-    first, raw = content.properties[0], content.raw
+    first, raw, reference = content.properties[0], content.raw, content.reference
     lost = loss_rows(raw.problems if raw else ())
     about = (bag, _files(bag), first, content.missions, configuration)
     if not first.states:
@@ -93,6 +95,7 @@ def replay_bag(
     for one in content.properties:
         try:
             run = one.survey.run(one.survey.map.snapshot())
+            run = run if reference is None or one.survey is not survey else with_reference(run, reference)
         except (InputError, IllConditionedError) as error:
             if one is first:
                 raise no_map(*about, losses=lost, simulated=content.simulated, error=error) from error
@@ -119,7 +122,8 @@ def replay_bag(
         ]
         run = replace(run, mission=replace(mission, properties=maps))
     return Replay(
-        run, [_compared(one, raw is not None and one.survey is survey, content.several) for one in properties]
+        run,
+        [_compared(one, content, one.survey is survey) for one in properties],
     )
 
 
@@ -129,10 +133,12 @@ def _losses(of_lines: Sequence[LossRow], of_map: Sequence[LossRow]) -> list[Loss
     return [*of_lines, *(row for row in of_map if not (row.consequence == "quarantined" and row.kind in known))]
 
 
-def _compared(one: ReplayedProperty, from_raw: bool, several: bool) -> Comparison:
-    if from_raw:
+def _compared(one: ReplayedProperty, content: _Content, own: bool) -> Comparison:
+    if own and content.reference is not None:
+        return Comparison(None, "not compared: corrected by a reference sensor")
+    if own and content.raw is not None:
         return Comparison(None, "not compared: made again from the raw lines")
-    return one.compared(several)
+    return one.compared(content.several)
 
 
 def _read(
@@ -165,6 +171,11 @@ def _read(
         placed = places.records([record for _, record in counted])
         counted = [(name, record) for (name, _), record in zip(counted, placed, strict=True)]
     records = [record for _, record in counted]
+    reference = None
+    if chosen.reference is not None and (good := [record for record in records if not record.quarantine]):
+        reference = read_reference(chosen.reference, survey.site, good)
+        records = reference.corrected(records)
+        counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
     found = team_properties(robots, configuration)
     wanted = chosen_properties(found, chosen.properties, reader.path)
     truths = named_truths(found, chosen.truths, reader.path)
@@ -196,7 +207,7 @@ def _read(
         if statuses := last_mission(read_statuses(robot)):
             visits = places.visits(mission_visits(statuses, read_visits(robot, number), its))
             missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
-    return _Content(raw, len(robots) > 1, missions, simulated, properties)
+    return _Content(raw, len(robots) > 1, missions, simulated, properties, reference)
 
 
 def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:

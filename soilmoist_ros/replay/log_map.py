@@ -29,7 +29,8 @@ from soilmoist_ros.replay.file_facts import far_from_site
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, read_earlier_runs, require_other
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
-from soilmoist_ros.reporting.run import InputFile, LossRow, MapRun, Note, NoteCode
+from soilmoist_ros.reporting.run import CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
+from soilmoist_ros.sensing.corrections.reference import Reference, fit_reference
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
 from soilmoist_ros.sensing.moisture.site import Site, load_site
@@ -37,7 +38,8 @@ from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Consequence, Kind, Problem
-from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs, stationary_records
 
 MAX_GAP_S = 60.0
 """Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
@@ -68,6 +70,7 @@ class MapSettings:
     :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param covariates: files with covariates, in addition to those of the field
+    :param reference: log of a stationary sensor that counted during the survey
     """
 
     logger: str | None = None
@@ -86,6 +89,7 @@ class MapSettings:
     max_exact_samples: int = MAX_EXACT_SAMPLES
     earlier: tuple[Path, ...] = ()
     covariates: tuple[CovariateSource, ...] = ()
+    reference: Path | None = None
 
 
 def map_logs(
@@ -146,7 +150,12 @@ def map_logs(
     sources = (*(field.covariates if field else ()), *settings.covariates)
     covariates = read_covariates(sources, survey.frame, grid)
     field_map = FieldMap(grid, map_settings, Knowledge(tuple(run.survey for run in earlier), covariates))
-    field_map.set_records(survey.records)
+    records = survey.records
+    reference = None
+    if settings.reference is not None:
+        reference = read_reference(settings.reference, site, records)
+        records = tuple(reference.corrected(records))
+    field_map.set_records(records)
     progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
     kriging = f"kriging {np.count_nonzero(field_map.grid.mask)} cells"
     soil_map = field_map.compute(field_map.state, lambda share: progress(kriging, share), compute)
@@ -157,7 +166,7 @@ def map_logs(
     ):
         message = f"{placement.words()}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
         raise InputError(message, "give the field file of the place that was surveyed", settings.field)
-    return make_run(
+    run = make_run(
         soil_map,
         sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")),
         site,
@@ -187,6 +196,37 @@ def map_logs(
             *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
         ],
     )
+    return run if reference is None else with_reference(run, reference)
+
+
+def read_reference(path: Path, site: Site, records: Sequence[CountRecord]) -> Reference:
+    """The change of the rate during a survey, from the log of a stationary sensor.
+
+    :param path: the log; its format is detected from its header
+    :param site: its corrections, those of the survey
+    :param records: records of the survey, at least one
+    :raises InputError: if the log cannot be used, or does not last for the survey
+    """
+    reference = stationary_records(read_logs([path], None, site), site)
+    start_s = min(record.stamp_s - record.exposure_s for record in records)
+    return fit_reference(reference, start_s, max(record.stamp_s for record in records), path)
+
+
+def with_reference(run: MapRun, reference: Reference) -> MapRun:
+    """A run whose counts were corrected by a reference sensor: it says so."""
+    stamps = np.array([record.stamp_s for record in run.track if not record.quarantine])
+    factors = reference.factor(np.clip(stamps, reference.start_s, reference.end_s))
+    change, sd = reference.change
+    row = CorrectionRow(
+        "reference sensor",
+        "R(end) / R(t)",
+        {"change during the survey [%]": round(100 * change, 1), "standard deviation [%]": round(100 * sd, 1)},
+        float(factors.mean()),
+        float(factors.min()),
+        float(factors.max()),
+        "the map is of the field at the end of the survey",
+    )
+    return replace(run, corrections=[*run.corrections, row])
 
 
 def read_logs(
@@ -274,6 +314,7 @@ def _inputs(
     others = [("GNSS log", path) for path in settings.nmea]
     others += [("site", settings.site)] if settings.site else []
     others += [("field", settings.field)] if settings.field else []
+    others += [("reference sensor", settings.reference)] if settings.reference else []
     others += [("covariate", path) for path in dict.fromkeys(one.path for one in covariates)]
     return [
         *(input_file(log.path, "neutron log", len(log.records)) for log in logs),

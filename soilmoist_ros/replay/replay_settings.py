@@ -46,6 +46,7 @@ class ReplaySettings:
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
         those of the robot
+    :param reference: log of a stationary sensor that counted during the run
     """
 
     field: str | None = None
@@ -65,6 +66,7 @@ class ReplaySettings:
     crs: str | None = None
     earlier: Sequence[Path | str] | None = None
     covariates: Sequence[str] | None = None
+    reference: Path | None = None
 
 
 def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:

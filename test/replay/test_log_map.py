@@ -16,7 +16,12 @@ from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+from soilmoist_ros.simulation.robot.virtual_survey import (
+    half_wet_field,
+    simulate_log,
+    stop_and_go,
+    write_survey,
+)
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +45,39 @@ def test_steps_are_reported_and_the_files_are_inputs(survey):
     assert all(len(item.sha256) == 64 for item in run.inputs)
     assert run.simulated
     assert len(repr(run)) < 115
+
+
+@pytest.fixture(scope="module")
+def reference(survey, tmp_path_factory):
+    """Log of a sensor that stood while the survey went on."""
+    field = half_wet_field()
+    standing = stop_and_go(np.array([[30.0, 30.0], [30.5, 30.0]]), dwell_s=5400.0)
+    lines = simulate_log(field, standing, np.random.default_rng(5)).logger_lines
+    path = tmp_path_factory.mktemp("reference") / "reference.log"
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return path
+
+
+def test_a_reference_sensor_corrects_the_counts(survey, reference):
+    plain = map_logs([survey / "survey.log"], settings(survey))
+    run = map_logs([survey / "survey.log"], settings(survey, reference=reference))
+    row = run.corrections[-1]
+    assert row.name == "reference sensor"
+    assert abs(row.parameters["change during the survey [%]"]) < 3 * row.parameters["standard deviation [%]"] + 1
+    assert [item.role for item in run.inputs][-1] == "reference sensor"
+    factors = [
+        a.effective_exposure_s / b.effective_exposure_s for a, b in zip(plain.track, run.track, strict=True)
+    ]
+    assert (min(factors), max(factors)) == pytest.approx((row.min_factor, row.max_factor), rel=0.01)
+    np.testing.assert_allclose(run.soil_map.rate, plain.soil_map.rate, rtol=0.1)
+
+
+def test_a_reference_of_another_time_is_refused(survey, reference, tmp_path):
+    lines = reference.read_text().splitlines()
+    short = tmp_path / "short.log"
+    short.write_text("\n".join(lines[-150:]) + "\n")
+    with pytest.raises(InputError, match=r"short.log: the reference sensor has no good record during the survey"):
+        map_logs([survey / "survey.log"], settings(survey, reference=short))
 
 
 def test_without_a_field_the_surroundings_of_the_track_are_mapped(survey):

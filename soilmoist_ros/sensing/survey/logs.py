@@ -183,6 +183,18 @@ def calibration_counts(
     )
 
 
+def stationary_records(logs: Sequence[LogFile], site: Site) -> list[CountRecord]:
+    """Corrected good records of a stationary probe, in order of time, with or without a position.
+
+    :raises InputError: if the logs are of different probes
+    """
+    everything = [entry.record for entry in _in_order_of_time(logs)]
+    survey = _survey_of(everything, site, None, None, [], keep_unplaced=True)
+    for record in everything:
+        survey.take_record(record)
+    return [record for record in survey.take_ready() if not record.quarantine]
+
+
 def _mean(values: Sequence[float]) -> float:
     return math.fsum(values) / len(values) if values else math.nan
 

@@ -1,0 +1,99 @@
+"""The change of the rate from a stationary reference sensor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.corrections.reference import MAX_GAP_S, fit_reference
+from soilmoist_ros.sensing.records import CountRecord
+
+START_S, END_S = 1.78e9, 1.78e9 + 7200.0
+
+
+def reference(seed, change=0.0, rate_cps=10.0, period_s=60.0, jump=False, before_s=3600.0):
+    """Records of a reference sensor whose rate changes by a share during the survey, evenly or at its middle."""
+    rng = np.random.default_rng(seed)
+    ends = np.arange(START_S - before_s + period_s, END_S + before_s + 1, period_s)
+    done = (ends - period_s / 2 - START_S) / 7200
+    done = np.round(np.clip(done, 0, 1)) if jump else done
+    counts = rng.poisson(rate_cps * (1 + change * done) * period_s)
+    nan = float("nan")
+    return [
+        CountRecord(end_s, nan, nan, nan, int(count), period_s, period_s)
+        for end_s, count in zip(ends.tolist(), counts.tolist(), strict=True)
+    ]
+
+
+def survey(number=80):
+    stamps = np.linspace(START_S + 10, END_S, number)
+    return [CountRecord(stamp_s, 1.0, 2.0, 0.0, 40, 10.0, 9.5) for stamp_s in stamps.tolist()]
+
+
+@pytest.mark.parametrize("change", [-0.2, 0.0, 0.1, 0.3])
+def test_the_change_is_found_with_its_uncertainty(change):
+    found = [fit_reference(reference(seed, change), START_S, END_S) for seed in range(12)]
+    changes, sds = np.array([one.change for one in found]).T
+    assert changes.mean() == pytest.approx(change, abs=0.01)
+    assert (np.abs(changes - change) <= 3 * sds + 0.003).all()
+    assert sds.max() < 0.04
+
+
+def test_noise_alone_is_smoothed_away():
+    found = [fit_reference(reference(seed), START_S, END_S) for seed in range(12)]
+    times = np.linspace(START_S, END_S, 50)
+    assert np.mean([np.abs(one.factor(times) - 1).max() < 0.02 for one in found]) > 0.7
+
+
+def test_rain_is_followed():
+    one = fit_reference(reference(3, -0.2, rate_cps=30.0, jump=True), START_S, END_S)
+    assert one.factor(np.array([START_S + 1800]))[0] == pytest.approx(0.8, abs=0.02)
+    assert one.factor(np.array([END_S - 900]))[0] == pytest.approx(1.0, abs=0.02)
+
+
+def test_counts_are_corrected_to_the_end_of_the_survey():
+    one = fit_reference(reference(1, 0.2), START_S, END_S)
+    records = survey()
+    corrected = one.corrected(records)
+    assert corrected[-1].corrected_rate == pytest.approx(records[-1].corrected_rate, rel=0.01)
+    assert corrected[0].corrected_rate == pytest.approx(1.2 * records[0].corrected_rate, rel=0.04)
+    assert [record.raw_counts for record in corrected] == [40] * 80
+
+
+@settings(max_examples=10)
+@given(st.floats(0.5, 100.0))
+def test_only_relative_changes_count(scale):
+    records = reference(2, 0.1)
+    scaled = [replace(one, effective_exposure_s=one.effective_exposure_s / scale) for one in records]
+    times = np.linspace(START_S, END_S, 9)
+    one, other = (fit_reference(each, START_S, END_S).factor(times) for each in (records, scaled))
+    np.testing.assert_allclose(one, other, rtol=1e-6)
+
+
+def test_hourly_records_are_enough_and_bad_ones_are_left_out():
+    hourly = reference(1, 0.2, period_s=3600.0, before_s=7200.0)
+    assert fit_reference(hourly, START_S, END_S).change[0] == pytest.approx(0.2, abs=0.06)
+    bad = [replace(one, raw_counts=10**6, quarantine="noisy_tube") for one in reference(1)[::7]]
+    assert fit_reference([*reference(1), *bad], START_S, END_S).change[0] == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("kept", "message"),
+    [
+        (lambda stamp_s: stamp_s < START_S, "no good record during the survey"),
+        (lambda stamp_s: not 0 < stamp_s - START_S - 600 < MAX_GAP_S + 120, "for 3. min of the survey, from 2026"),
+        (lambda stamp_s: stamp_s < END_S - MAX_GAP_S - 120, "for 3. min of the survey"),
+        (lambda stamp_s: stamp_s > START_S + MAX_GAP_S + 120, "for 3. min of the survey"),
+    ],
+)
+def test_a_reference_must_last_for_the_survey(kept, message):
+    with pytest.raises(InputError, match=message):
+        fit_reference([one for one in reference(1) if kept(one.stamp_s)], START_S, END_S)
+
+
+def test_a_reference_without_counts_is_refused():
+    with pytest.raises(InputError, match="counted nothing"):
+        fit_reference([replace(one, raw_counts=0) for one in reference(1)], START_S, END_S)
