@@ -259,7 +259,7 @@ def whole_system(folder: Path, speed: float, settle_s: float, seconds: float) ->
         "--hours",
         "4",
     ]
-    command += ["--time-factor", f"{speed:g}", "--strategy", "greedy", "--dwell", "ami:0.03"]
+    command += ["--time-factor", f"{speed:g}", "--strategy", "gcb", "--dwell", "optimal"]
     folder.mkdir()
     with (folder / "demo.log").open("wb") as log:
         demo = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)

@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
 from rclpy.node import Node
@@ -60,7 +59,6 @@ class FieldSimulator(Node):
         self._simulated_clock = self.create_publisher(Clock, "/clock", CLOCK)
         self._map = self.create_publisher(String, "/topological_map_2", LATCHED)
         self._map.publish(String(data=self._system.map.to_json()))
-        group = MutuallyExclusiveCallbackGroup()
         self.get_logger().info(f"scenario: {scenario.title}")
         properties = [wanted.name for wanted in settings.properties]
         plain_feedback = scenario.navigation.feedback == "topic"
@@ -71,7 +69,6 @@ class FieldSimulator(Node):
                 f"{namespace}/" if namespace else "",
                 properties,
                 given,
-                group,
                 plain_feedback,
                 start_s,
             )
@@ -82,8 +79,8 @@ class FieldSimulator(Node):
             write_ports_file(addresses, Path(given.text("ports_file")))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         steady = RosClock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK_S, self._tick, group, steady)
-        self.create_timer(REPORT_S, self._report, group, steady)
+        self.create_timer(TICK_S, self._tick, clock=steady)
+        self.create_timer(REPORT_S, self._report, clock=steady)
 
     def close(self) -> None:
         """Close the ports."""

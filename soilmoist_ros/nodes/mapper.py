@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
@@ -35,6 +34,7 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespa
 from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
 from soilmoist_ros.recording.earlier_records import read_earlier
@@ -54,7 +54,7 @@ _SLICE: Final = 500
 class Mapper(Node):
     """Adds records as they arrive, and publishes maps as fast as they can be computed.
 
-    Records are added in one thread, and maps are computed in another; services save in the executor's.
+    Records are added in one thread, maps are computed in another, and a third one saves.
     """
 
     def __init__(self) -> None:
@@ -100,9 +100,9 @@ class Mapper(Node):
         self._arrived = Batches(self._add, "records", _POLL_S)
         for topic in (*topics, *map(quarantined_topic, topics)):
             self.create_subscription(PointCloud2, topic, self._arrived.put, qos.RECORDS)
-        alone = MutuallyExclusiveCallbackGroup()  # a save takes seconds, and a flood of records must not delay it
-        self.create_service(Trigger, "~/reset", self._on_reset, callback_group=alone)
-        self.create_service(Trigger, "~/save", self._on_save, callback_group=alone)
+        self._aside = Aside(self)  # a save takes seconds
+        self._aside.offer(Trigger, "~/reset", self._on_reset)
+        self._aside.offer(Trigger, "~/save", self._on_save)
         # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -180,7 +180,8 @@ class Mapper(Node):
         self._diagnostics.publish(diagnostics_to_message(parts, now_s, self.get_fully_qualified_name()))
 
     def close(self) -> None:
-        """Add what has arrived, and wait until the current map is finished."""
+        """Add what has arrived, and wait until the current map and the files are finished."""
+        self._aside.close()
         self._arrived.close()
         self._worker.close()
         self._sources.close()

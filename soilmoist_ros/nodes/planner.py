@@ -133,7 +133,7 @@ class Planner(Node):
 
 def main() -> None:
     """Run the planner."""
-    run(Planner, threads=1)  # callbacks are short, and one thread serves each in its turn
+    run(Planner)
 
 
 if __name__ == "__main__":

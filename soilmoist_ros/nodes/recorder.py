@@ -6,12 +6,10 @@ import importlib
 import os
 import time
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -24,7 +22,9 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.collector import ParameterCollector
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.recorder import PARAMETERS
+from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
+from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.bag.definitions import find_definition
 from soilmoist_ros.recording.bag.metadata import Qos, Request, Topic, request_for
@@ -37,6 +37,8 @@ __all__ = ["PARAMETERS", "Recorder", "main"]
 
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
 """Nodes whose parameters are stored with the bag, in addition to the parameters of the property mappers."""
+_TAKE_S: Final = 0.025
+"""Time between two looks for messages [s]; subscriptions keep a hundred messages or more each."""
 _DISCOVERY_S: Final = 0.2
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
@@ -66,41 +68,44 @@ class Recorder(Node):
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
         self._skipped: set[str] = set()
         self._mixed: set[str] = set()
+        self._listener = quiet_node(self, "listener")  # an executor would cost more than the recording
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
-        aside = MutuallyExclusiveCallbackGroup()  # a slow disk must not delay messages, nor a flood the services
-        self.create_service(Trigger, "recorder/start", self._start, callback_group=aside)
-        self.create_service(Trigger, "recorder/stop", self._stop, callback_group=aside)
+        self._aside = Aside(self)  # a slow disk must not delay messages
+        self._aside.offer(Trigger, "recorder/start", self._start)
+        self._aside.offer(Trigger, "recorder/stop", self._stop)
         if self._settings.flag("autostart"):
             self._recorder.start()
         self._discover()
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.create_timer(_TAKE_S, self._record_arrived, clock=steady)
         self.create_timer(_DISCOVERY_S, self._discover, clock=steady)
         self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._configuration = RunConfiguration()
         self._complaint = ""
-        self._collector = ParameterCollector(self, _RECORDED, self._take_parameters, aside)
-        self.create_timer(_CONFIGURATION_S, self._keep_configuration, callback_group=aside, clock=steady)
+        self._collector = ParameterCollector(self, _RECORDED, self._take_parameters)
+        self.create_timer(_CONFIGURATION_S, lambda: self._aside.do(self._keep_configuration), clock=steady)
 
     def close(self) -> None:
         """Record the messages in transit, then close the bag."""
+        self._aside.close()
         end_s = quiet_s = time.monotonic()
         while time.monotonic() <= min(quiet_s + _QUIET_S, end_s + _MAX_CLOSE_S):
             if self._record_arrived():
                 quiet_s = time.monotonic()
             time.sleep(_QUIET_S / 10)
         state = self._recorder.stop()
+        self._listener.destroy_node()
         if state.bag is not None:
             self.get_logger().info(f"recorded {state.messages} messages to {state.bag}")
 
     def _record_arrived(self) -> int:
-        """Record messages that arrived but were not passed to a callback yet; returns their number."""
+        """Record the messages that arrived; returns their number."""
         count = 0
         for topic, _, subscription in self._topics.values():
             with subscription.handle:
-                while (
-                    taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)
-                ) is not None:
-                    self._record(topic, *taken)
+                while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+                    data, info = taken
+                    self._recorder.put(topic, info["received_timestamp"], info["source_timestamp"], data)
                     count += 1
         return count
 
@@ -169,20 +174,17 @@ class Recorder(Node):
             if not wanted.is_weaker(request):
                 return
             wanted = wanted.weakened(request)
-            self.destroy_subscription(subscription)
+            self._listener.destroy_subscription(subscription)
         else:
             if len(types) != 1:
                 raise InputError(f"it has several types: {', '.join(types)}", "publish one type per topic")
             topic = Topic(name, find_definition(types[0]), offered)
         package, _, kind = topic.definition.type_name.split("/")
         message_class = getattr(importlib.import_module(f"{package}.msg"), kind)
-        subscription = self.create_subscription(
-            message_class, name, partial(self._record, topic), requested_qos(wanted), raw=True
+        subscription = self._listener.create_subscription(
+            message_class, name, print, requested_qos(wanted), raw=True
         )
         self._topics[name] = (topic, wanted, subscription)
-
-    def _record(self, topic: Topic, data: bytes, info: dict[str, Any]) -> None:
-        self._recorder.put(topic, info["received_timestamp"], info["source_timestamp"], data)
 
 
 def main() -> None:

@@ -21,6 +21,7 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.runtime.soon import Soon
 from soilmoist_ros.nodes.wiring.driver_outputs import DriverOutputs
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
@@ -45,7 +46,7 @@ class SensorDriver(LifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
         if text("intensity_topic"):
             self.create_subscription(Float64, text("intensity_topic"), self._on_intensity, qos.DEFAULT)
-        self._arrived = self.create_guard_condition(self._step)
+        self._arrived = Soon(self, self._step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(_RELEASE_S, self._step, clock=steady)
         self.create_timer(_DIAGNOSTICS_S, self._report, clock=steady)
@@ -109,7 +110,7 @@ class SensorDriver(LifecycleNode):
     def _activate(self) -> None:
         assert self._driver is not None  # on_configure made it
         self._outputs.open()
-        self._driver.start(self._arrived.trigger)
+        self._driver.start(self._arrived.ask)
 
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
@@ -119,7 +120,7 @@ class SensorDriver(LifecycleNode):
             batch = self._driver.step(self._now_s())
             self._outputs.publish(batch)
             if batch.more:
-                self._arrived.trigger()
+                self._arrived.ask()
 
     def _on_fix(self, message: NavSatFix) -> None:
         if self._driver is not None:
@@ -141,7 +142,7 @@ class SensorDriver(LifecycleNode):
 
 def main() -> None:
     """Run the node."""
-    run(SensorDriver, threads=1)
+    run(SensorDriver)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -28,16 +27,14 @@ class NavigationServer(ABC):
 
     :param node: node of the server
     :param robot: the robot that handles goals
-    :param group: mutually exclusive callback group, shared with the callbacks that advance the system
     :param kind: class of the action
     :param name: name of the action
     """
 
-    def __init__(self, node: Node, robot: SimulatedRobot, group: CallbackGroup, kind: Any, name: str) -> None:
+    def __init__(self, node: Node, robot: SimulatedRobot, kind: Any, name: str) -> None:
         self._kind = kind
         self._node = node
         self._robot = robot
-        self._group = group
         self._name = name
         self._server: Any = None
         self._numbers: dict[bytes, int] = {}
@@ -62,7 +59,6 @@ class NavigationServer(ABC):
                 goal_callback=self._on_goal,
                 handle_accepted_callback=self._on_accepted,
                 cancel_callback=self._on_cancel,
-                callback_group=self._group,
             )
 
     def feed_back(self, event: OnRoute | Remaining) -> None:
@@ -134,16 +130,14 @@ class GotoNodeServer(NavigationServer):
     :raises ImportError: if topological_navigation_msgs is not installed
     """
 
-    def __init__(
-        self, node: Node, robot: SimulatedRobot, group: CallbackGroup, below: str, plain_feedback: bool = False
-    ) -> None:
+    def __init__(self, node: Node, robot: SimulatedRobot, below: str, plain_feedback: bool = False) -> None:
         from topological_navigation_msgs.action import GotoNode
 
         name = f"{below}{NODE_ACTION}"
         self._plain_feedback: Publisher | None = None
         if plain_feedback:
             self._plain_feedback = node.create_publisher(GotoNode.Feedback, f"{name}/feedback", DEFAULT)
-        super().__init__(node, robot, group, GotoNode, name)
+        super().__init__(node, robot, GotoNode, name)
 
     def accept(self, goal: Any) -> int | None:
         """See :class:`NavigationServer`."""
@@ -174,10 +168,10 @@ class NavigateToPoseServer(NavigationServer):
     :raises ImportError: if nav2_msgs is not installed
     """
 
-    def __init__(self, node: Node, robot: SimulatedRobot, group: CallbackGroup, below: str) -> None:
+    def __init__(self, node: Node, robot: SimulatedRobot, below: str) -> None:
         from nav2_msgs.action import NavigateToPose
 
-        super().__init__(node, robot, group, NavigateToPose, f"{below}{POSE_ACTION}")
+        super().__init__(node, robot, NavigateToPose, f"{below}{POSE_ACTION}")
         self._itself = ActionClient(node, NavigateToPose, self._name)
 
     def send(self, pose: PoseStamped) -> None:
@@ -210,7 +204,7 @@ class NavigateToPoseServer(NavigationServer):
 
 
 def navigation_servers(
-    node: Node, robot: SimulatedRobot, group: CallbackGroup, below: str, plain_feedback: bool
+    node: Node, robot: SimulatedRobot, below: str, plain_feedback: bool
 ) -> list[NavigationServer]:
     """Servers of the actions whose types are installed.
 
@@ -219,8 +213,8 @@ def navigation_servers(
     """
     servers: list[NavigationServer] = []
     makers: dict[str, Callable[[], NavigationServer]] = {
-        "topological_navigation_msgs": lambda: GotoNodeServer(node, robot, group, below, plain_feedback),
-        "nav2_msgs": lambda: NavigateToPoseServer(node, robot, group, below),
+        "topological_navigation_msgs": lambda: GotoNodeServer(node, robot, below, plain_feedback),
+        "nav2_msgs": lambda: NavigateToPoseServer(node, robot, below),
     }
     for package, make in makers.items():
         try:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any, Final
 
 from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.callback_groups import CallbackGroup
 from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -27,7 +26,6 @@ class ParameterCollector:
     :param node: the node that sends the requests
     :param names: names of the nodes to ask
     :param take: called with the name and the parameters of a node each time the parameters arrive
-    :param group: callback group of the requests
     """
 
     def __init__(
@@ -35,25 +33,24 @@ class ParameterCollector:
         node: Node,
         names: Iterable[str],
         take: Callable[[str, Mapping[str, object]], None],
-        group: CallbackGroup,
     ) -> None:
         self._take = take
-        self._node, self._group = node, group
+        self._node = node
         self._clients: dict[str, tuple[Client, Client]] = {}
         self._due_s: dict[str, float] = {}
         for name in names:
             self.ask(name)
         self._asked: dict[str, tuple[Client, Future]] = {}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_LOOK_S, self._look, callback_group=group, clock=steady)
+        node.create_timer(_LOOK_S, self._look, clock=steady)
 
     def ask(self, name: str) -> None:
         """Collect the parameters of another node as well."""
         if name not in self._clients:
             self._due_s[name] = 0.0
             self._clients[name] = (
-                self._node.create_client(ListParameters, f"{name}/list_parameters", callback_group=self._group),
-                self._node.create_client(GetParameters, f"{name}/get_parameters", callback_group=self._group),
+                self._node.create_client(ListParameters, f"{name}/list_parameters"),
+                self._node.create_client(GetParameters, f"{name}/get_parameters"),
             )
 
     def _look(self) -> None:

@@ -9,27 +9,28 @@ from collections.abc import Callable
 from types import FrameType
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
 
-THREADS = 2
-"""One thread for longer work, one for services and diagnostics."""
 
-
-def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
+def run(make_node: Callable[[], Node]) -> None:
     """Run a node until it is interrupted; every ``main`` calls this function.
+
+    One thread calls the callbacks as events arrive. Other executors of rclpy look at all entities of the node at
+    each message: with the messages of a simulated clock that costs more than the callbacks. Longer work has
+    threads of its own (:class:`.Aside`).
 
     A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node
-    :param threads: threads for callbacks; for many short callbacks one thread is ten times cheaper
     """
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    executor = SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(threads)
+    executor = EventsExecutor()
     stopping = False
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
@@ -58,9 +59,6 @@ def run(make_node: Callable[[], Node], threads: int = THREADS) -> None:
         close = getattr(node, "close", None)
         if close is not None:
             close()
-        pool = getattr(executor, "_executor", None)
-        if pool is not None:  # rclpy's shutdown does not wait for running callbacks, so they fail
-            pool.shutdown()
         executor.shutdown(timeout_sec=2.0)
         if node is not None:
             node.destroy_node()

@@ -19,6 +19,7 @@ from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, TF, TF_STATIC
+from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 
@@ -126,19 +127,11 @@ class PlannerFrames:
 class _Listener:
     """Takes the messages of TF when asked, instead of one by one as they come.
 
-    TF has some hundred messages a second, and each would wake the executor of the planner. This node has none.
+    TF has some hundred messages a second, and each would wake the executor of the planner.
     """
 
     def __init__(self, node: Node, kind: Any) -> None:
-        # Without global arguments, a new name for the planner does not rename this node as well.
-        self._node = Node(
-            f"{node.get_name()}_tf",
-            context=node.context,
-            namespace=node.get_namespace(),
-            use_global_arguments=False,
-            start_parameter_services=False,
-            enable_rosout=False,
-        )
+        self._node = quiet_node(node, "tf")
         self._topics = [
             (static, self._node.create_subscription(kind, node.resolve_topic_name(topic), print, profile))
             for topic, static, profile in (("/tf_static", True, TF_STATIC), ("/tf", False, TF))

@@ -23,6 +23,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
+from soilmoist_ros.nodes.runtime.soon import Soon
 
 SAVE_LIMIT_S: Final = 120.0
 """Longest wait for the saved map at the end of the process [s]."""
@@ -49,7 +50,7 @@ class PlannerOutputs:
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         services = ("mapper/save", *(f"{name}/mapper/save" for name in properties))
         self._saves = [node.create_client(Trigger, service) for service in services]
-        self._planned = node.create_guard_condition(hand_on)
+        self._planned = Soon(node, hand_on)
         self._shown: tuple[tuple[Stop, ...], float, Polygons] | None = None
         self._reason = ""
         self._saving: list[Future] = []
@@ -106,7 +107,7 @@ class PlannerOutputs:
 
     def wake(self) -> None:
         """Make the executor pass plans to the mission."""
-        self._planned.trigger()
+        self._planned.ask()
 
     def _typed_publishers(self) -> tuple[Callable[[Visit], None], Callable[[MissionStatus], None]]:
         """Functions that publish visits and the state of the mission if their message types are built."""

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.nodes.runtime.soon import Soon
 from soilmoist_ros.sensing.records import CountRecord
 
 SLICE: Final = 100
@@ -42,7 +43,7 @@ class PlannerRecords:
         self._name = ""
         self._records: list[CountRecord] = []
         self._taken_s = 0.0
-        self._continue = node.create_guard_condition(self.take)
+        self._continue = Soon(node, self.take)
         node.create_timer(2 * PAUSE_S, self.take, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def put(self, name: str, message: PointCloud2) -> None:
@@ -69,4 +70,4 @@ class PlannerRecords:
         self._taken_s = time.monotonic()
         self._control.records(part, self._name, more=bool(self._records))
         if self._records or self._messages:
-            self._continue.trigger()
+            self._continue.ask()

@@ -9,7 +9,6 @@ from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
@@ -43,7 +42,6 @@ class RobotInterface:
     :param below: namespace of the robot below the node's namespace, with a slash at its end; empty for none
     :param properties: names of the additional properties
     :param given: parameters of the node
-    :param group: callback group of the requests, shared with the callback that advances the simulation
     :param plain_feedback: whether the navigation publishes feedback on a topic instead of the action
     :param start_s: time at which the simulation begins [s since 1970 UTC]
     :raises InputError: if a port cannot be opened
@@ -56,7 +54,6 @@ class RobotInterface:
         below: str,
         properties: Iterable[str],
         given: Parameters,
-        group: MutuallyExclusiveCallbackGroup,
         plain_feedback: bool,
         start_s: float,
     ) -> None:
@@ -72,16 +69,12 @@ class RobotInterface:
         }
         for name, publisher in self._properties.items():
             self._log.info(f"property {name} on {publisher.topic_name}")
-        node.create_subscription(
-            PoseStamped, f"{below}goal_pose", self._on_goal_pose, DEFAULT, callback_group=group
-        )
-        node.create_subscription(
-            DiagnosticStatus, f"{below}mission", self._on_mission, LATCHED, callback_group=group
-        )
+        node.create_subscription(PoseStamped, f"{below}goal_pose", self._on_goal_pose, DEFAULT)
+        node.create_subscription(DiagnosticStatus, f"{below}mission", self._on_mission, LATCHED)
         self._node, self._mission, self._progress = node, f"{below}mission", RobotProgress()
         self._target_xy: tuple[float, float] | None = None
         self._by_topic = False
-        self._navigation = navigation_servers(node, robot, group, below, plain_feedback)
+        self._navigation = navigation_servers(node, robot, below, plain_feedback)
         host, greeting = given.text("host"), "".join(f"{line}\r\n" for line in robot.logger.header).encode()
         port = partial(_port, given, robot.number)
         self._servers = {

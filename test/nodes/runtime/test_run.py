@@ -11,12 +11,13 @@ pytest.importorskip("rclpy")
 from std_srvs.srv import Trigger
 
 NODE = """
-import sys, time
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+import sys, threading, time
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.runtime.soon import Soon
 
 class Example(Node):
     finished = False
@@ -26,7 +27,12 @@ class Example(Node):
         self.create_service(Trigger, "end", self.on_end)
         if MODE == "busy":
             for _ in range(4):
-                self.create_timer(0.001, lambda: time.sleep(0.05), MutuallyExclusiveCallbackGroup())
+                self.create_timer(0.001, lambda: time.sleep(0.05))
+        self.released = threading.Event()
+        self.aside = Aside(self)
+        self.aside.offer(Trigger, "slow", self.slow)
+        self.create_service(Trigger, "release", self.release)
+        self.soon = Soon(self, lambda: print("soon in", threading.current_thread().name))
         print("ready")
     def on_break(self, request, response):
         if MODE == "fails": raise RuntimeError("a mistake")
@@ -34,7 +40,17 @@ class Example(Node):
     def on_end(self, request, response):
         self.finished = True
         return response
+    def slow(self, request, response):
+        response.success = self.released.wait(30)
+        return response
+    def release(self, request, response):
+        asking = threading.Thread(target=lambda: [self.soon.ask() for _ in range(5)])
+        asking.start()
+        asking.join()
+        self.released.set()
+        return response
     def close(self):
+        self.aside.close()
         print("closed")
 
 def refuse():
@@ -73,6 +89,25 @@ def test_a_failing_callback_does_not_end_it(ros, example):
     ros.call(Trigger, "end")
     assert process.wait() == 0
     assert "RuntimeError: a mistake" in process.output()
+
+
+def test_long_work_of_a_service_does_not_delay_others(ros, example):
+    process = example("works")
+    slow = ros.node.create_client(Trigger, "slow")
+    ros.wait_for(slow.service_is_ready)
+    waiting = slow.call_async(Trigger.Request())
+    ros.call(Trigger, "release")
+    ros.wait_for(waiting.done)
+    assert waiting.result().success, "the release came while the work went on"
+    assert process.stop(signal.SIGINT) == 0
+
+
+def test_what_other_threads_ask_for_is_called_once_in_the_executors(ros, example):
+    process = example("works")
+    ros.call(Trigger, "release")
+    ros.wait_for(lambda: "soon" in process.output())
+    assert process.stop(signal.SIGINT) == 0
+    assert process.output().count("soon in MainThread") == process.output().count("soon") == 1
 
 
 def test_bad_input_is_reported_without_a_traceback(example):
