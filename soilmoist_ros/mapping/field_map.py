@@ -439,7 +439,7 @@ class FieldMap:
         if not len(state.samples):
             return None
         if state.given_fit is not None:
-            return state.given_fit
+            return self._with_prior(state, state.given_fit)
         samples, known = state.fit_samples, self._last_fit
         if self.settings.fit == "soft_l1" and not (samples.xy != samples.xy[:1]).any():
             return None
@@ -451,6 +451,12 @@ class FieldMap:
             fit = self._joint.fit(samples, state.model_samples or samples, state.began_s)
         self._last_fit = samples, fit
         return fit
+
+    def _with_prior(self, state: MapState, given: VariogramFit) -> VariogramFit:
+        """A variogram that was fitted elsewhere, with what is known of the field unless it has that already."""
+        if self._joint is None or given.prior is not None:
+            return given
+        return self._joint.fit(state.samples, state.samples, state.began_s, given)
 
     def _estimate(
         self, samples: Samples, others: Sequence[Samples] = (), effects: Sequence[Array] | None = None

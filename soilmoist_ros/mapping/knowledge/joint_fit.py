@@ -106,19 +106,26 @@ class JointModel:
             _Past(one.name, merge_exactly(one.samples)[0], one.stamp_s, (one.stamp_s - before) / DAY_S)
             for one, before in zip(ordered, [*stamps[:1], *stamps], strict=False)
         )
-        self._last: tuple[Samples, float, _Model] | None = None
+        self._last: tuple[Samples, float, Variogram | None, _Model] | None = None
         self.fitted_samples = sum(map(len, _fitted(self._all)))
 
-    def fit(self, samples: Samples, model_samples: Samples, stamp_s: float = 0.0) -> VariogramFit:
+    def fit(
+        self, samples: Samples, model_samples: Samples, stamp_s: float = 0.0, given: VariogramFit | None = None
+    ) -> VariogramFit:
         """Variogram and prior for a survey.
 
         :param samples: the samples, at least one
         :param model_samples: those to which all is fitted that earlier surveys determine as well
         :param stamp_s: time of the survey [s since 1970-01-01 UTC]; 0 if it is unknown
+        :param given: variogram to use instead of a fitted one
         """
-        if self._last is None or self._last[0] is not model_samples or self._last[1] != stamp_s:
-            self._last = model_samples, stamp_s, self._model(merge_exactly(model_samples)[0], stamp_s)
-        model = self._last[2]
+        known = None if given is None else given.variogram
+        last = self._last
+        if last is None or last[1:3] != (stamp_s, known) or (known is None and last[0] is not model_samples):
+            model = self._model(merge_exactly(model_samples)[0], stamp_s, given)
+            self._last = model_samples, stamp_s, known, model
+        else:
+            model = last[3]
         places, variogram, state = merge_exactly(samples)[0], model.fit.variogram, model.state
         local_rate = LocalRate.of(places, variogram) if self._local_noise else None
         view = view_of(places, variogram, model.features, model.unit, local_rate or noise_rate(places))
@@ -135,9 +142,9 @@ class JointModel:
         mean_rate = places.mean_rate_cps
         return replace(model.fit, prior=prior, local_rate=local_rate, mean_rate=mean_rate, n_samples=len(places))
 
-    def _model(self, places: Samples, stamp_s: float) -> _Model:
+    def _model(self, places: Samples, stamp_s: float, given: VariogramFit | None) -> _Model:
         past, others = self._history.past, _fitted(self._history.past)
-        fit = self._estimate(places, others)
+        fit = given or self._estimate(places, others)
         features = self._features(fit.variogram)
         variances = np.empty(0)
         wide = WIDE * math.sqrt(fit.variogram.structured_sill)
@@ -149,7 +156,7 @@ class JointModel:
             precision = np.linalg.inv(covariance)
             variances = effect_variances(precision - np.eye(len(mean)), precision @ mean)
             effects = [self._at(one) * (wide * np.sqrt(variances)) for one in (places, *others)]
-            fit = self._estimate(places, others, effects)
+            fit = given or self._estimate(places, others, effects)
             features = self._features(fit.variogram)
         unit = _unit(fit.variogram, features, wide * np.sqrt(variances))
         return _Model(fit, features, unit, self._conditioned(past, fit.variogram, features, unit, stamp_s))

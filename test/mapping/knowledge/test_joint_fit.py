@@ -1,5 +1,7 @@
 """The joint model (joint_fit.py, conditioning.py, pattern.py) against dense kriging of all surveys."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -303,3 +305,16 @@ def test_a_map_for_planning_is_the_same_map():
     np.testing.assert_array_equal(one.rate, other.rate)
     variance = other.kriging.predict(TARGETS)[1] - other.variogram.nugget
     np.testing.assert_allclose(np.diag(other.kriging.covariance(TARGETS)), variance, rtol=1e-9)
+
+
+def test_a_planner_with_the_variogram_of_the_mapper_has_the_same_map():
+    (before, now), _ = simulated(2, 30, 0.9)
+    known = Knowledge((EarlierSurvey("may", 0.0, before),))
+    mapper, planner = (FieldMap(GRID, FieldMapSettings(for_planning=True), known) for _ in range(2))
+    mapper.set_samples(now)
+    of_mapper = mapper.update()
+    planner.set_samples(now, replace(of_mapper.fit, prior=None))  # as in the message
+    of_planner = planner.update()
+    np.testing.assert_array_equal(of_planner.rate, of_mapper.rate)
+    np.testing.assert_array_equal(of_planner.variance, of_mapper.variance)
+    assert of_planner.fit.prior.relations == of_mapper.fit.prior.relations
