@@ -52,8 +52,8 @@ if TYPE_CHECKING:
 @click.option("--logger", help="Logger format of the raw lines. Default: detected from the header.")
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @earlier_option(" Default: as in the run; none for a map without.")
-@covariate_option(" Default: as in the run.")
 @reference_option
+@covariate_option(" Default: as in the run; none for those of the field only.")
 @click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
 @output_options("Folder for the results; made if missing. Required.", required=False)
 @click.option("--live", is_flag=True, hidden=True)
@@ -104,7 +104,7 @@ def command(
             truths=named,
             crs=crs,
             earlier=_earlier(earlier),
-            covariates=covariates or None,
+            covariates=() if covariates == ("none",) else covariates or None,
             **choices,
         )
         with reported_failure(out):

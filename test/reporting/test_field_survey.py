@@ -103,3 +103,21 @@ def test_only_a_site_that_says_so_deconvolves_the_footprint(tmp_path):
         online.add(CountRecord(1.78e9, *online.grid.cells[0].tolist(), 30.0, 400, 100.0, 95.0))
         np.testing.assert_array_equal(online.state.samples.spread, [[radius_m**2 / 4, 0, radius_m**2 / 4]])
     assert open_survey("example").map.settings.footprint_radius_m == 0
+
+
+def test_covariates_from_texts_inform_the_map_and_are_inputs(tmp_path):
+    import rasterio
+    from rasterio.transform import Affine
+
+    frame = open_survey("example").field.frame
+    about = {"driver": "GTiff", "width": 80, "height": 70, "count": 1, "dtype": "float64"}
+    place = Affine(1, 0, -10, 0, -1, 60)
+    with rasterio.open(tmp_path / "image.tif", "w", crs=frame.crs.to_wkt(), transform=place, **about) as file:
+        file.write(np.random.default_rng(1).normal(size=(70, 80)), 1)
+    survey = filled(records(), covariates=[f"{tmp_path / 'image.tif'}:1"], cell_m=4.0)
+    run = survey.run(survey.map.snapshot())
+    assert [effect.name for effect in run.soil_map.fit.prior.effects] == ["image 1"]
+    assert run.covariates.names == ("image 1",)
+    assert [item.role for item in run.inputs] == ["field", "site", "covariate"]
+    with pytest.raises(InputError, match="no such file"):
+        open_survey("example", covariates=["~/no/such.tif"])

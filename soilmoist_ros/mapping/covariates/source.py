@@ -41,7 +41,7 @@ class CovariateSource:
         file, _, band = text.rpartition(":")
         if not file or (folder / text).exists() or "/" in band or "\\" in band:
             file, band = text, ""
-        return cls(folder / file, band)
+        return cls(folder / Path(file).expanduser(), band)
 
     @property
     def label(self) -> str:
