@@ -241,3 +241,10 @@ def test_a_file_called_elevation_says_it_once(tmp_path):
     path = write_raster(tmp_path / "elevation.tif")
     found = read_covariates([CovariateSource(path, derive=("elevation", "slope"))], FRAME, GRID)
     assert found.names == ("elevation", "slope")
+
+
+@pytest.mark.parametrize("about", [(5000, 0), (2e6, 3e6)])
+def test_elevations_off_the_field_are_named(tmp_path, about):
+    path = write_raster(tmp_path / "relief.tif", about=about)
+    with pytest.raises(InputError, match="has no value of 'relief wetness' in the field"):
+        read(f"{path}:wetness")
