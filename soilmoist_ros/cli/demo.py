@@ -36,6 +36,7 @@ DEMO = (
     "fit",
     "noise",
     "local",
+    "drift_model",
     "preset",
     "until_sd",
     "until_gain",

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 )
 @click.option("--local", type=click.Choice(["auto", "off"]),
               help="Whether the variance may differ from place to place. Default: by --preset.")  # fmt: skip
+@click.option("--drift-model", type=click.Choice(["auto", "off"]),
+              help="Whether the mean rate may change during the survey. Default: by --preset.")  # fmt: skip
 @click.option(
     "--nugget",
     type=click.Choice(["keep", "filter"]),
@@ -83,6 +85,7 @@ def command(
     fit: str | None,
     noise: str | None,
     local: str | None,
+    drift_model: str | None,
     nugget: str,
     workers: int | None,
     scheduler: str | None,
@@ -111,6 +114,7 @@ def command(
         crs=crs,
         fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
         noise="mean" if (noise or PRESETS[preset]["noise"]) == "mean" else "local",
+        drift_model="off" if (drift_model or PRESETS[preset]["drift_model"]) == "off" else "auto",
         local="off" if (local or PRESETS[preset]["local"]) == "off" else "auto",
         covariates=tuple(map(CovariateSource.parse, covariates)),
         **choices,

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 )
 @click.option("--local", type=click.Choice(["auto", "off"]),
               help="Whether the variance may differ from place to place. Default: as in the run.")  # fmt: skip
+@click.option("--drift-model", type=click.Choice(["auto", "off"]),
+              help="Whether the mean rate may change during the survey. Default: as in the run.")  # fmt: skip
 @click.option("--nugget", type=click.Choice(["keep", "filter"]),
               help="keep: map the rate with its micro-scale variation; filter: its smooth part only.")  # fmt: skip
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")

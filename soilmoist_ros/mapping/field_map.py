@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, WINDOW_S, Change, TimedSamples, find_change
+from soilmoist_ros.mapping.knowledge.drift import (
+    NO_CHANGE,
+    WINDOW_S,
+    Change,
+    DriftModel,
+    TimedSamples,
+    find_change,
+)
 from soilmoist_ros.mapping.knowledge.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
@@ -70,6 +77,8 @@ class FieldMapSettings:
     :param noise: rate in the Poisson noise of each sample: ``local`` to its place, or ``mean``, as published
     :param local: whether the variance may differ from place to place: ``auto`` if the counts clearly ask for it
         (:mod:`.local_fit`), or ``off``; with soft_l1 it never does
+    :param drift_model: whether the mean rate may change during the survey: ``auto`` if the counts ask for it
+        (:mod:`.drift`), or ``off``; with soft_l1 it never does
     """
 
     model: ModelName = "matern32"
@@ -83,6 +92,7 @@ class FieldMapSettings:
     for_planning: bool = False
     noise: NoiseModel = "local"
     local: LocalModel = "auto"
+    drift_model: DriftModel = "auto"
 
 
 _DEFAULTS = FieldMapSettings()
@@ -188,7 +198,7 @@ class FieldMap:
         self._last_fit: tuple[Samples, VariogramFit] | None = None
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
         self._last_change: tuple[TimedSamples, Change] | None = None
-        self._finds_drift = knowledge.drift == "auto" and settings.fit == "reml"
+        self._finds_drift = settings.drift_model == "auto" and settings.fit == "reml"
         raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
         self._raster = None if settings.for_planning else raster
         self._computing = threading.Lock()
@@ -324,7 +334,7 @@ class FieldMap:
         """Records that :meth:`add` quarantines, by their index; they are counted as skipped."""
         # Larger samples are as good for this test, and quick for any number of records.
         radius_m = max(self.merge_radius_m, default_merge_radius_m(self.grid, self.settings.margin_m))
-        grown = FieldMap(self.grid, replace(self.settings, merge_radius_m=radius_m), Knowledge(drift="off"))
+        grown = FieldMap(self.grid, replace(self.settings, merge_radius_m=radius_m, drift_model="off"))
         place = {}
         for index, record in enumerate(records):
             if not record.quarantine:

@@ -19,6 +19,7 @@ from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.knowledge.drift import DriftModel
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.placement import PositionSource, require_near
@@ -62,6 +63,7 @@ class MapSettings:
     :param fit: ``reml`` or ``soft_l1``
     :param noise: as :class:`FieldMapSettings`
     :param local: as :class:`FieldMapSettings`
+    :param drift_model: as :class:`FieldMapSettings`
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
     :param cell_m: cell size of the map [m]
     :param merge_radius_m: records closer together than this become one sample [m]
@@ -81,6 +83,7 @@ class MapSettings:
     fit: FitMethod = "reml"
     noise: NoiseModel = "local"
     local: LocalModel = "auto"
+    drift_model: DriftModel = "auto"
     keep_nugget: bool = True
     cell_m: float | None = None
     merge_radius_m: float | None = None
@@ -141,6 +144,7 @@ def map_logs(
         max_exact_samples=settings.max_exact_samples,
         noise=settings.noise,
         local=settings.local,
+        drift_model=settings.drift_model,
     )
     earlier: tuple[EarlierRun, ...] = ()
     if settings.earlier:
@@ -177,6 +181,7 @@ def map_logs(
             "variogram_fit": settings.fit,
             "poisson_noise": settings.noise,
             "local_variance": settings.local,
+            "drift_model": settings.drift_model,
             "nugget": "kept" if settings.keep_nugget else "filtered",
             "merge_radius_m": radius_m,
             "cell_m": field_map.grid.cell_m,

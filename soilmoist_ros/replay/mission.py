@@ -189,6 +189,7 @@ def _settings(
         fit=mapper.get("fit", "reml"),
         noise=mapper.get("noise", "mean"),
         local=mapper.get("local", "off"),
+        drift_model=mapper.get("drift_model", "off"),
         travel="free" if had.get("graph") == "free" else "graph",
         until_sd=float(had.get("until_sd", 0.0)),
         until_gain=float(had.get("until_gain", 0.0)),

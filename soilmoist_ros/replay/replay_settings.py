@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.knowledge.drift import DriftModel
 from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.recording.run_folder import read_parameters
@@ -19,7 +20,7 @@ from soilmoist_ros.sensing.moisture.site import load_site
 
 Source = Literal["counts", "raw"]
 
-_OPTIONS = ("cell_m", "model", "fit", "noise", "local", "keep_nugget", "merge_radius_m")
+_OPTIONS = ("cell_m", "model", "fit", "noise", "local", "drift_model", "keep_nugget", "merge_radius_m")
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class ReplaySettings:
     :param fit: how the variogram is fitted
     :param noise: rate in the Poisson noise
     :param local: whether the variance may differ from place to place
+    :param drift_model: whether the mean rate may change during the survey
     :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
     :param merge_radius_m: records closer together than this become one sample [m]
     :param cell_m: cell size of the map [m]
@@ -57,6 +59,7 @@ class ReplaySettings:
     fit: str | None = None
     noise: str | None = None
     local: str | None = None
+    drift_model: str | None = None
     keep_nugget: bool | None = None
     merge_radius_m: float | None = None
     cell_m: float | None = None
@@ -96,12 +99,14 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, 
     if had:
         options.setdefault("noise", "mean")  # mappers of earlier versions had no choice
         options.setdefault("local", "off")
+        options.setdefault("drift_model", "off")
     options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
     for name, known in (
         ("model", VARIOGRAM_MODELS.names()),
         ("fit", get_args(FitMethod)),
         ("noise", get_args(NoiseModel)),
         ("local", get_args(LocalModel)),
+        ("drift_model", get_args(DriftModel)),
     ):
         if options.get(name, known[0]) not in known:
             raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")

@@ -13,6 +13,7 @@ from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
+from soilmoist_ros.mapping.knowledge.drift import DriftModel
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
@@ -99,6 +100,7 @@ def open_survey(
     fit: FitMethod = "reml",
     noise: NoiseModel = "local",
     local: LocalModel = "auto",
+    drift_model: DriftModel = "auto",
     keep_nugget: bool = True,
     merge_radius_m: float = 0.0,
     simulated: bool = False,
@@ -141,6 +143,7 @@ def open_survey(
         the_site.support_radius_m,
         noise=noise,
         local=local,
+        drift_model=drift_model,
     )
     runs: tuple[EarlierRun, ...] = ()
     if earlier:

@@ -90,7 +90,12 @@ def _write_series(
     assert mapped.soil_map is not None
     grid = mapped.soil_map.grid
     choices = FieldMapSettings(
-        settings.model, settings.fit, curve=mapped.soil_map.curve, noise=settings.noise, local=settings.local
+        settings.model,
+        settings.fit,
+        curve=mapped.soil_map.curve,
+        noise=settings.noise,
+        local=settings.local,
+        drift_model=settings.drift_model,
     )
     for back, survey in enumerate(mapped.series, 1):
         field_map = FieldMap(grid, choices)

@@ -13,6 +13,7 @@ chooses between no drift, a trend and a jump.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,11 @@ from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
+DriftModel = Literal["auto", "off"]
 
 WINDOW_S = 300.0
 """Records of one place become one sample only within this time [s]."""
-WANDER_H = 0.2
+WANDER_H = 0.05
 """Variance of the random walk per hour, relative to that of the trend in an hour [h]."""
 GUESSED_SHARE = 0.03
 """Prior median of the trend, as a share of the mean rate in an hour."""

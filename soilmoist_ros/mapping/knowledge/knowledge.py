@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import Literal
 
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-
-DriftModel = Literal["auto", "off"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,14 +15,11 @@ class Knowledge:
 
     :param earlier: earlier surveys of the field, in any order
     :param covariates: covariates over the field; ``None`` for none
-    :param drift: ``auto`` if the mean rate may drift during the survey where the counts ask for it, with REML
-        (:mod:`.drift`); ``off`` if not
     :raises ValueError: if two earlier surveys have one name
     """
 
     earlier: tuple[EarlierSurvey, ...] = ()
     covariates: Covariates | None = None
-    drift: DriftModel = "auto"
 
     def __post_init__(self) -> None:
         repeated = [name for name, count in Counter(one.name for one in self.earlier).items() if count > 1]

@@ -23,6 +23,7 @@ PARAMETERS: Final = (
     of_setting("fit"),
     of_setting("noise"),
     of_setting("local"),
+    of_setting("drift_model"),
     Parameter(
         name="keep_nugget",
         default=True,

@@ -57,7 +57,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     write_site_file(field, configuration / "site.yaml")
     files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
     simulated = {"use_sim_time": True}
-    choices = {name: getattr(mission, name) for name in ("model", "fit", "noise", "local")}
+    choices = {name: getattr(mission, name) for name in ("model", "fit", "noise", "local", "drift_model")}
     fitted = {**choices, "simulated": True, **simulated}
     explained = {"covariates": [str(one.absolute) for one in settings.covariates]} if settings.covariates else {}
     earlier = {"earlier": [str(path.absolute()) for path in settings.earlier]} if settings.earlier else {}

@@ -22,6 +22,7 @@ NAMES = {
     "fit": "fit {}",
     "noise": "{} noise",
     "local": "local variance: {}",
+    "drift_model": "drift: {}",
     "preset": "constants: {}",
     "map_from": "map from {}",
     "travel": "travel {}",

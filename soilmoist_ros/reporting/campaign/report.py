@@ -173,6 +173,7 @@ def _common_settings(data: CampaignData) -> list[tuple[str, str]]:
         "fit",
         "noise",
         "local",
+        "drift_model",
         "preset",
         "travel",
         "cell_m",

@@ -170,7 +170,7 @@ def unpack(content: bytes) -> StoredMission:
 
 def _settings(values: dict[str, Any]) -> MissionSettings:
     properties = tuple(PropertySettings(**one) for one in values["properties"])
-    earlier = {"noise": "mean", "local": "off"}  # in files without these keys
+    earlier = {"noise": "mean", "local": "off", "drift_model": "off"}  # in files without these keys
     return MissionSettings(**{**earlier, **values, "properties": properties})
 
 

@@ -78,6 +78,7 @@ class Channel:
             for_planning=True,
             noise=settings.noise,
             local=settings.local,
+            drift_model=settings.drift_model,
         )
         self.series = earlier_series(field, grid, settings, number)
         merge_m = default_merge_radius_m(grid, choices.margin_m)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.dwell import DwellRule
     from soilmoist_ros.exploration.strategies.strategy import Strategy
     from soilmoist_ros.exploration.travel.travel import RobotMotion
+    from soilmoist_ros.mapping.knowledge.drift import DriftModel
     from soilmoist_ros.mapping.variogram.correlation import ModelName
     from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
@@ -35,6 +36,7 @@ _RECOMMENDED = MappingProxyType(
         "fit": "reml",
         "noise": "local",
         "local": "auto",
+        "drift_model": "auto",
         "map_from": "records",
     }
 )
@@ -46,6 +48,7 @@ _PUBLISHED = MappingProxyType(
         "fit": "soft_l1",
         "noise": "mean",
         "local": "off",
+        "drift_model": "off",
         "map_from": "stops",
     }
 )
@@ -300,6 +303,10 @@ class MissionSettings:
     local: LocalModel = _setting(
         None, "Whether the variance may differ from place to place where the counts clearly ask for it (auto), or "
         "never (off).", str, choices=("auto", "off"),
+    )  # fmt: skip
+    drift_model: DriftModel = _setting(
+        None, "Whether the mean rate may change during the survey, by drying or rain, where the counts ask for it "
+        "(auto), or never (off). The map is of the end.", str, choices=("auto", "off"),
     )  # fmt: skip
     preset: Preset = _setting(
         "recommended", "Settings where none are given: the recommended ones, those of the paper, or those of the "

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, Drift, TimedSamples, find_change
-from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.merging import SampleMerger
 from soilmoist_ros.mapping.samples.samples import Samples
@@ -63,7 +62,7 @@ def test_a_drift_does_not_become_a_pattern(change):
         timed, truth = survey(seed, change)
         maps = []
         for drift in ("auto", "off"):
-            field_map = FieldMap(GRID, FieldMapSettings(local="off"), Knowledge(drift=drift))
+            field_map = FieldMap(GRID, FieldMapSettings(local="off", drift_model=drift))
             field_map.set_records(records(timed))
             field_map.update()
             maps.append(np.mean((field_map.rate - truth) ** 2))
@@ -76,7 +75,7 @@ def test_without_evidence_the_map_is_that_without_drift_bit_for_bit():
     timed, _ = survey(3)
     maps = []
     for drift in ("auto", "off"):
-        field_map = FieldMap(GRID, knowledge=Knowledge(drift=drift))
+        field_map = FieldMap(GRID, FieldMapSettings(drift_model=drift))
         for record in records(timed):
             field_map.add(record)
         maps.append(field_map.update())

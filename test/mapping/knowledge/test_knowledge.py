@@ -12,7 +12,6 @@ ONE = Samples([(5.0, 5.0)], [300], [100.0])
 def test_knowledge_is_empty_unless_something_is_known():
     assert NOTHING.is_empty
     assert not Knowledge(earlier=(EarlierSurvey("may", 0.0, ONE),)).is_empty
-    assert Knowledge(drift="off").is_empty
 
 
 def test_an_earlier_survey_counts_once():
