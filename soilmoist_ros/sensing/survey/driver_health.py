@@ -80,6 +80,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         "masked tubes": _masked(stream) or "none",
         "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
         "logger clock minus ours [s]": _number(difference_s, 1),
+        "weather": stream.rain.text or "no sign of rain",
         **_by_kind("dropped", problems.lost),
         **_by_kind("noted", problems.noted),
         **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},

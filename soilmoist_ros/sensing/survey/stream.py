@@ -7,6 +7,7 @@ from collections import Counter, deque
 from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.clock import ClockDrift
+from soilmoist_ros.sensing.checks.rain import RainSigns
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import Fix
@@ -84,6 +85,7 @@ class SensorStream:
             on_problem=self._on_problem,
         )
         self.last_record: LoggerRecord | None = None
+        self.rain = RainSigns()
         self.last_fix: Fix | None = None
         self._new_fix: Fix | None = None
         self.records_out = 0
@@ -114,6 +116,7 @@ class SensorStream:
         if record is None:
             return None
         self.last_record = record
+        self.rain.add(record)
         self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
         self.survey.take_record(
