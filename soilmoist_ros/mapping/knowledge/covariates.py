@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,9 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples.samples import check_xy
 
 Array = NDArray[np.float64]
+
+EXTENDED_M = 15.0
+"""Distance up to which a missing cell has the value of the nearest known one, the less certain the farther [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,16 +79,33 @@ class Covariates:
     def at(self, xy: ArrayLike) -> Array:
         """Standardised values at places, interpolated linearly between cells; 0, the mean, where they are missing.
 
-        Beyond the raster a place has the value of the nearest cell.
+        Beyond the raster a place has the value of the nearest cell, and so have missing cells within
+        :data:`EXTENDED_M` of known ones: samples at the edge of a field are next to cells outside.
 
         :param xy: places, shape (n, 2) [m]
         :returns: shape (n, k)
         """
-        return self._interpolated(np.nan_to_num(self.layers), check_xy(xy))
+        return self._interpolated(self._extended[0], check_xy(xy))
 
     def known_at(self, xy: ArrayLike) -> Array:
         """Share of the value at each place that is not missing, from 0 to 1, shape (n, k)."""
-        return self._interpolated(np.isfinite(self.layers).astype(float), check_xy(xy))
+        return self._interpolated(self._extended[1], check_xy(xy))
+
+    @cached_property
+    def _extended(self) -> tuple[Array, Array]:
+        """Layers whose missing cells have the values of known ones nearby, or 0; and how well they are known."""
+        from scipy.ndimage import distance_transform_edt
+
+        extended, known = np.nan_to_num(self.layers), np.isfinite(self.layers).astype(float)
+        steps_m = [float(np.diff(axis).mean()) if len(axis) > 1 else 1.0 for axis in (self.y_m, self.x_m)]
+        for layer, share, given in zip(extended, known, self.layers, strict=True):
+            missing = np.isnan(given)
+            if missing.any() and not missing.all():
+                away_m, (row, column) = distance_transform_edt(missing, steps_m, return_indices=True)
+                near = missing & (away_m <= EXTENDED_M)
+                layer[near] = layer[row[near], column[near]]
+                share[near] = 1 - away_m[near] / EXTENDED_M
+        return extended, known
 
     def _interpolated(self, layers: Array, xy: Array) -> Array:
         (left, right, east), (low, high, north) = _between(self.x_m, xy[:, 0]), _between(self.y_m, xy[:, 1])

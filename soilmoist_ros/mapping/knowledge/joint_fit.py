@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -131,13 +131,15 @@ class JointModel:
         view = view_of(places, variogram, model.features, model.unit, local_rate or noise_rate(places))
         probabilities, _ = state.loading_of(view)
         loading = float(probabilities @ LOADINGS)
+        effects = self._effects(state.after(view, probabilities), model.unit) if self._covariates else ()
         prior = FieldPrior(
             model.features,
             state.scale(loading) * model.unit,
             state.excess,
             state.mean,
-            self._effects(state.after(view, probabilities), model.unit) if self._covariates else (),
+            effects,
             self._relations(state, loading, stamp_s),
+            self._missing(effects),
         )
         mean_rate = places.mean_rate_cps
         return replace(model.fit, prior=prior, local_rate=local_rate, mean_rate=mean_rate, n_samples=len(places))
@@ -219,6 +221,14 @@ class JointModel:
         sd, unit = np.sqrt(np.diag(covariance)), unit[state.rank :]
         columns = zip(self._covariates.names, (mean * unit).tolist(), (sd * unit).tolist(), strict=True)
         return tuple(Effect(*column) for column in columns)
+
+    def _missing(self, effects: Sequence[Effect]) -> Callable[[Array], Array] | None:
+        """Variance of the rate where covariates are missing."""
+        covariates = self._covariates
+        if covariates is None or np.isfinite(covariates.layers).all():
+            return None
+        squares = np.array([one.mean**2 + one.sd**2 for one in effects])
+        return lambda xy: np.asarray((1 - covariates.known_at(xy)) ** 2 @ squares)
 
     def _relations(self, state: PatternState, loading: float, stamp_s: float) -> tuple[Relation, ...]:
         past, decayed, found = self._history.past, self._history.share(stamp_s), []

@@ -276,7 +276,7 @@ class PoissonKriging:
 
         :param xy: places, shape (m, 2) [m]
         :returns: symmetric matrix, shape (m, m) [(counts/s)^2]; its diagonal is the variance that
-            :meth:`predict` gives without nugget
+            :meth:`predict` gives without nugget and without what the prior knows of no two places
         :raises RuntimeError: before :meth:`fit`
         """
         from scipy.linalg import solve_triangular
@@ -370,6 +370,7 @@ class PoissonKriging:
             new = prior.at(places.xy[first:], places.spread[first:])
             features = np.concatenate([features[:first], new]) if first else new
             rows += prior.covariance(new, features)
+            rows[np.arange(n - first), np.arange(first, n)] += prior.own_variance(places.xy[first:])
         if self._shared is not None:
             rows += self._in_units(self._shared)[first:]
         noise = self.variogram.nugget + self.jitter + self._noise(places)[first:]

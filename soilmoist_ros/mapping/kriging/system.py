@@ -91,7 +91,7 @@ class KrigingSystem(NamedTuple):
         if prior is not None:
             at = prior.at(targets.xy)
             rate += prior.mean(at)
-            variance += prior.variance(at)
+            variance += prior.variance(at) + prior.own_variance(targets.xy)
         return rate, variance
 
     def solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:

@@ -64,6 +64,8 @@ class FieldPrior:
     :param coefficients: c, shape (p,) [counts/s]
     :param effects: effects of covariates, the counts of the survey included
     :param relations: earlier surveys, in order of time
+    :param own: variance that no two places share, at places of shape (n, 2), shape (n,) [(counts/s)^2], as where a
+        covariate is missing; ``None`` for none
     """
 
     features: Callable[[Array], Array]
@@ -72,6 +74,7 @@ class FieldPrior:
     coefficients: Array
     effects: tuple[Effect, ...] = ()
     relations: tuple[Relation, ...] = ()
+    own: Callable[[Array], Array] | None = None
 
     def at(self, xy: Array, spread: Array | None = None) -> Array:
         """Scaled features at places or averaged over supports, shape (n, p).
@@ -99,6 +102,10 @@ class FieldPrior:
         if len(at) < len(others):
             return np.asarray((at @ self.matrix) @ others.T)
         return np.asarray(at @ (self.matrix @ others.T))
+
+    def own_variance(self, xy: Array) -> float | Array:
+        """Variance that no two places share, shape (n,) or 0 everywhere [(counts/s)^2]."""
+        return 0.0 if self.own is None else self.own(xy)
 
     def variance(self, at: Array) -> Array:
         """Variance in addition to the variogram's, shape (n,) [(counts/s)^2].

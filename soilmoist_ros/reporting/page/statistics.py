@@ -120,7 +120,7 @@ class LeaveOneOut:
 class _Kriging:
     """The factored Poisson kriging system of a map's samples, in units of the total sill.
 
-    The covariance is ``sill - semivariance`` plus the counting noise.
+    The covariance is ``sill - semivariance``, with what is known of the field besides, plus the counting noise.
     """
 
     def __init__(self, soil_map: SoilMap) -> None:
@@ -130,6 +130,7 @@ class _Kriging:
         self.xy = np.asarray(soil_map.samples.xy, float)
         noise = soil_map.noise_variance
         self._spread = soil_map.samples.spread
+        self._prior = None if soil_map.fit is None else soil_map.fit.prior
         system = self._between_samples() + np.diag(noise)
         self.factor = cho_factor(system, lower=True)
         self.ones = self.solve(np.ones(len(self.xy)))
@@ -141,7 +142,15 @@ class _Kriging:
         square = cdist(variogram.scaled(a), variogram.scaled(b), "sqeuclidean")
         nugget = np.where(square == 0, variogram.nugget, 0.0)
         stationary = variogram.structured_sill * variogram.correlation_of_square(square) + nugget
+        if self._prior is not None:
+            stationary = stationary + self._prior.covariance(self._prior.at(a), self._prior.at(b))
         return variogram.modulated(np.asarray(stationary, float), a, b)
+
+    def prior_mean(self) -> NDArray[np.float64]:
+        """Prior mean of the rate of each sample about the unknown mean, shape (samples,) [counts/s]."""
+        if self._prior is None:
+            return np.zeros(len(self.xy))
+        return self._prior.mean(self._prior.at(self.xy, self._spread))
 
     def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Covariance between the samples and the places, shape (samples, places)."""
@@ -155,7 +164,10 @@ class _Kriging:
 
         variogram = self.soil_map.variogram
         correlation = Points(variogram, self.xy, xy, self._spread).correlation(slice(None))
-        return np.asarray(variogram.structured_sill * correlation.T)
+        smooth = np.asarray(variogram.structured_sill * correlation.T)
+        if self._prior is not None:
+            smooth += self._prior.covariance(self._prior.at(self.xy, self._spread), self._prior.at(xy))
+        return smooth
 
     def _between_samples(self) -> NDArray[np.float64]:
         from soilmoist_ros.mapping.variogram.support import Supports
@@ -197,7 +209,8 @@ def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
     q = kriging.solve(np.eye(len(kriging.xy))) - np.outer(kriging.ones, kriging.ones) / kriging.ones.sum()
     observed = np.asarray(soil_map.samples.rate_cps, float)
     precision = np.diag(q)
-    return LeaveOneOut(observed, observed - q @ observed / precision, 1 / np.sqrt(precision))
+    deviation = observed - kriging.prior_mean()
+    return LeaveOneOut(observed, observed - q @ deviation / precision, 1 / np.sqrt(precision))
 
 
 def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:

@@ -269,6 +269,21 @@ def test_a_covariate_helps_and_has_an_effect_and_useless_ones_do_not_hurt():
     assert 0.2 < np.mean(effects) < 0.7
 
 
+def test_where_a_covariate_is_missing_the_map_is_less_certain():
+    (now,), truth = simulated(1, 25, 1.0)
+    raster = np.full(GRID.shape, np.nan)
+    raster[GRID.mask] = truth
+    raster[:, 7:] = np.nan
+    half = mapped(now, Knowledge(covariates=Covariates.over(GRID, ["moisture"], [raster])))
+    (effect,) = half.fit.prior.effects
+    own = np.full(GRID.shape, np.nan)
+    own[GRID.mask] = half.fit.prior.own_variance(GRID.cells)
+    assert (own[:, :7] == 0).all()
+    np.testing.assert_allclose(own[:, 10:], effect.mean**2 + effect.sd**2)
+    # A sample shares nothing of it with the places around: the map is never more certain than that.
+    assert (half.variance[:, 10:] > 0.99 * own[:, 10:]).all()
+
+
 def surveys_of_a_season(rho, odd=None, days=7.0, count=5):
     made, _ = simulated(count + 1, 40, rho)
     if odd is not None:

@@ -9,6 +9,8 @@ import pytest
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.support import Supports
 from soilmoist_ros.reporting.page.statistics import (
     band_statistics,
@@ -68,6 +70,24 @@ def test_an_amplitude_counts_in_the_report_as_in_the_map(the_map):
     assert mean_sd(wide, moisture=False) == pytest.approx(
         math.sqrt(np.mean(wide.kriging.covariance(the_map.grid.cells))), rel=0.02
     )
+
+
+def test_what_is_known_counts_in_the_report_as_in_the_map(the_map):
+    prior = FieldPrior(
+        lambda xy: np.column_stack([np.sin(xy[:, 0] / 9), xy[:, 1] / 50]),
+        np.ones(2),
+        np.array([[-0.01, 0.0], [0.0, 0.05]]),
+        np.array([0.1, 0.3]),
+    )
+    samples = the_map.samples
+    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s)
+    known = make_soil_map(samples, the_map.grid, dataclasses.replace(fit, prior=prior))
+    loo, rest = leave_one_out(known), np.arange(len(samples)) > 0
+    kriging = PoissonKriging(known.variogram, mean_rate=known.mean_rate, prior=prior)
+    kriging.fit(samples.xy[rest], samples.counts[rest], samples.exposure_s[rest])
+    assert loo.predicted[0] == pytest.approx(kriging.predict(samples.xy[:1])[0][0])
+    expected = math.sqrt(np.mean(known.kriging.covariance(the_map.grid.cells)))
+    assert mean_sd(known, moisture=False) == pytest.approx(expected, rel=0.02)
 
 
 def test_leave_one_out_wants_five_samples(map_of):
