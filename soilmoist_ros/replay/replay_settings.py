@@ -101,15 +101,15 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, 
         options.setdefault("local", "off")
         options.setdefault("drift_model", "off")
     options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
-    for name, known in (
+    for option, known in (
         ("model", VARIOGRAM_MODELS.names()),
         ("fit", get_args(FitMethod)),
         ("noise", get_args(NoiseModel)),
         ("local", get_args(LocalModel)),
         ("drift_model", get_args(DriftModel)),
     ):
-        if options.get(name, known[0]) not in known:
-            raise InputError(f"there is no {name} {options[name]!r}", f"choose one of: {', '.join(known)}")
+        if options.get(option, known[0]) not in known:
+            raise InputError(f"there is no {option} {options[option]!r}", f"choose one of: {', '.join(known)}")
     earlier = had.get("earlier", ()) if chosen.earlier is None else chosen.earlier
     covariates = had.get("covariates", ()) if chosen.covariates is None else chosen.covariates
     try:

@@ -228,6 +228,27 @@ def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start,
     assert soil_map_from_message(again.soil_map[-1]).tobytes() == map_before.tobytes()
 
 
+def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, start, tmp_path):
+    before = open_survey(str(field), "example")
+    for one in survey_records(48, seed=7):
+        before.map.add(replace(one, stamp_s=one.stamp_s - 7 * 86400))
+    before.save(tmp_path / "may", before.map.snapshot())
+    records, outputs = survey_records(16), Outputs(ros)
+    _, publisher = start(earlier=[str(tmp_path / "may")])
+    publish(publisher, records)
+    ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
+    core = on_line(field, records, earlier=[tmp_path / "may"])
+    of_core = core.compute(core.state)
+    rate = soil_map_from_message(outputs.soil_map[-1])["rate"]
+    np.testing.assert_array_equal(rate.reshape(of_core.rate.shape), of_core.rate.astype(np.float32))
+    answer = ros.call(Trigger, "mapper/save", timeout=60)
+    assert answer.success
+    summary = json.loads((tmp_path / "saved" / "summary.json").read_text())
+    assert [one["name"] for one in summary["earlier"]] == ["may"]
+    assert summary["change"]["since"] == "may"
+    assert (tmp_path / "saved" / "change.tif").is_file()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_save_that_a_signal_meets_is_finished_or_leaves_the_one_before(ros, start, tmp_path, number):
@@ -298,6 +319,7 @@ def test_names_follow_the_namespace(ros, field):
         ({"field": "example", "cell_m": 500.0}, "change the cell size"),
         ({"field": "example", "site": "exampl"}, "did you mean 'example'?"),
         ({"field": "example", "start_from": "/nowhere"}, "there is no such bag"),
+        ({"field": "example", "earlier": ["/nowhere"]}, "/nowhere: does not exist"),
     ],
 )
 def test_mistakes_in_parameters_end_it_with_a_suggestion(ros, params, said):

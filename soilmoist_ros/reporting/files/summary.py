@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +20,7 @@ from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.page.covariates import Importance, covariate_importance
+from soilmoist_ros.reporting.page.earlier_section import relations
 from soilmoist_ros.reporting.page.irrigation import absolute_limits, irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
@@ -89,7 +90,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
         "mission": None if run.mission is None else mission_summary(run.mission),
         "properties": [_property_run(one) for one in run.properties],
-        "earlier": [_earlier(one) for one in run.earlier],
+        "earlier": [_earlier(one, relations(run)) for one in run.earlier],
         "change": _change(run),
         "corrections": [_correction(row) for row in run.corrections],
         "calibration": _calibration(run),
@@ -238,8 +239,11 @@ def _cross_validation(run: MapRun) -> dict[str, float] | None:
     return {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95}
 
 
-def _earlier(one: EarlierRun) -> dict[str, Any]:
-    """An earlier survey that informs the map."""
+def _earlier(one: EarlierRun, related: Mapping[str, float]) -> dict[str, Any]:
+    """An earlier survey that informs the map.
+
+    :param related: correlations of patterns, see :func:`relations`
+    """
     return {
         "name": one.survey.name,
         "path": str(one.path),
@@ -249,6 +253,7 @@ def _earlier(one: EarlierRun) -> dict[str, Any]:
         "n_samples": len(one.survey.samples),
         "n_outside": one.outside,
         "rate_scale": one.scale,
+        "pattern_correlation": related.get(one.survey.name),
         "remarks": list(one.remarks),
     }
 

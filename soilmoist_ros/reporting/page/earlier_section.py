@@ -18,6 +18,7 @@ class EarlierRow:
     :param date: its day; empty for a clock without a date
     :param records: number of records used
     :param samples: number of samples
+    :param relation: correlation of its pattern with that of the present survey; empty if unknown
     :param change: change of the field's mean since then; empty if unknown
     :param remarks: what the user should know
     """
@@ -26,6 +27,7 @@ class EarlierRow:
     date: str
     records: int
     samples: int
+    relation: str
     change: str
     remarks: str
 
@@ -48,13 +50,14 @@ def earlier_part(run: MapRun) -> EarlierPart | None:
     """The part of the report on earlier surveys; ``None`` without any."""
     if not run.earlier:
         return None
-    found = run.change
+    found, related = run.change, relations(run)
     rows = tuple(
         EarlierRow(
             one.survey.name,
             one.date or "no date",
             len(one.records),
             len(one.survey.samples),
+            f"{related[one.survey.name]:.2f}" if one.survey.name in related else "",
             "" if found is None or one.survey.name not in found.means else _rate(found.means[one.survey.name]),
             " ".join(one.remarks),
         )
@@ -63,6 +66,14 @@ def earlier_part(run: MapRun) -> EarlierPart | None:
     if found is None:
         return EarlierPart("The counts of earlier surveys inform this map.", "", rows)
     return EarlierPart(contribution(found), change_text(found), rows)
+
+
+def relations(run: MapRun) -> dict[str, float]:
+    """Correlation of the pattern of each earlier survey with that of the present one, as the map has it."""
+    fit = run.soil_map.fit
+    if fit is None or fit.prior is None:
+        return {}
+    return {one.name: one.correlation for one in fit.prior.relations}
 
 
 def contribution(found: RunChange) -> str:
