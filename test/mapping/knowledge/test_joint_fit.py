@@ -11,6 +11,7 @@ from soilmoist_ros.mapping.knowledge import joint_fit, pattern
 from soilmoist_ros.mapping.knowledge.conditioning import LOADINGS, PatternState
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+from soilmoist_ros.mapping.knowledge.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.knowledge.pattern import PatternFeatures
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
@@ -102,7 +103,7 @@ def simulated(surveys, samples, rho, seed=0, grid=GRID):
     return made, rate[: len(grid.cells)]
 
 
-def conditioned(surveys, loadings, candidates, covariates=None, effect_sd=()):
+def conditioned(surveys, loadings, candidates, covariates=None, effect_sd=(), share=1.0):
     """Kriging of the last survey with the prior that the joint model makes of the others, and its likelihood."""
     features = PatternFeatures.of(VARIOGRAM, candidates, covariates)
     unit = np.concatenate([np.full(features.rank, np.sqrt(VARIOGRAM.structured_sill)), effect_sd])
@@ -112,7 +113,7 @@ def conditioned(surveys, loadings, candidates, covariates=None, effect_sd=()):
         one = (loadings[number] == LOADINGS).astype(float)
         log += float(state.log_likelihoods(view)[one > 0][0])
         if number < len(surveys) - 1:
-            state = state.after(view, one)
+            state = state.after(view, one).later(share)
     prior = FieldPrior(features, state.scale(loadings[-1]) * unit, state.excess, state.mean)
     last = surveys[-1]
     kriging = PoissonKriging(VARIOGRAM, keep_nugget=False, mean_rate=NOISE, prior=prior)
@@ -142,6 +143,21 @@ def test_joint_kriging_equals_the_dense_one():
     np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
     np.testing.assert_allclose(kriging.covariance(TARGETS), covariance, atol=1e-6)
     assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, BETWEEN, NOISE), abs=1e-4)
+
+
+@pytest.mark.usefixtures("exact")
+def test_a_pattern_that_fades_has_correlations_that_fall_with_time():
+    surveys, _ = simulated(4, 15, 0.9)
+    loadings = (*LOADED, 0.88)
+    between = np.outer(loadings, loadings) * 0.7 ** np.abs(np.subtract.outer(np.arange(4), np.arange(4)))
+    np.fill_diagonal(between, 1.0)
+    everywhere = np.concatenate([*(one.xy for one in surveys), TARGETS])
+    kriging, log = conditioned(surveys, loadings, everywhere, share=0.7)
+    rate, covariance = joint_kriging(VARIOGRAM, surveys, between, NOISE, TARGETS)
+    found, variance = kriging.predict(TARGETS)
+    np.testing.assert_allclose(found, rate, atol=1e-6)
+    np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
+    assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, between, NOISE), abs=1e-4)
 
 
 @pytest.mark.usefixtures("exact")
@@ -298,6 +314,24 @@ def test_one_odd_survey_does_not_spoil_a_season():
         correlations = [one.correlation for one in mapped(now, known).fit.prior.relations]
         assert correlations[odd] < 0.3
         assert min(correlations[:odd] + correlations[odd + 1 :]) > 0.4
+
+
+@pytest.mark.parametrize(("share", "fades"), [(0.98, False), (0.75, True)])
+def test_days_tell_how_fast_a_pattern_fades(share, fades):
+    rng = np.random.default_rng(1)
+    xy = [rng.uniform([0, 0], [60, 50], (50, 2)) for _ in range(8)]
+    distance = np.linalg.norm(np.concatenate(xy)[:, None] - np.concatenate(xy), axis=-1)
+    factor = np.linalg.cholesky(VARIOGRAM.correlation(distance) + 1e-9 * np.eye(400))
+    drawn, surveys = factor @ rng.standard_normal(400), []
+    for number, here in enumerate(xy):
+        drawn = share * drawn + np.sqrt(1 - share**2) * (factor @ rng.standard_normal(400))
+        rate = 3.0 + 0.5 * drawn[50 * number : 50 * number + 50]
+        samples = Samples(here, rng.poisson(np.maximum(rate, 0.1) * 60.0), np.full(50, 60.0))
+        surveys.append(EarlierSurvey(f"{number}", 20 * 86400.0 * number, samples))
+    relations = mapped(surveys.pop().samples, Knowledge(tuple(surveys))).fit.prior.relations
+    model = JointModel(Knowledge(tuple(surveys)), FieldMap(GRID)._estimate, "local")
+    assert np.isfinite(model._history.decay_days) == fades
+    assert (relations[0].correlation < 0.5) == fades
 
 
 def test_model_samples_follow_the_records_and_not_the_maps():
