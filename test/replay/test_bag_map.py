@@ -124,7 +124,8 @@ def test_golden_bags(case, name):
     if expected["as_on_line"]:
         assert replay.comparisons[0].same or replay.comparisons[0].is_rounding
     else:
-        assert replay.comparisons[0].same is expected["as_on_line"]  # False: the robot fitted as an earlier version
+        # False: the robot's fit was that of an earlier version.
+        assert replay.comparisons[0].same is expected["as_on_line"]
     assert run.simulated
     mission = expected.get("mission")
     assert (run.mission is None) == (mission is None)
