@@ -1,4 +1,4 @@
-"""``model``: the variogram of the map as JSON in a std_msgs/String, which saves the planner a fit."""
+"""``model``: variogram and drift of the map as JSON in a std_msgs/String, which saves the planner a fit."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
+from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
+from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.local_fit import LocalFit
@@ -19,6 +21,7 @@ from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
+_SAMPLES: Final = ("x", "y", "raw_counts", "effective_exposure_s", "spread_xx", "spread_xy", "spread_yy", "time_s")
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,14 @@ class Model:
         ``samples``
     :param cell_m: cell size of the map [m]; field and cell size define the map's grid, see :meth:`Field.grid`;
         ``None`` in models of earlier versions
+    :param changing: the drift of the mean rate that the map allows for, up to ``stamp_s``, with the samples by
+        place and time that the map is made of; ``None`` without a drift
     """
 
     fit: VariogramFit | None
     stamp_s: float
     cell_m: float | None = None
+    changing: Changing | None = None
 
 
 def model_to_message(model: Model) -> String:
@@ -85,7 +91,18 @@ def _plain(model: Model) -> dict[str, Any]:
         "cell_m": model.cell_m,
         "local_rate": None if fit.local_rate is None else _plain_rate(fit.local_rate),
         "local": None if fit.local is None else _plain_local(fit, fit.local),
+        **_plain_drift(model.changing),
     }
+
+
+def _plain_drift(changing: Changing | None) -> dict[str, Any]:
+    """The drift and its samples, in columns; nothing without a drift."""
+    if changing is None or changing.change.drift is None:
+        return {}
+    samples = changing.timed.samples
+    columns = (*samples.xy.T, samples.counts, samples.exposure_s, *samples.spread.T, changing.timed.time_s)
+    table = {name: column.tolist() for name, column in zip(_SAMPLES, columns, strict=True)}
+    return {"drift": {**asdict(changing.change.drift), "samples": table}}
 
 
 def _plain_local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
@@ -145,7 +162,25 @@ def _model(content: Mapping[str, Any]) -> Model:
         _local_rate(stationary, content.get("local_rate")),
         local,
     )
-    return Model(fit, stamp_s, cell_m)
+    return Model(fit, stamp_s, cell_m, _changing(content.get("drift"), stamp_s))
+
+
+def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | None:
+    """The drift and its samples; models of earlier versions have none."""
+    if content is None:
+        return None
+    per_hour, evidence, change_cps, change_sd_cps = (
+        float(content[name]) for name in ("per_hour", "evidence", "change_cps", "change_sd_cps")
+    )
+    jump_s = None if content["jump_s"] is None else float(content["jump_s"])
+    x, y, counts, exposure_s, xx, xy, yy, time_s = (_array(content["samples"][name]) for name in _SAMPLES)
+    sound = np.isfinite([per_hour, evidence, change_cps, change_sd_cps, jump_s or 0.0, *time_s]).all()
+    whole = len({len(column) for column in (x, y, counts, exposure_s, xx, xy, yy, time_s)}) == 1
+    if not (sound and whole and len(x) and per_hour >= 0):
+        raise ValueError("drift must have finite numbers, per_hour >= 0, and samples with columns of equal length")
+    samples = Samples(np.column_stack([x, y]), counts, exposure_s, np.column_stack([xx, xy, yy]))
+    drift = Drift(per_hour, evidence, change_cps, change_sd_cps, jump_s)
+    return Changing(TimedSamples(samples, time_s), Change(drift), stamp_s)
 
 
 def _local(variogram: Variogram, content: Mapping[str, Any] | None) -> tuple[Variogram, LocalFit | None]:

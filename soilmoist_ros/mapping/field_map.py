@@ -20,6 +20,7 @@ from soilmoist_ros.mapping.knowledge.drift import (
     NO_CHANGE,
     WINDOW_S,
     Change,
+    Changing,
     DriftModel,
     TimedSamples,
     find_change,
@@ -112,6 +113,7 @@ class MapState:
     :param model_samples: with knowledge, the samples to which what earlier surveys determine too is fitted:
         as they were when that was last due; ``None`` for ``fit_samples``
     :param began_s: end of the first record [s since 1970-01-01 UTC], 0 before
+    :param given_change: how the mean rate of ``timed`` changed, if that was found elsewhere: used instead
     """
 
     records: int = 0
@@ -123,6 +125,7 @@ class MapState:
     fit_timed: tuple[TimedSamples, float] | None = None
     model_samples: Samples | None = None
     began_s: float = 0.0
+    given_change: Change | None = None
 
 
 @dataclass(frozen=True)
@@ -345,14 +348,21 @@ class FieldMap:
             self.skipped[Skip.UNEXPECTED] = grown.skipped[Skip.UNEXPECTED]
         return found
 
-    def set_samples(self, samples: Samples, fit: VariogramFit | None = None) -> None:
+    def set_samples(
+        self, samples: Samples, fit: VariogramFit | None = None, changing: Changing | None = None
+    ) -> None:
         """Replace all samples by some that were merged elsewhere.
 
         :param samples: the samples
         :param fit: their variogram, if it was fitted elsewhere: used as it is, its model included
+        :param changing: with it, the samples by place and time and their drift, if one was found
         """
         earlier = self.state
         self.state = MapState(earlier.records, earlier.stamp_s, samples, samples, fit, began_s=earlier.began_s)
+        if changing is not None:
+            self.state = replace(
+                self.state, stamp_s=changing.now_s, timed=changing.timed, given_change=changing.change
+            )
 
     def skip(self, reason: Skip, why: str) -> None:
         """Count a record that cannot be used.
@@ -387,6 +397,13 @@ class FieldMap:
             return None
         assert isinstance(self.soil_map.kriging, PoissonKriging)  # exact however many samples there are
         return self.soil_map.kriging
+
+    @property
+    def changing(self) -> Changing | None:
+        """The drift of the last map, and its samples by place and time; ``None`` without a drift."""
+        if self.soil_map is None or self._mapped is None:
+            return None
+        return drifting(self._mapped, self.soil_map)
 
     @property
     def rate(self) -> Array:
@@ -428,7 +445,8 @@ class FieldMap:
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
-        change = self._change(state, fit)
+        timed = state.timed
+        changing = None if timed is None else Changing(timed, self._change(state, fit), state.stamp_s)
         most = sys.maxsize if settings.for_planning else settings.max_exact_samples
         with self._computing:
             return make_soil_map(
@@ -441,7 +459,7 @@ class FieldMap:
                 most,
                 compute,
                 self._raster,
-                None if state.timed is None else (state.timed, change, state.stamp_s),
+                changing,
             )
 
     def fit(self, state: MapState) -> VariogramFit | None:
@@ -488,6 +506,8 @@ class FieldMap:
 
     def _change(self, state: MapState, fit: VariogramFit) -> Change:
         """How the mean rate changed up to a state, as far as it is known."""
+        if state.given_change is not None:
+            return state.given_change
         if state.fit_timed is None or len(state.samples) > self.settings.max_exact_samples:
             return NO_CHANGE
         timed, now_s = state.fit_timed
@@ -506,6 +526,13 @@ class FieldMap:
         area = area.buffer(self.settings.margin_m)
         shapely.prepare(area)
         return area
+
+
+def drifting(state: MapState, soil_map: SoilMap) -> Changing | None:
+    """The drift that the map of a state allows for, and its samples; ``None`` without a drift."""
+    if state.timed is None or soil_map.change.drift is None:
+        return None
+    return Changing(state.timed, soil_map.change, state.stamp_s)
 
 
 def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.extras import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, TimedSamples
+from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
@@ -193,7 +193,7 @@ def make_soil_map(
     max_exact_samples: int = MAX_EXACT_SAMPLES,
     compute: Compute = map,
     raster: RasterKriging | None = None,
-    changing: tuple[TimedSamples, Change, float] | None = None,
+    changing: Changing | None = None,
 ) -> SoilMap:
     """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
 
@@ -225,7 +225,7 @@ def make_soil_map(
     if (
         raster is not None
         and 0 < len(samples) <= max_exact_samples
-        and (changing is None or changing[1].drift is None)
+        and (changing is None or changing.change.drift is None)
     ):
         mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
         rasters = raster.update(samples, model, known_rate or mean_rate)
@@ -253,19 +253,16 @@ def make_soil_map(
         keep_nugget=keep_nugget,
         made_by=kriging,
         clipped_variances=clipped,
-        change=NO_CHANGE if changing is None else changing[1],
+        change=NO_CHANGE if changing is None else changing.change,
     )
 
 
-def _fit(
-    kriging: PoissonKriging | TiledKriging, samples: Samples, changing: tuple[TimedSamples, Change, float] | None
-) -> None:
+def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Changing | None) -> None:
     """Fit a kriging to samples, or to those by place and time."""
-    drift = None if changing is None else changing[1].drift
+    drift = None if changing is None else changing.change.drift
     if changing is None or drift is None or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         return
-    timed, _, now_s = changing
-    samples = timed.samples
-    shared = drift.covariance(timed, now_s)
+    samples = changing.timed.samples
+    shared = drift.covariance(changing.timed, changing.now_s)
     kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread, shared)

@@ -25,7 +25,7 @@ from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
 from soilmoist_ros.foundation.batches import Batches
 from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.field_map import MapState
+from soilmoist_ros.mapping.field_map import MapState, drifting
 from soilmoist_ros.mapping.map_health import map_health
 from soilmoist_ros.mapping.map_worker import MapWorker
 from soilmoist_ros.mapping.record_check import Skip
@@ -142,9 +142,9 @@ class Mapper(Node):
 
     def _publish(self, state: MapState, soil_map: SoilMap | None) -> None:
         grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
-        fit = None if soil_map is None else soil_map.fit
+        fit, changing = (None, None) if soil_map is None else (soil_map.fit, drifting(state, soil_map))
         self._samples.publish(samples_to_message(state.samples, stamp_s, frame))
-        self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m)))
+        self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
 

@@ -14,7 +14,9 @@ if platform.machine() != "x86_64":
 from std_msgs.msg import String
 
 from msg_adapters.model import Model, model_from_message, model_to_message
-from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping import Samples, Variogram
+from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
+from soilmoist_ros.mapping.samples.spread import path_spread
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.fit import VariogramFit, estimate_variogram
@@ -102,6 +104,63 @@ def test_an_amplitude_and_its_evidence_come_back_exactly():
     assert content["local"]["text"].startswith("differs from place to place")
     del content["local"]
     assert model_from_message(String(data=json.dumps(content))).fit.local is None
+
+
+def drifting(jump_s=None):
+    """A fit, and a drift with its samples."""
+    rng = np.random.default_rng(2)
+    xy, counts, exposure_s = rng.uniform(0, 50, (12, 2)), rng.poisson(400, 12), rng.uniform(60, 100, 12)
+    samples = Samples(xy, counts, exposure_s, np.tile(path_spread((3.0, 1.0)), (12, 1)))
+    timed = TimedSamples(samples, 1.78e9 + np.sort(rng.uniform(0, 7200, 12)))
+    drift = Drift(rng.uniform(0.1, 0.3), 2.5, -0.4, 0.1, jump_s)
+    fit = estimate_variogram(xy, counts, exposure_s, local_noise=True)
+    return fit, Changing(timed, Change(drift), 1.78e9 + 7200)
+
+
+@pytest.mark.parametrize("jump_s", [None, 1.78e9 + 600.25])
+def test_a_drift_and_its_samples_come_back_exactly(jump_s):
+    fit, changing = drifting(jump_s)
+    found = model_from_message(model_to_message(Model(fit, changing.now_s, 2.5, changing)))
+    assert (found.changing.change, found.changing.now_s) == (changing.change, changing.now_s)
+    np.testing.assert_array_equal(found.changing.timed.time_s, changing.timed.time_s)
+    for name in ("xy", "counts", "exposure_s", "spread"):
+        value, wanted = (getattr(each.timed.samples, name) for each in (found.changing, changing))
+        np.testing.assert_array_equal(value, wanted, strict=True)
+
+
+def test_without_a_drift_the_message_is_that_of_earlier_versions():
+    fit, changing = drifting()
+    with_drift, without = (
+        json.loads(model_to_message(Model(fit, 1.0, 2.5, each)).data) for each in (changing, None)
+    )
+    assert set(with_drift) - set(without) == {"drift"}
+    del with_drift["drift"]
+    assert with_drift == without
+    assert model_from_message(String(data=json.dumps(without))).changing is None
+    still = dataclasses.replace(changing, change=Change())
+    assert "drift" not in json.loads(model_to_message(Model(fit, 1.0, 2.5, still)).data)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"per_hour": -1.0}, "drift must have finite numbers"),
+        ({"jump_s": float("nan")}, "drift must have finite numbers"),
+        ({"evidence": None}, "a value of another kind"),
+        ({"samples": {}}, "no key 'x'"),
+        ({"samples": []}, "a value of another kind"),
+        ({"time_s": [1.0]}, "columns of equal length"),
+        ({"time_s": [None] * 12}, "drift must have finite numbers"),
+        ({"effective_exposure_s": [-1.0] * 12}, "exposure_s must be > 0"),
+    ],
+)
+def test_an_impossible_drift_is_refused(changes, problem):
+    content = json.loads(model_to_message(Model(drifting()[0], 1.0, 2.5, drifting()[1])).data)
+    drift = content["drift"]
+    for name, value in changes.items():
+        (drift if name in drift else drift["samples"])[name] = value
+    with pytest.raises(ValueError, match=problem):
+        model_from_message(String(data=json.dumps(content)))
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ from msg_adapters.samples import samples_from_message
 from msg_adapters.soil_map import map_cells, soil_map_from_message, uncertainty_from_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import NAN, CountRecord
@@ -133,6 +134,37 @@ def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
     assert fit.variogram == soil_map.variogram
     assert json.loads(outputs.model[-1].data)["n_samples"] == 6
     np.testing.assert_array_equal(uncertainty_from_message(outputs.uncertainty[-1]) < 0, ~core.grid.mask)
+
+
+def test_a_planner_has_the_map_of_the_mapper_when_the_rate_drifts(ros, start, field):
+    """Three passes over the same stops, with the jitter of a receiver."""
+    rng = np.random.default_rng(4)
+    stops = [(x, y) for x in range(5, 60, 10) for y in range(5, 50, 10)]
+    records = [
+        record(
+            12 * number,
+            *(stops[number % 30] + rng.normal(0, 0.2, 2)).tolist(),
+            int(rng.poisson(300 + 60 * np.sin(stops[number % 30][0] / 12) + 0.8 * number)),
+            exposure_s=100.0,
+            effective_exposure_s=95.0,
+            f_pressure=100 / 95,
+        )
+        for number in range(90)
+    ]
+    outputs = Outputs(ros)
+    _, publisher = start()
+    publisher.publish(counts_to_message(records))
+    ros.wait_for(lambda: outputs.complete(records[-1].stamp_s), message="the last map")
+    core = on_line(field, records)
+    soil_map = core.compute(core.state)
+    assert soil_map.change.drift is not None
+    model = model_from_message(outputs.model[-1])
+    assert model.changing.change.drift == soil_map.change.drift
+    planner = FieldMap(core.grid, FieldMapSettings(for_planning=True))
+    planner.set_samples(samples_from_message(outputs.samples[-1]), model.fit, model.changing)
+    planned = planner.update()
+    np.testing.assert_array_equal(planned.rate, soil_map.rate)
+    np.testing.assert_array_equal(planned.variance, soil_map.variance)
 
 
 def test_who_comes_late_gets_the_last_map(ros, start):

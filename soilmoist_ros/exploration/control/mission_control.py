@@ -71,6 +71,7 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.knowledge.drift import Changing
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.sensing.records import CountRecord
@@ -408,14 +409,22 @@ class MissionControl:
             self.watch.map(self._clock.now_s(), stamp_s)
         self._plan_if_due()
 
-    def fit(self, fit: VariogramFit | None, stamp_s: float, name: str = "", cell_m: float | None = None) -> None:
+    def fit(
+        self,
+        fit: VariogramFit | None,
+        stamp_s: float,
+        name: str = "",
+        cell_m: float | None = None,
+        changing: Changing | None = None,
+    ) -> None:
         """Their variogram has come.
 
         :param cell_m: cell size of the map [m]; the planner takes over that of the robot's own property
+        :param changing: the drift that the map allows for; ``None`` without one
         """
         if not name and cell_m is not None:
             self._use_cells(cell_m)
-        self._queue.take_fit(name, fit, stamp_s)
+        self._queue.take_fit(name, fit, stamp_s, changing)
         self._plan_if_due()
 
     def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:

@@ -15,6 +15,7 @@ from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.knowledge.drift import Changing
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 
@@ -36,6 +37,7 @@ class PropertyMap:
     :param factor: product of the correction factors of its last record [-]
     :param samples: merged samples, with the time of the last record in them [s]
     :param fit: their variogram, with the time of the last record in it [s]
+    :param changing: with it, the drift of the map and its samples by place and time; ``None`` without a drift
     :param late: whether it was waited for in vain, and nothing has come since
     """
 
@@ -45,6 +47,7 @@ class PropertyMap:
     factor: float = 1.0
     samples: tuple[Samples, float] | None = None
     fit: tuple[VariogramFit, float] | None = None
+    changing: Changing | None = None
     late: bool = False
 
     @property
@@ -121,10 +124,16 @@ class PlanningQueue:
         held = self._maps[name]
         held.samples, held.late = (samples, stamp_s), False
 
-    def take_fit(self, name: str, fit: VariogramFit | None, stamp_s: float) -> None:
-        """A variogram has come, with the time of the last record in it [s]; ``None``: there is none now."""
+    def take_fit(
+        self, name: str, fit: VariogramFit | None, stamp_s: float, changing: Changing | None = None
+    ) -> None:
+        """A variogram and a drift have come, with the time of the last record in them [s].
+
+        :param fit: the variogram; ``None``: there is none now
+        :param changing: the drift; ``None`` without one
+        """
         held = self._maps[name]
-        held.fit, held.late = (None if fit is None else (fit, stamp_s)), False
+        held.fit, held.changing, held.late = (None if fit is None else (fit, stamp_s)), changing, False
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -200,7 +209,7 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
         held.weight, held.factor = each.weight, each.factor
         properties.append(held)
         if len(samples):  # the places are known without a map, too
-            held.field_map.set_samples(samples, each.fit[0] if each.fit is not None else None)
+            held.field_map.set_samples(samples, each.fit[0] if each.fit is not None else None, each.changing)
         if len(samples) and each.fit is not None:
             held.field_map.update()
     explorer.properties = properties

@@ -67,12 +67,15 @@ def foreseen(
     rate = np.zeros(len(pending)) if field_map.kriging is None else field_map.kriging.predict(places(pending))[0]
     exposure_s = [each.exposure_s / factor for each in pending]
     counts = [round(max(r, MIN_RATE_CPS) * t) for r, t in zip(rate.tolist(), exposure_s, strict=True)]
-    expected = field_map.samples.joined(as_samples(places(pending), counts, exposure_s))
+    pending_samples = as_samples(places(pending), counts, exposure_s)
+    expected, changing = field_map.samples.joined(pending_samples), field_map.changing
     ahead = FieldMap(field_map.grid, field_map.settings)
     if field_map.soil_map is None:
         ahead.set_samples(expected)
     else:
-        ahead.set_samples(expected, field_map.soil_map.fit)
+        ahead.set_samples(
+            expected, field_map.soil_map.fit, None if changing is None else changing.joined(pending_samples)
+        )
         ahead.update()
     return ahead
 

@@ -77,6 +77,10 @@ class TimedSamples:
         few = Samples(one.xy[some], one.counts[some], one.exposure_s[some], one.spread[some])
         return TimedSamples(few, self.time_s[some])
 
+    def joined(self, samples: Samples, time_s: float) -> TimedSamples:
+        """These samples, and others of one time [s]."""
+        return TimedSamples(self.samples.joined(samples), np.append(self.time_s, np.full(len(samples), time_s)))
+
 
 @dataclass(frozen=True)
 class Jump:
@@ -175,6 +179,24 @@ class Change:
 
 NO_CHANGE = Change()
 """Nothing is known of a change."""
+
+
+@dataclass(frozen=True, eq=False)
+class Changing:
+    """What a map is made of in addition, if the mean rate may change.
+
+    :param timed: the samples by place and time
+    :param change: how their mean changed
+    :param now_s: time of the map [s]
+    """
+
+    timed: TimedSamples
+    change: Change
+    now_s: float
+
+    def joined(self, samples: Samples) -> Changing:
+        """The same with further samples, of now."""
+        return replace(self, timed=self.timed.joined(samples, self.now_s))
 
 
 def find_change(

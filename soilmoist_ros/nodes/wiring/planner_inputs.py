@@ -117,7 +117,7 @@ class PlannerInputs:
     def _on_model(self, name: str, message: String) -> None:
         try:
             model = model_from_message(message)
-            self._control.fit(model.fit, model.stamp_s, name, model.cell_m)
+            self._control.fit(model.fit, model.stamp_s, name, model.cell_m, model.changing)
         except ValueError as error:
             self._ignore(f"{name} model", error)
 

@@ -15,6 +15,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
@@ -88,6 +89,19 @@ def test_the_answer_follows_the_map(explorer):
     assert "highest kriging variance" in planned.choice.reason
     nearest = np.hypot(*(SAMPLES.xy - (planned.choice.stop.x_m, planned.choice.stop.y_m)).T).min()
     assert nearest > 5.0, "the least known place is far from all samples"
+
+
+def test_the_map_follows_the_drift_that_came_with_the_variogram(explorer):
+    changing = Changing(TimedSamples(SAMPLES, np.array([0.0, 40.0, 80.0])), Change(Drift(1.0, 5.0)), 90.0)
+    queue = PlanningQueue(20.0)
+    for each in (changing, None):
+        queue.take_samples("", SAMPLES, 90.0)
+        queue.take_fit("", FIT, 90.0, changing=each)
+        queue.ask(request(), 91.0)
+        answer(explorer, queue.due(91.0, PLACE), True)
+        (own,) = explorer.properties
+        assert own.field_map.samples is SAMPLES
+        assert own.field_map.soil_map.change == (Change() if each is None else each.change)
 
 
 def test_no_choice_says_why(explorer):

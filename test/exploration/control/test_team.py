@@ -20,6 +20,7 @@ from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.mapping import PoissonKriging
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
@@ -61,6 +62,17 @@ def test_counts_to_come_lower_the_variance_as_if_they_had_come():
     np.testing.assert_allclose(after.rate, before.rate, atol=0.01)
     assert len(before.samples) == 3
     assert foreseen(before, [PendingMeasurement(16.25, 6.25, 0.0)]) is before, "nothing will be counted"
+
+
+def test_the_drift_of_the_map_is_that_of_what_is_to_come():
+    before = field_map()
+    timed = TimedSamples(SAMPLES, np.array([0.0, 1800.0, 3600.0]))
+    before.set_samples(SAMPLES, FIT, Changing(timed, Change(Drift(1.0, 5.0)), 3600.0))
+    before.update()
+    after = foreseen(before, [PendingMeasurement(16.25, 6.25, 400.0)])
+    assert after.soil_map.change == before.soil_map.change
+    np.testing.assert_array_equal(after.changing.timed.time_s, [0.0, 1800.0, 3600.0, 3600.0])
+    assert (after.variance < before.variance).all()
 
 
 def test_without_a_map_only_the_places_are_known():

@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, Drift, TimedSamples, find_change
+from soilmoist_ros.mapping.knowledge.drift import (
+    MAX_SAMPLES,
+    WINDOW_S,
+    Change,
+    Changing,
+    Drift,
+    TimedSamples,
+    find_change,
+)
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.merging import SampleMerger
 from soilmoist_ros.mapping.samples.samples import Samples
@@ -94,6 +102,42 @@ def test_the_map_of_a_state_does_not_depend_on_the_maps_before():
             often.update()
     assert often.update().change.drift is not None
     np.testing.assert_array_equal(often.soil_map.rate, once.update().rate)
+
+
+@pytest.mark.parametrize("rain", [False, True])
+def test_a_planner_that_is_told_the_drift_has_the_map_of_the_mapper(rain):
+    timed, _ = survey(1, 0.0 if rain else 0.3)
+    if rain:
+        wet = timed.time_s > 0.8 * HOURS * 3600
+        counts = np.where(wet, np.round(0.6 * timed.samples.counts), timed.samples.counts)
+        timed = TimedSamples(Samples(timed.samples.xy, counts, timed.samples.exposure_s), timed.time_s)
+    mapper = FieldMap(GRID)
+    mapper.set_records(records(timed))
+    soil_map = mapper.update()
+    assert (soil_map.change.drift.jump_s is not None) is rain
+    planner, untold = (FieldMap(GRID, FieldMapSettings(for_planning=True)) for _ in range(2))
+    planner.set_samples(mapper.samples, soil_map.fit, mapper.changing)
+    np.testing.assert_array_equal(planner.update().rate, soil_map.rate)
+    np.testing.assert_array_equal(planner.soil_map.variance, soil_map.variance)
+    untold.set_samples(mapper.samples, soil_map.fit)
+    assert not np.allclose(untold.update().rate, soil_map.rate, atol=0.01, equal_nan=True)
+    planner.set_samples(mapper.samples, soil_map.fit)
+    np.testing.assert_array_equal(planner.update().rate, untold.soil_map.rate)
+    assert planner.changing is None
+
+
+def test_places_visited_long_ago_are_worth_a_return():
+    timed, _ = survey(1, passes=1)
+    drift = Drift(per_hour=1.0, evidence=5.0)
+    told, untold = (FieldMap(GRID, FieldMapSettings(for_planning=True)) for _ in range(2))
+    untold.set_samples(timed.samples)
+    fit = untold.update().fit
+    told.set_samples(timed.samples, fit, Changing(timed, Change(drift), HOURS * 3600))
+    told.update()
+    variance = [each.kriging.predict(timed.samples.xy)[1] for each in (told, untold)]
+    lost = variance[0] / variance[1]
+    assert lost[:6].mean() > 1.5 * lost[-6:].mean()
+    assert lost[-1] < 1.1
 
 
 def test_soft_l1_knows_no_drift():
