@@ -224,6 +224,8 @@ def find_change(
         still = _Still.of(timed, variogram, rate, prior)
     except IllConditionedError:
         return NO_CHANGE
+    if len(still.kriging.places) < MIN_SAMPLES:  # counts at exactly one place are one, whenever they came
+        return NO_CHANGE
     jump, jumped = _find_jump(still, now_s)
     trend = _find_trend(still, now_s)
     found = [drift for drift in (trend, jumped) if drift is not None and drift.evidence >= MIN_EVIDENCE]
@@ -313,7 +315,13 @@ def _find_jump(still: _Still, now_s: float) -> tuple[Jump | None, Drift | None]:
     if not sides.any():
         return None, None
     times_s, before = times_s[sides], still.whitened(before[:, sides])
-    size, product = (before**2).sum(axis=0), before.T @ still.residual
+    size = (before**2).sum(axis=0)
+    # Of a jump between visits of the same places the counts tell nothing: this is rounding.
+    told = size * still.mean_rate**2 > 1e-6
+    if not told.any():
+        return None, None
+    times_s, before, size = times_s[told], before[:, told], size[told]
+    product = before.T @ still.residual
     variance = (GUESSED_JUMP * still.mean_rate) ** 2 * np.exp(PRIOR_LOG_SD * _STEPS)
     scale = 1 + np.multiply.outer(variance, size)
     rise = 0.5 * (np.multiply.outer(variance, product**2) / scale - np.log(scale)) - 0.5 * _STEPS[:, None] ** 2

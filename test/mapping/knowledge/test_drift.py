@@ -228,3 +228,19 @@ def test_records_of_far_times_are_not_merged():
         merger.add(1.0, 1.0, 30, 10.0, time_s=time_s)
     assert merger.samples.counts.tolist() == [90, 60]
     np.testing.assert_allclose(merger.time_s, [(10 + WINDOW_S - 1) / 3, WINDOW_S + 45])
+
+
+def test_a_series_at_one_place_has_no_drift_in_space():
+    timed = survey(3, 0.3)[0]
+    one = timed.samples
+    here = TimedSamples(Samples(np.zeros_like(one.xy), one.counts, one.exposure_s), timed.time_s)
+    assert find_change(here, HOURS * 3600, VARIOGRAM) == Change()
+
+
+def test_places_that_were_all_visited_alike_before_and_after_tell_no_jump_and_raise_no_warning():
+    """Counts at exactly one place are merged, so the share before a time may be the same everywhere."""
+    xy = np.repeat(GRID.cells[::5], 2, axis=0)
+    time_s = np.tile([0.0, 7000.0], len(xy) // 2)
+    counts = np.tile([200.0, 300.0], len(xy) // 2)
+    timed = TimedSamples(Samples(xy, counts, np.full(len(xy), 60.0)), time_s)
+    assert find_change(timed, 7200.0, VARIOGRAM).jump is None

@@ -148,7 +148,7 @@ def test_mistakes_beyond_the_keys(tmp_path):
     assert {mistake.line for mistake in caught.value.mistakes} == {3}
     with pytest.raises(InputError, match="only once"):
         written(tmp_path / "d.yaml", "title: t\nruns: [1, 1]\nexperiments: [{name: a}]\n")
-    with pytest.raises(InputError, match="one of: knowledge, paper"):
+    with pytest.raises(InputError, match="one of: drift, knowledge, paper"):
         load_campaign("papers")
 
 
