@@ -83,7 +83,7 @@ class Recorder(Node):
         self._configuration = RunConfiguration()
         self._complaint = ""
         self._collector = ParameterCollector(self, _RECORDED, self._take_parameters)
-        self.create_timer(_CONFIGURATION_S, lambda: self._aside.do(self._keep_configuration), clock=steady)
+        self.create_timer(_CONFIGURATION_S, self._store_configuration, clock=steady)
 
     def close(self) -> None:
         """Record the messages in transit, then close the bag."""
@@ -133,6 +133,9 @@ class Recorder(Node):
         if node == "planner":
             for name in property_weights(values.get("properties", ())):
                 self._collector.ask(f"{name}/mapper")
+
+    def _store_configuration(self) -> None:
+        self._aside.do(self._keep_configuration, "storing the configuration")
 
     def _keep_configuration(self) -> None:
         bag = self._recorder.state.bag

@@ -8,12 +8,12 @@ import sys
 import pytest
 
 pytest.importorskip("rclpy")
-from std_srvs.srv import Trigger
+from std_srvs.srv import Empty, Trigger
 
 NODE = """
 import sys, threading, time
 from rclpy.node import Node
-from std_srvs.srv import Trigger
+from std_srvs.srv import Empty, Trigger
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.run import run
@@ -31,6 +31,9 @@ class Example(Node):
         self.released = threading.Event()
         self.aside = Aside(self)
         self.aside.offer(Trigger, "slow", self.slow)
+        self.aside.offer(Trigger, "fail", self.fail)
+        self.aside.offer(Empty, "fail_without_fields", self.fail)
+        self.create_service(Trigger, "do", self.do)
         self.create_service(Trigger, "release", self.release)
         self.soon = Soon(self, lambda: print("soon in", threading.current_thread().name))
         print("ready")
@@ -42,6 +45,12 @@ class Example(Node):
         return response
     def slow(self, request, response):
         response.success = self.released.wait(30)
+        return response
+    def fail(self, request, response):
+        response.success = True
+        raise RuntimeError("a mistake aside")
+    def do(self, request, response):
+        self.aside.do(lambda: 1 / 0, "a division")
         return response
     def release(self, request, response):
         asking = threading.Thread(target=lambda: [self.soon.ask() for _ in range(5)])
@@ -99,6 +108,20 @@ def test_long_work_of_a_service_does_not_delay_others(ros, example):
     ros.call(Trigger, "release")
     ros.wait_for(waiting.done)
     assert waiting.result().success, "the release came while the work went on"
+    assert process.stop(signal.SIGINT) == 0
+
+
+def test_work_that_fails_is_logged_and_answered(ros, example):
+    process = example("works")
+    answer = ros.call(Trigger, "fail")
+    assert (answer.success, answer.message) == (False, "RuntimeError: a mistake aside")
+    assert ros.call(Empty, "fail_without_fields") == Empty.Response()
+    ros.call(Trigger, "do")
+    ros.wait_for(lambda: "ZeroDivisionError" in process.output())
+    for name in ("fail", "fail_without_fields", "a division"):
+        assert f"{name} failed; the node continues" in process.output()
+    ros.call(Trigger, "release")
+    assert ros.call(Trigger, "slow").success, "the thread continues"
     assert process.stop(signal.SIGINT) == 0
 
 
