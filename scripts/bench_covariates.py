@@ -28,13 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 from smp_forest import run
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
-from soilmoist_ros.mapping.knowledge.earlier import DAY_S, EarlierSurvey
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples
 

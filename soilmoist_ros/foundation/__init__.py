@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.registry import Registry
 
 __all__ = [
+    "DAY_S",
     "Health",
     "IllConditionedError",
     "InputError",
@@ -24,5 +25,8 @@ __all__ = [
     "SoilmoistError",
     "load_model",
 ]
+
+DAY_S = 86_400.0
+"""A day [s]."""
 
 __getattr__ = load_on_use(__name__, __file__)

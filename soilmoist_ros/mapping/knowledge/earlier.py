@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping.samples.samples import Samples
-
-DAY_S = 86_400.0
 
 
 @dataclass(frozen=True, eq=False)

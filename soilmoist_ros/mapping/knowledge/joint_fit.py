@@ -11,12 +11,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping.knowledge.conditioning import LOADINGS, PatternState, SurveyView
-from soilmoist_ros.mapping.knowledge.earlier import DAY_S
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.knowledge.pattern import PatternFeatures
 from soilmoist_ros.mapping.knowledge.shrinkage import effect_variances
-from soilmoist_ros.mapping.kriging.targets import Points
+from soilmoist_ros.mapping.kriging.targets import sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.field_prior import Effect, FieldPrior, Relation
 from soilmoist_ros.mapping.variogram.fit import NoiseModel, VariogramFit
@@ -192,8 +192,7 @@ class JointModel:
     def _at(self, places: Samples) -> Array:
         """Covariates of samples, shape (n, k)."""
         assert self._covariates is not None
-        at = self._covariates.at
-        return Supports(places.xy, places.spread).average(lambda points: at(points).T.copy()).T
+        return Supports(places.xy, places.spread).average_rows(self._covariates.at)
 
     def _conditioned(
         self,
@@ -304,13 +303,9 @@ def view_of(
     :param unit: standard deviation of the coefficient of each feature, shape (r + k,) [counts/s]
     :param rate: rate in the Poisson noise of the samples [counts/s]
     """
-    supports = Supports(places.xy, places.spread)
-
-    def with_points(xy: Array) -> Array:
-        return Points(variogram, places.xy, xy, places.spread).correlation(slice(0, len(xy))).T
-
-    covariance = np.ascontiguousarray(supports.average(with_points)) * variogram.structured_sill
+    covariance = np.ascontiguousarray(sample_correlation(variogram, places.xy, places.spread))
+    covariance *= variogram.structured_sill
     noise = noise_rates(rate, places.xy) / places.exposure_s
     covariance[np.diag_indices(len(places))] += variogram.nugget + noise
-    at = supports.average(lambda points: features(points).T.copy()).T * unit
+    at = Supports(places.xy, places.spread).average_rows(features) * unit
     return SurveyView(places.rate_cps, covariance, np.ascontiguousarray(at))

@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping.kriging.targets import Points
+from soilmoist_ros.mapping.kriging.targets import Points, sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Persistence:
 
     def matrix(self, stamps_s: ArrayLike) -> Array:
         """T for surveys at these times [s], shape (s, s)."""
-        days = np.abs(np.subtract.outer(stamps_s, stamps_s)) / 86_400.0
+        days = np.abs(np.subtract.outer(stamps_s, stamps_s)) / DAY_S
         between = self.share * np.exp(-days / self.decay_days)
         np.fill_diagonal(between, 1.0)
         return np.asarray(between)
@@ -163,7 +163,7 @@ def estimate_persistence(
         chosen.append(index)
     times = np.array([stamps_s[index] for index in chosen])
     stack = _Stack.of(variogram.stationary, [surveys[index] for index in chosen])
-    span_days = float(np.ptp(times)) / 86_400.0
+    span_days = float(np.ptp(times)) / DAY_S
     decays = DECAYS if len(chosen) > 2 and span_days > 0 else DECAYS[:1]
     shares = np.array(PERSISTENCES)
     decays_days = [decay * span_days if span_days else math.inf for decay in decays]
@@ -218,7 +218,7 @@ class _Stack:
     @cached_property
     def _between(self) -> Array:
         """Correlation of the samples as if all were of one survey, shape (n, n)."""
-        return np.ascontiguousarray(Supports(self.xy, self.spread).average(lambda xy: self.correlation_with(xy)))
+        return np.ascontiguousarray(sample_correlation(self.variogram, self.xy, self.spread))
 
     def correlation_with(self, xy: Array) -> Array:
         """Correlation of the samples with points, as if all were of one survey, shape (n, g)."""

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system, target_variance
-from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets
+from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, sample_correlation
 from soilmoist_ros.mapping.samples.samples import (
     NO_SAMPLES,
     Samples,
@@ -34,7 +34,6 @@ from soilmoist_ros.mapping.samples.samples import (
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 
@@ -362,8 +361,7 @@ class PoissonKriging:
 
         first = min(first, known)
         places, n = self._places, len(self._places)
-        later = Supports(places.xy[first:], places.spread[first:])
-        rows = later.average(lambda xy: self._targets(xy).correlation(slice(0, len(xy))).T).T
+        rows = sample_correlation(self.variogram, places.xy, places.spread, first).T
         rows *= self.variogram.structured_sill
         prior, features = self.prior, self._system.features
         if prior is not None:

@@ -112,6 +112,19 @@ class RasterCells:
         return self._variogram.correlation_of_square(square) if self._separable else square
 
 
+def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = None, first: int = 0) -> Array:
+    """Structured correlation of samples with those of them from ``first`` on, shape (n, n - first), new memory.
+
+    :param xy: places of the samples, shape (n, 2) [m]
+    :param spread: their spreads, shape (n, 3) [m^2]; all points if ``None``
+    """
+
+    def with_points(points: Array) -> Array:
+        return Points(variogram, xy, points, spread).correlation(slice(0, len(points))).T
+
+    return Supports(xy[first:], None if spread is None else spread[first:]).average(with_points)
+
+
 def coincident(xy: Array, places_xy: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Targets that lie exactly at a place: their numbers, and the numbers of those (distinct) places."""
     keys = places_xy[:, 0] + 1j * places_xy[:, 1]

@@ -24,12 +24,11 @@ from soilmoist_ros.mapping.kriging.poisson_kriging import JITTER
 from soilmoist_ros.mapping.kriging.raster import check_raster
 from soilmoist_ros.mapping.kriging.sample_tree import Neighbourhood, SampleTree
 from soilmoist_ros.mapping.kriging.system import Progress
-from soilmoist_ros.mapping.kriging.targets import Points, coincident
+from soilmoist_ros.mapping.kriging.targets import Points, coincident, sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import spatial_blocks
-from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
@@ -157,10 +156,7 @@ class _Model:
         """Lower Cholesky factor of the covariance of the samples, including counting noise."""
         from scipy.linalg.lapack import dpotrf
 
-        def correlation(points: Array) -> Array:
-            return Points(self.variogram, xy, points, spread).correlation(slice(0, len(points))).T
-
-        covariance = Supports(xy, spread).average(correlation)
+        covariance = sample_correlation(self.variogram, xy, spread)
         covariance *= self.variogram.structured_sill
         diagonal = covariance.diagonal() + self.variogram.nugget
         diagonal += noise_rates(self.noise_rate, xy) / exposure_s

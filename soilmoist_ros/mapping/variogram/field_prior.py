@@ -84,7 +84,7 @@ class FieldPrior:
         """
         if spread is None or not spread.any():
             return self.features(xy) * self.scale
-        return np.ascontiguousarray(Supports(xy, spread).average(lambda points: self.at(points).T.copy()).T)
+        return np.ascontiguousarray(Supports(xy, spread).average_rows(self.at))
 
     def mean(self, at: Array) -> Array:
         """Prior mean of the rate about the unknown mean of the survey, shape (n,) [counts/s].

@@ -79,6 +79,14 @@ class Supports:
         """
         return self.combine(of_points(points) for _, points, _ in self.layers)
 
+    def average_rows(self, of_points: Callable[[Array], Array]) -> Array:
+        """Averages of a function over the supports, one row for each.
+
+        :param of_points: returns values of shape (m, k) for m points
+        :returns: shape (n, k)
+        """
+        return self.average(lambda points: of_points(points).T.copy()).T
+
     def combine(self, of_layers: Iterable[Array]) -> Array:
         """Averages over the supports, as :meth:`average`, from values at the points of each layer."""
         result = np.empty(0)

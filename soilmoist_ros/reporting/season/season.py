@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field, load_field
@@ -116,7 +117,7 @@ class Season:
         """Day of each survey; days since the first one where the clock has no date."""
         first_s = self.surveys[0].run.survey.stamp_s
         return [
-            date_text(one.run.survey.stamp_s) or f"day {(one.run.survey.stamp_s - first_s) / 86_400:.3g}"
+            date_text(one.run.survey.stamp_s) or f"day {(one.run.survey.stamp_s - first_s) / DAY_S:.3g}"
             for one in self.surveys
         ]
 
@@ -124,7 +125,7 @@ class Season:
     def days(self) -> Array:
         """Time of each survey since the first one [d]."""
         stamps = np.array([one.run.survey.stamp_s for one in self.surveys])
-        return np.asarray((stamps - stamps[0]) / 86_400, float)
+        return np.asarray((stamps - stamps[0]) / DAY_S, float)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from soilmoist_ros.foundation import DAY_S
+
 ALARMS_PER_DAY: Final = 0.1
 """Highest number of false alarms of one kind of check in a day of good records."""
 MAX_PER_RECORD: Final = 1e-3
 """Highest probability of a false alarm of one kind of check in a record, for records of hours."""
-DAY_S: Final = 86400.0
 
 
 def alarm_probability(period_s: float) -> float:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pynmea2
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import read_number
@@ -32,7 +33,6 @@ from soilmoist_ros.sensing.gnss import (
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 
-DAY_S = 86_400.0
 MAX_SENTENCE = 512  # the standard allows 82 characters; receivers send more
 KNOTS_MPS = 1852.0 / 3600.0
 VERTICAL_PER_HORIZONTAL = 2.0  # without GST: usual error of the altitude per error of each coordinate

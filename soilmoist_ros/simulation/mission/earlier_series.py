@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.earlier import DAY_S, EarlierSurvey
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.samples.merging import survey_samples
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.records import CountRecord

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import Variogram
-from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, coincident
+from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, coincident, sample_correlation
 
 X_M, Y_M = np.linspace(0.0, 60.0, 13), np.linspace(30.0, -20.0, 11)
 RNG = np.random.default_rng(8)
@@ -26,3 +26,13 @@ def test_targets_exactly_at_a_place_are_found():
     xy = np.array([[1.0, 2.0], PLACES[4], [3.0, 3.0], PLACES[0], PLACES[4]])
     target, place = coincident(xy, PLACES)
     assert (target.tolist(), place.tolist()) == ([1, 3, 4], [4, 0, 4])
+
+
+def test_correlations_of_samples_are_those_with_the_points_of_their_supports():
+    variogram = Variogram("matern32", 0.0, 20.0, 0.4, 2.0, 33.0)
+    found = sample_correlation(variogram, PLACES, SPREAD)
+    points = Points(variogram, PLACES, PLACES, SPREAD).correlation(slice(0, 9))
+    is_point = ~SPREAD.any(axis=1)
+    np.testing.assert_allclose(found, found.T, atol=1e-12)
+    np.testing.assert_allclose(found[:, is_point], points[is_point].T, atol=1e-12)
+    np.testing.assert_allclose(sample_correlation(variogram, PLACES, SPREAD, 4), found[:, 4:], atol=1e-12)

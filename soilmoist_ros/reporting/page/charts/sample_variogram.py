@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.mapping.kriging.targets import sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.semivariogram import default_edges
@@ -160,12 +161,7 @@ def _one(
 
 def _sample_covariance(variogram: Variogram, places: Samples) -> Array:
     """Covariance of the samples' true rates, averaged over their supports."""
-    supports = Supports(places.xy, places.spread)
-
-    def towards(points: Array) -> Array:
-        return supports.average(lambda own: _correlation(variogram, points[:, None] - own)).T
-
-    smooth = Supports(places.xy, places.spread).average(towards)
+    smooth = sample_correlation(variogram, places.xy, places.spread)
     stationary = variogram.structured_sill * smooth + variogram.nugget * np.eye(len(places))
     return variogram.modulated(np.asarray(stationary), places.xy, places.xy)
 
