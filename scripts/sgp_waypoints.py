@@ -14,7 +14,6 @@ and writes the way-points. The functions run in the environment of the project.
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +76,7 @@ def waypoints(python: str, field: SurrogateField, variogram: Variogram, count: i
     :param exposure_s: time that the robot is going to count at each [s]; determines the noise
     :raises InputError: if SGP-Tools cannot be run
     """
-    from soilmoist_ros.foundation.errors import InputError
+    from other_python import run_in
 
     cells = field.field.grid(None).cells
     problem = {
@@ -88,14 +87,7 @@ def waypoints(python: str, field: SurrogateField, variogram: Variogram, count: i
         "noise": float(field.rate_at(cells).mean()) / exposure_s + variogram.nugget,
     }
     remedy = "python3 -m venv sgp && sgp/bin/pip install sgptools, then --sgp sgp/bin/python"
-    try:
-        done = subprocess.run([python, __file__], input=json.dumps(problem), capture_output=True, text=True)
-    except OSError as error:
-        raise InputError(f"{python} cannot be run: {error.strerror}", remedy) from None
-    if done.returncode:
-        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise InputError(f"SGP-Tools failed in {python}: {reason}", remedy)
-    return np.array(json.loads(done.stdout.splitlines()[-1]), float)
+    return np.array(run_in(python, __file__, problem, "SGP-Tools", remedy), float)
 
 
 if __name__ == "__main__":

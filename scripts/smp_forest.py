@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import json
 import random
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -83,17 +82,10 @@ def run(python: str, problem: dict[str, Any] | None = None) -> Any:
     :param problem: as :func:`forest`; ``None`` for the folder of the example data
     :raises InputError: if the tool cannot be run
     """
-    from soilmoist_ros.foundation.errors import InputError
+    from other_python import run_in
 
     remedy = "python3 -m venv smp && smp/bin/pip install soil-moisture-prediction, then --smp smp/bin/python"
-    try:
-        done = subprocess.run([python, __file__], input=json.dumps(problem), capture_output=True, text=True)
-    except OSError as error:
-        raise InputError(f"{python} cannot be run: {error.strerror}", remedy) from None
-    if done.returncode:
-        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise InputError(f"soil-moisture-prediction failed in {python}: {reason}", remedy)
-    return json.loads(done.stdout.splitlines()[-1])
+    return run_in(python, __file__, problem, "soil-moisture-prediction", remedy)
 
 
 if __name__ == "__main__":
