@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+USUAL_NODATA = (-9999.0, -99999.0, -32768.0)
+"""Values that mean a gap by convention, where a file does not declare one."""
+MAX_VALUE = 1e30
+"""Magnitude from which a value is a gap, as -3.4e38 and infinity are."""
+
 
 class RasterBands:
     """The bands of an open raster file.
@@ -78,13 +83,24 @@ class RasterBands:
     def on(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array) -> Array:
         """A band at square cells, NaN where it has no value, shape (ny, nx).
 
-        Interpolated linearly; where its pixels are smaller than the cells, averaged over them.
+        Interpolated linearly; where its pixels are smaller than the cells, averaged over them. Where the file does
+        not declare a value for gaps, the usual ones are gaps.
 
         :param number: number of the band, from 1
         :param frame: plane of the field
         :param x_m: centres of the columns, ascending, evenly spaced [m]
         :param y_m: centres of the rows, ascending, with the same spacing [m]
         """
+        nodata = self._source.nodatavals[number - 1]
+        values = self._warped(number, frame, x_m, y_m, nodata)
+        if nodata is None and (gaps := [usual for usual in USUAL_NODATA if (values == usual).any()]):
+            values = self._warped(number, frame, x_m, y_m, gaps[0])
+        values[~(np.abs(values) < MAX_VALUE)] = np.nan
+        scale, offset = self._source.scales[number - 1], self._source.offsets[number - 1]
+        return values * float(scale) + float(offset)
+
+    def _warped(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array, nodata: float | None) -> Array:
+        """A band as it is stored, at square cells."""
         import rasterio
         from rasterio.transform import Affine
         from rasterio.warp import Resampling, reproject
@@ -96,7 +112,7 @@ class RasterBands:
             reproject(
                 rasterio.band(self._source, number),
                 values,
-                src_nodata=self._source.nodatavals[number - 1],
+                src_nodata=nodata,
                 dst_transform=corner,
                 dst_crs=frame.crs.to_wkt(),
                 dst_nodata=np.nan,
@@ -108,8 +124,7 @@ class RasterBands:
             raise InputError(
                 f"cannot be moved to the field: {error}", "export it again from a GIS", self.path
             ) from None
-        scale, offset = self._source.scales[number - 1], self._source.offsets[number - 1]
-        return values * float(scale) + float(offset)
+        return values
 
 
 @contextmanager

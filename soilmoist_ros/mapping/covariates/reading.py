@@ -51,7 +51,8 @@ def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid:
         rasters += layers.values()
     repeated = [name for name, count in Counter(names).items() if count > 1]
     if repeated:
-        mistakes.append(Mistake(f"two covariates have the name {repeated[0]!r}", "give one a 'name' of its own"))
+        remedy = "leave one out, or name one by 'name' under covariates in the field file"
+        mistakes.append(Mistake(f"two covariates have the name {repeated[0]!r}", remedy))
     if mistakes:
         raise InputError(mistakes)
     return Covariates.over(grid, names, np.array(rasters)) if names else None

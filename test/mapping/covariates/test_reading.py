@@ -83,6 +83,16 @@ def test_nodata_is_missing_and_outside_the_raster_too(tmp_path):
     assert np.abs(found.layers[0][GRID.mask & np.isfinite(found.layers[0])]).max() < 10  # no trace of -9999
 
 
+@pytest.mark.parametrize("gap", [-9999.0, -99999.0, -32768.0, -3.4e38, np.inf, np.nan])
+def test_gaps_that_a_file_does_not_declare(tmp_path, gap):
+    path = write_raster(tmp_path / "half.tif", function=lambda x, y: np.where(x > 30, surface(x, y), gap))
+    found = read(path)
+    assert coverage(found, GRID)["half"] == pytest.approx(0.5, abs=0.07)
+    east = GRID.mask & np.isfinite(found.layers[0])
+    places = GRID.to_raster(np.arange(len(GRID.cells)))[east].astype(int)
+    np.testing.assert_allclose(found.layers[0][east], standardised(surface(*GRID.cells[places].T)), atol=0.05)
+
+
 def test_bands_by_number_and_name(tmp_path):
     bands = (surface, lambda x, y: y, lambda x, y: x)
     path = write_raster(tmp_path / "many.tif", function=bands, names=("ndvi", "", "clay"))
