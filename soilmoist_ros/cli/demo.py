@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import report_errors
-from soilmoist_ros.cli.options.covariate_option import covariate_option
-from soilmoist_ros.cli.options.earlier_option import earlier_option
+from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
 from soilmoist_ros.cli.replay import print_replay

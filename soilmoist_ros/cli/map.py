@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
-from soilmoist_ros.cli.options.covariate_option import covariate_option
-from soilmoist_ros.cli.options.earlier_option import earlier_option
+from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
-from soilmoist_ros.cli.options.reference_option import reference_option
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:

@@ -10,10 +10,8 @@ import click
 
 from soilmoist_ros.cli.bag import play
 from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_error, report_errors
-from soilmoist_ros.cli.options.covariate_option import covariate_option
-from soilmoist_ros.cli.options.earlier_option import earlier_option
+from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output, reported_failure
-from soilmoist_ros.cli.options.reference_option import reference_option
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.console import progress_bar, rate_error, report_errors
-from soilmoist_ros.cli.options.covariate_option import covariate_option
-from soilmoist_ros.cli.options.earlier_option import earlier_option
+from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 

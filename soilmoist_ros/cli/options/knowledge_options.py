@@ -1,0 +1,45 @@
+"""Options on what is known of the field already: earlier surveys, covariates, a reference sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import click
+
+from soilmoist_ros.cli.console import FILE
+
+Command = Callable[..., None]
+
+
+def earlier_option(more: str = "") -> Callable[[Command], Command]:
+    """Add ``--earlier``; the command receives the paths as ``earlier``.
+
+    :param more: text that follows in the help
+    """
+    text = (
+        "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
+        f"of runs. Repeatable.{more}"
+    )
+    return click.option("--earlier", "earlier", type=FILE, multiple=True, metavar="RUN", help=text)
+
+
+def covariate_option(more: str = "") -> Callable[[Command], Command]:
+    """Add ``--covariate``; the command receives the texts as ``covariates``.
+
+    :param more: text that follows in the help
+    """
+    text = (
+        "Raster that may explain the map, such as relief or a satellite image. BAND is a number, a name, or "
+        "what is derived from elevations: elevation, slope, aspect, curvature, wetness. Or polygons of a soil "
+        f"map, whose attribute is BAND. Repeatable.{more}"
+    )
+    return click.option("--covariate", "covariates", multiple=True, metavar="FILE[:BAND]", help=text)
+
+
+def reference_option(command: Command) -> Command:
+    """Add ``--reference``; the command receives the path as ``reference``."""
+    text = (
+        "Log of a stationary neutron sensor at the field, which counted during the survey. Its changes correct "
+        "the counts to the end of the survey. The site file is used for both."
+    )
+    return click.option("--reference", type=FILE, metavar="LOG", help=text)(command)
