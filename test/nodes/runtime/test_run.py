@@ -95,7 +95,9 @@ def test_a_failing_callback_does_not_end_it(ros, example):
     ros.wait_for(client.service_is_ready)
     client.call_async(Trigger.Request())
     ros.wait_for(lambda: "a callback failed; the node continues" in process.output())
-    ros.call(Trigger, "end")
+    end = ros.node.create_client(Trigger, "end")
+    ros.wait_for(end.service_is_ready)
+    end.call_async(Trigger.Request())  # the process may end before its answer is out
     assert process.wait() == 0
     assert "RuntimeError: a mistake" in process.output()
 
