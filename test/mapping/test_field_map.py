@@ -13,6 +13,7 @@ from soilmoist_ros.mapping.field_map import (
     MANY_SAMPLES,
     RECENT,
     REFIT_GROWTH,
+    SEARCH_GROWTH,
     FieldMap,
     FieldMapSettings,
 )
@@ -105,8 +106,9 @@ def test_the_map_is_that_of_the_samples_at_once():
     fit = estimate_variogram(
         samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, local_noise=True
     )
-    expected = make_soil_map(samples, GRID, fit, CURVE)
     found = the_map.compute(the_map.state)
+    assert found.variogram.range_m == pytest.approx(fit.variogram.range_m, rel=1e-4)  # two ways to one peak
+    expected = make_soil_map(samples, GRID, found.fit, CURVE)
     np.testing.assert_array_equal(samples.xy, places)
     for band, wanted in zip(found.bands, expected.bands, strict=True):
         np.testing.assert_allclose(band, wanted, rtol=1e-9)
@@ -135,7 +137,7 @@ def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, da
 def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
     rng = np.random.default_rng(3)
     the_map = field_map(merge_radius_m=0.0)
-    for x_m, y_m in rng.uniform((0, 0), (60, 50), (MANY_SAMPLES + 10, 2)).tolist():
+    for x_m, y_m in rng.uniform((0, 0), (60, 50), (110, 2)).tolist():
         the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(40))))
     first = the_map.compute(the_map.state)
     the_map.add(record(30.0, 30.0, raw_counts=90))
@@ -189,18 +191,20 @@ def test_the_variogram_is_never_far_behind(stops):
 
 def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
     the_map = field_map()
-    fits = []
+    fits, searches = [], []
     for _ in range(1000):
         the_map.add(record())
         fits.append(the_map.state.fit_samples)
-    assert len(set(fits[:49])) == 49
+        searches.append(the_map.state.search_samples)
+    assert len(set(fits[:20])) == 20
     assert len(set(fits[500:])) <= 1 + math.log(2) / math.log(1 + REFIT_GROWTH)
+    assert len(set(searches[500:])) <= 2 + math.log(2) / math.log(1 + SEARCH_GROWTH)
 
 
 def test_from_many_samples_on_the_variogram_is_fitted_less_often():
     the_map = field_map(merge_radius_m=0.0)
     fitted = []
-    for number in range(2 * MANY_SAMPLES):
+    for number in range(3 * MANY_SAMPLES):
         the_map.add(record(number % 50, number // 50, stamp_s=100.0 * number))
         fitted.append(len(the_map.state.fit_samples))
     numbers = np.unique(fitted)
@@ -208,6 +212,20 @@ def test_from_many_samples_on_the_variogram_is_fitted_less_often():
     assert np.diff(few).max() <= math.ceil(REFIT_GROWTH * MANY_SAMPLES) + 1
     assert (np.diff(many) > LATER_REFIT_GROWTH * many[:-1]).all()
     assert many[-1] >= len(the_map.state.samples) / (1 + LATER_REFIT_GROWTH)
+
+
+def test_between_searches_a_fit_has_the_direction_of_the_last_one():
+    rng = np.random.default_rng(5)
+    the_map, directions = field_map(merge_radius_m=0.0), {}
+    for x_m, y_m in rng.uniform((0, 0), (60, 50), (60, 2)).tolist():
+        the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(40 + 15 * math.sin(x_m / 5)))))
+        variogram = the_map.fit(the_map.state).variogram
+        found = directions.setdefault(id(the_map.state.search_samples), variogram)
+        assert (variogram.anisotropy, variogram.angle_deg) == (found.anisotropy, found.angle_deg)
+    assert variogram.anisotropy > 1
+    samples = the_map.state.fit_samples
+    alone = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m).variogram
+    assert variogram.range_m == pytest.approx(alone.range_m, rel=0.2)
 
 
 def test_soft_l1_waits_for_two_places():

@@ -24,6 +24,8 @@ from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.kriging.targets import coincident
+from soilmoist_ros.mapping.soil_map import SoilMap
 
 Array = NDArray[np.float64]
 _ON_THE_WAY_TOO = Counting()
@@ -189,7 +191,7 @@ class Explorer:
         return Situation(
             candidates=candidates,
             candidates_xy=candidates_xy,
-            variance=_sum(each.weight * self._variance(each.field_map, kept) for each in maps),
+            stop_variance=lambda: _sum(each.weight * self._variance(each.field_map, kept) for each in maps),
             map_variance=_sum(each.weight * each.field_map.variance for each in maps)
             if known_rate
             else np.ones(len(counted.variance)),
@@ -253,11 +255,21 @@ class Explorer:
         places, models = self._xy[numbers], []
         shapes = [self._shape(each) for each in maps]
         for each, shape in zip(maps, shapes, strict=True):
-            if each.field_map.kriging is None:
+            field_map = each.field_map
+            if field_map.soil_map is None:
                 return None
             # Moisture has another unit than the rate: all shapes get the mean of the first.
             weights = each.weight * (shape * (shapes[0].mean() / shape.mean()))
-            models.append(PlanningModel(each.field_map.kriging, self._cells_xy, weights, places, each.factor))
+            models.append(
+                PlanningModel(
+                    field_map.soil_map,
+                    self._cells_xy,
+                    weights,
+                    places,
+                    each.factor,
+                    cell_variance=self._smooth_variance(field_map.soil_map, field_map.variance),
+                )
+            )
         models[0].others = tuple(models[1:])
         stops = tuple(self.stops[number] for number in numbers.tolist())
         staying = self._row(request.staying, numbers)
@@ -310,9 +322,20 @@ class Explorer:
     def _shape(self, of: Property) -> Array:
         """Relative weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
         weights = np.full(len(self._cells_xy), 1 / len(self._cells_xy))
-        if of.curve is not None and of.field_map.kriging is not None:
-            weights = weights * of.curve.weight(of.field_map.kriging.predict(self._cells_xy)[0])
+        if of.curve is not None and of.field_map.soil_map is not None:
+            weights = weights * of.curve.weight(of.field_map.rate[self._cells])
         return weights
+
+    def _smooth_variance(self, soil_map: SoilMap, variance: Array) -> Array | None:
+        """Variance of the smooth rate at the cells that represent the field, from that of all cells of a map.
+
+        :returns: ``None`` if a cell shares the micro-scale variation of a sample exactly there
+        """
+        if not soil_map.keep_nugget or len(coincident(self._cells_xy, soil_map.samples.xy)[0]):
+            return None
+        amplitude = soil_map.variogram.amplitude_at(self._cells_xy)
+        nugget = soil_map.variogram.nugget * (1.0 if amplitude is None else amplitude**2)
+        return np.asarray(np.maximum(variance[self._cells] - nugget, 0.0))
 
     def _few_stops(self) -> NDArray[np.bool_]:
         """Stops that are compared: all, or an even selection of them."""
@@ -325,10 +348,11 @@ class Explorer:
         return chosen
 
     def _variance(self, field_map: FieldMap, kept: NDArray[np.intp]) -> Array:
-        if field_map.kriging is None:
+        if field_map.soil_map is None:
             return np.ones(len(kept))
         if self._stops_are_cells:
             return field_map.variance[kept]
+        assert field_map.kriging is not None
         return field_map.kriging.predict(self._xy[kept])[1]
 
     def _way_home_s(self, kept_s: Callable[[tuple[float, float]], float] | None) -> Array:

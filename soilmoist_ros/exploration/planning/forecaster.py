@@ -75,7 +75,7 @@ class Forecaster:
         if used_s < self._due_s or left_s <= 0:
             return None
         self._due_s = used_s + max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
-        if of.field_map.kriging is None:
+        if of.field_map.soil_map is None:
             rate_cps = self._nominal_rate_cps
             slope = None if of.curve is None else math.sqrt(float(of.curve.weight([rate_cps])[0]))
             return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope)
@@ -86,7 +86,7 @@ class Forecaster:
 
     def achieved(self, of: Property) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""
-        return None if of.field_map.kriging is None else map_forecast(of, self._cells_xy, 0.0)
+        return None if of.field_map.soil_map is None else map_forecast(of, self._cells_xy, 0.0)
 
     def _hidden(self, of: Property) -> float | None:
         """Upper limit of the variation, ``None`` if differences were found or may be hidden."""

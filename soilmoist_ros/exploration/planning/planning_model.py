@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
+from soilmoist_ros.mapping.soil_map import SoilMap
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
@@ -66,40 +67,60 @@ class PlanningModel:
 
     The nodes are the cells, followed by the stops that are not cells.
 
-    :param kriging: kriging of all samples so far
+    :param kriging: kriging of all samples so far, or the map of them; its kriging is made when first needed
     :param cells_xy: cells over which the variance is integrated, shape (g, 2) [m]
     :param weight: omega of each cell, shape (g,): ``1/g`` for a map of the rate
     :param stops_xy: candidates, shape (k, 2) [m]
     :param factor: product of the correction factors now: ``raw rate = rate / factor`` [-]
     :param others: models of further properties over the same cells and stops; their weights are scaled so that
         the integrated variances add up
+    :param cell_variance: variance of the smooth rate at each cell where it is known, shape (g,) [(counts/s)^2]
     """
 
     def __init__(
         self,
-        kriging: PoissonKriging,
+        kriging: PoissonKriging | SoilMap,
         cells_xy: Array,
         weight: Array,
         stops_xy: Array,
         factor: float = 1.0,
         others: Sequence[PlanningModel] = (),
+        cell_variance: Array | None = None,
     ) -> None:
         away, nearest = _nearest_cells(cells_xy.tobytes(), stops_xy.tobytes())
         own = away > _SAME_M
+        self._map = kriging
         self._cells = len(cells_xy)
         self.stop_nodes: Indices = np.where(own, self._cells + np.cumsum(own) - 1, nearest)
         self._nodes = np.vstack([cells_xy, stops_xy[own]])
         self.weight = weight
-        self.covariance = kriging.covariance(self._nodes)
-        # The micro-scale variance at each node: where the rate varies more, so does it within a place.
-        self.nugget = np.full(len(self._nodes), kriging.variogram.nugget)
-        amplitude = kriging.variogram.amplitude_at(self._nodes)
-        self.is_uneven = amplitude is not None
-        if amplitude is not None:
-            self.nugget *= amplitude**2
+        self.is_uneven = kriging.variogram.amplitude is not None
         self.factor = factor
         self.others = tuple(others)
-        self.rate = np.maximum(kriging.predict(self._nodes)[0], MIN_RATE_CPS)
+        self._cell_variance = cell_variance
+
+    @cached_property
+    def _kriging(self) -> PoissonKriging:
+        kriging = self._map.kriging if isinstance(self._map, SoilMap) else self._map
+        assert isinstance(kriging, PoissonKriging)
+        return kriging
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Posterior covariance of the nodes."""
+        return self._kriging.covariance(self._nodes)
+
+    @cached_property
+    def nugget(self) -> Array:
+        """Micro-scale variance at each node: where the rate varies more, so does it within a place."""
+        variogram = self._map.variogram
+        nugget, amplitude = np.full(len(self._nodes), variogram.nugget), variogram.amplitude_at(self._nodes)
+        return nugget if amplitude is None else nugget * amplitude**2
+
+    @cached_property
+    def rate(self) -> Array:
+        """Rate expected at each node [counts/s]."""
+        return np.maximum(self._kriging.predict(self._nodes)[0], MIN_RATE_CPS)
 
     @property
     def cells_xy(self) -> Array:
@@ -109,6 +130,8 @@ class PlanningModel:
     @property
     def cell_variance(self) -> Array:
         """Variance of the smooth rate at each cell, shape (g,) [(counts/s)^2]."""
+        if self._cell_variance is not None:
+            return self._cell_variance
         return np.maximum(np.diag(self.covariance)[: self._cells], 0.0)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -24,7 +25,7 @@ class Situation:
 
     :param candidates: stops that may be chosen, without the blacklisted ones
     :param candidates_xy: their places [m], shape (k, 2)
-    :param variance: kriging variance at each candidate [(counts/s)^2], shape (k,)
+    :param stop_variance: computes :attr:`variance`
     :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,)
     :param map_xy: centres of these cells [m], shape (g, 2)
     :param cell_m: size of the cells [m]
@@ -50,7 +51,7 @@ class Situation:
 
     candidates: tuple[Stop, ...]
     candidates_xy: Array
-    variance: Array
+    stop_variance: Callable[[], Array]
     map_variance: Array
     map_xy: Array
     cell_m: float
@@ -68,6 +69,11 @@ class Situation:
     travel_cost_s: Array | None = None
     staying: int | None = None
     legs_s: Callable[[NDArray[np.intp]], Array] | None = None
+
+    @cached_property
+    def variance(self) -> Array:
+        """Kriging variance at each candidate [(counts/s)^2], shape (k,)."""
+        return self.stop_variance()
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,6 +147,7 @@ def estimate_variogram(
     box: Box | None = None,
     others: Sequence[Samples] = (),
     effects: Sequence[Array] | None = None,
+    like: VariogramFit | None = None,
 ) -> VariogramFit:
     """Fit a variogram of the latent rate to counts.
 
@@ -180,6 +181,8 @@ def estimate_variogram(
     :param others: samples of other surveys at distinct places, whose rates have the same variogram and a mean of
         their own; soft_l1 ignores them
     :param effects: known further structure of each survey, as in :class:`Surveys`, where ``xy`` has no place twice
+    :param like: fit to fewer of the samples, for a quick one: the search begins at it, its direction is used, and
+        the variance differs from place to place only if it does there; soft_l1 ignores it
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
     correlation_model(model)
@@ -195,7 +198,7 @@ def estimate_variogram(
         fit = _fit_soft_l1(places, model, bins)
         return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
     surveys = Surveys((places, *others), None if effects is None else tuple(effects))
-    return _fit_reml(surveys, model, bins, extent_m, anisotropy, local_noise, box)
+    return _fit_reml(surveys, model, bins, extent_m, anisotropy, local_noise, box, like)
 
 
 def _fit_reml(
@@ -206,11 +209,13 @@ def _fit_reml(
     anisotropy: bool,
     local_noise: bool,
     box: Box | None,
+    like: VariogramFit | None,
 ) -> VariogramFit:
     """Restricted maximum likelihood."""
     places = surveys.samples[0]
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    estimate = maximise_reml(surveys, model, extent, anisotropy)
+    begin = None if like is None else like.stationary
+    estimate = maximise_reml(surveys, model, extent, anisotropy, begin)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     fit = VariogramFit(
         estimate.variogram,
@@ -225,6 +230,9 @@ def _fit_reml(
         *bins.columns,
         local_rate,
     )
+    if like is not None and like.variogram.amplitude is None:
+        stays = None if like.local is None else replace(like.local, stationary=estimate.variogram)
+        return replace(fit, local=stays)
     rate = local_rate or noise_rate(places)
     found = None if box is None else fit_amplitude(places, estimate.variogram, estimate.mode, rate, box, extent)
     return fit if found is None else replace(fit, variogram=found[0], local=found[1])

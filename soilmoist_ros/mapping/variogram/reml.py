@@ -101,6 +101,11 @@ class Prior:
         ]
         return cls(np.log(medians), np.array([1.0, 1.0, 1.5]))
 
+    def position(self, variogram: Variogram) -> Array:
+        """A variogram in prior standard deviations from the medians, shape (3,)."""
+        parameters = np.array([variogram.structured_sill, variogram.range_m, variogram.nugget])
+        return np.asarray((np.log(np.maximum(parameters, 1e-300)) - self.log_median) / self.log_sd)
+
 
 def _variance_without_noise(places: Samples, mean_rate: float) -> float:
     """Sample variance of the rates minus the counting variance [(counts/s)^2], >= 0.
@@ -280,7 +285,11 @@ class _Block(NamedTuple):
 
 
 def maximise_reml(
-    places: Samples | Surveys, model: ModelName, extent_m: float, anisotropy: bool = True
+    places: Samples | Surveys,
+    model: ModelName,
+    extent_m: float,
+    anisotropy: bool = True,
+    like: Variogram | None = None,
 ) -> RemlEstimate:
     """Variogram under the restricted likelihood and :class:`Prior`.
 
@@ -306,19 +315,15 @@ def maximise_reml(
     :param model: name of the variogram model
     :param extent_m: extent of the field for the prior of the range [m], > 0
     :param anisotropy: whether the range may depend on the direction
+    :param like: variogram fitted to fewer of the samples: its direction is used, and the search begins at it
     """
     surveys = places if isinstance(places, Surveys) else Surveys((places,))
     prior = Prior.of(surveys.samples[0], model, extent_m, surveys.samples[1:])
-    best = isotropic = _Peak.climb(surveys, model, prior, _starts(surveys, model, prior))
-    if anisotropy and len(surveys) >= MIN_ANISOTROPIC:
-        for _ in range(2):  # again at the peak for the first direction
-            direction = _mean_direction(surveys, model, prior, best.u)
-            if direction == best.direction:
-                break
-            best = _Peak.climb(surveys, model, prior, [best.u], direction)
-            if best.cost >= isotropic.cost:  # the subset misled
-                best = isotropic
-                break
+    if like is None:
+        best = _highest_peak(surveys, model, prior, anisotropy)
+    else:
+        direction = (like.anisotropy, like.angle_deg)
+        best = _Peak.climb(surveys, model, prior, [prior.position(like)], direction)
     covariance = _laplace_covariance(best.slope, best.u, best.gradient)
     structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.u)
     mean = np.exp(0.5 * prior.log_sd**2 * covariance)  # of a log-normal variable, in units of its median
@@ -331,6 +336,20 @@ def maximise_reml(
         best.converged,
         "converged" if best.converged else "the optimiser did not come to rest",
     )
+
+
+def _highest_peak(surveys: Surveys, model: ModelName, prior: Prior, anisotropy: bool) -> _Peak:
+    """The highest peak of several starts, and of a direction if the counts tell one."""
+    best = isotropic = _Peak.climb(surveys, model, prior, _starts(surveys, model, prior))
+    if anisotropy and len(surveys) >= MIN_ANISOTROPIC:
+        for _ in range(2):  # again at the peak for the first direction
+            direction = _mean_direction(surveys, model, prior, best.u)
+            if direction == best.direction:
+                break
+            best = _Peak.climb(surveys, model, prior, [best.u], direction)
+            if best.cost >= isotropic.cost:  # the subset misled
+                return isotropic
+    return best
 
 
 @dataclass(frozen=True, eq=False)

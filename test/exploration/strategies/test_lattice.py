@@ -30,7 +30,7 @@ def situation(
     return Situation(
         candidates=STOPS,
         candidates_xy=PLACES,
-        variance=np.full(len(PLACES), np.nan),
+        stop_variance=lambda: np.full(len(PLACES), np.nan),
         map_variance=np.ones(len(PLACES)),
         map_xy=PLACES,
         cell_m=5.0,

@@ -41,7 +41,7 @@ def situation(
     return Situation(
         candidates=stops,
         candidates_xy=places,
-        variance=np.asarray(variance, float),
+        stop_variance=lambda: np.asarray(variance, float),
         map_variance=np.asarray(variance if len(variance) == len(PLACES) else HILLS, float),
         map_xy=PLACES,
         cell_m=5.0,
@@ -256,7 +256,7 @@ def test_adaptive_sampling_drops_exactly_the_targets_below_the_threshold(preset)
         variance[int(stop.name[1:])] = below + (-1e-6 if stop.name in low else 1e-6)
     # nothing new can be drawn: all other candidates are out of reach, so that what is left was kept
     travel = np.where([f"p{i}" in queued for i in range(120)], now.travel_s, np.inf)
-    later = after(now, variance=variance, map_variance=HILLS, travel_s=travel, measured_xy=PLACES)
+    later = after(now, stop_variance=lambda: variance, map_variance=HILLS, travel_s=travel, measured_xy=PLACES)
     strategy.preset = Preset(
         "strict", 3, 1000.0, 0.9, PRESETS[preset].drop_below_sd, PRESETS[preset].samples_per_hour
     )
