@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
+from soilmoist_ros.cli.console import (
+    FILE,
+    VariogramModel,
+    print_knowledge,
+    print_notes,
+    progress_bar,
+    report_errors,
+)
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 from soilmoist_ros.simulation.mission.settings import PRESETS
@@ -154,7 +161,8 @@ def _print_summary(run: MapRun) -> None:
         click.echo(f"moisture   mean {mean:.3f}{interval} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}")
     if soil_map.accuracy is not None:
         click.echo(f"kriging    {soil_map.accuracy}")
-    _print_notes(run)
+    print_knowledge(run)
+    print_notes(run)
 
 
 def _print_place(run: MapRun) -> None:
@@ -171,11 +179,4 @@ def _print_place(run: MapRun) -> None:
         steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
         click.echo(f"moisture   mean {mean.vwc:.3f} m3/m3, 90 % interval {mean.vwc_p05:.3f} to {mean.vwc_p95:.3f}")
         click.echo(f"           {low:.3f} to {high:.3f} over time, in {steps}")
-    _print_notes(run)
-
-
-def _print_notes(run: MapRun) -> None:
-    from soilmoist_ros.reporting.page.notes import notes
-
-    for note in notes(run):
-        click.echo(f"warning    {note}")
+    print_notes(run)

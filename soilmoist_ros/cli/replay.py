@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.bag import play
-from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.console import (
+    FILE,
+    VariogramModel,
+    print_knowledge,
+    print_notes,
+    progress_bar,
+    rate_error,
+    report_errors,
+)
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output, reported_failure
 from soilmoist_ros.foundation.errors import InputError
@@ -147,4 +155,6 @@ def print_replay(replay: Replay) -> None:
         if run.truth_rate is not None:
             score = truth_score(run.soil_map, run.truth_rate)
             click.echo(f"rate       {rate_error(score.rmse**2, score.coverage95)}")
+        print_knowledge(run)
         click.echo(f"map        {comparison.message}")
+        print_notes(run)

@@ -37,7 +37,7 @@ def write_mission(
     result: MissionResult,
     crs: CRS | str | int | None = None,
     created_utc: datetime | None = None,
-    earlier: Mapping[str, Sequence[EarlierRun]] = _NO_RUNS,
+    run: MapRun | None = None,
 ) -> list[Path]:
     """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv``,
     ``series.csv``, ``visits.csv``.
@@ -49,13 +49,13 @@ def write_mission(
     :param result: the mission
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
     :param created_utc: creation time of the outputs; default now
-    :param earlier: finished runs that informed the maps, by name of the property
+    :param run: what :func:`mission_run` made of the mission, if known
     :returns: the paths written; those of simulated earlier surveys are folders of runs
     :raises InputError: if the folder cannot be written
     """
-    created = created_utc or datetime.now(UTC)
+    created = created_utc or (run.created_utc if run else datetime.now(UTC))
     if result.soil_map is not None:
-        written = write_outputs(folder, mission_run(result, created, earlier), crs)
+        written = write_outputs(folder, run or mission_run(result, created), crs)
         return [*written, *_write_series(folder, result, crs, created)]
     return write_failed(folder, failed_mission(result, created))
 
@@ -123,10 +123,13 @@ def _write_series(
 
 
 def mission_run(
-    result: MissionResult, created_utc: datetime, earlier: Mapping[str, Sequence[EarlierRun]] = _NO_RUNS
+    result: MissionResult,
+    created_utc: datetime | None = None,
+    earlier: Mapping[str, Sequence[EarlierRun]] = _NO_RUNS,
 ) -> MapRun:
     """A simulated mission as a mapping run.
 
+    :param created_utc: creation time of its outputs; default now
     :param earlier: finished runs that informed the maps, by name of the property
     :raises ValueError: if the mission has no map
     """
@@ -137,7 +140,7 @@ def mission_run(
     run = MapRun(
         soil_map=result.soil_map,
         frame=result.frame,
-        created_utc=created_utc,
+        created_utc=created_utc or datetime.now(UTC),
         track=result.records,
         title="Simulated soil moisture mission",
         field_name=result.field_title or settings.field_name,

@@ -152,6 +152,7 @@ class NoteCode(StrEnum):
     PRIOR_MATTERED = "prior_mattered"
     NOT_CONVERGED = "not_converged"
     COVARIATE_GAPS = "covariate_gaps"
+    DOUBTFUL_EARLIER = "doubtful_earlier"
     RATE_CHANGED = "rate_changed"
     RAIN_LIKELY = "rain_likely"
 

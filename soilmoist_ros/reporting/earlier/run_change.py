@@ -27,6 +27,7 @@ class RunChange:
     :param means: change of the field's mean rate since each earlier survey [counts/s], by its name
     :param sd: standard deviation of the smooth rate of a cell, typical of the map [counts/s]
     :param sd_alone: what it would be without the earlier surveys [counts/s]
+    :param backwards: whether ``since`` is later than the present survey, because none is earlier
     """
 
     since: EarlierRun
@@ -35,6 +36,7 @@ class RunChange:
     means: dict[str, Estimate]
     sd: float
     sd_alone: float
+    backwards: bool = False
 
 
 def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun]) -> RunChange | None:
@@ -69,4 +71,4 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
     alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
     sd, sd_alone = (math.sqrt(float(one.predict(some, 0)[1].mean())) for one in (kriging, alone))
     change = field_change(kriging, soil_map.grid, 0, 1, soil_map.curve)
-    return RunChange(used[0], change, persistence, means, sd, sd_alone)
+    return RunChange(used[0], change, persistence, means, sd, sd_alone, not before)

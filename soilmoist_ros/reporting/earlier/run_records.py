@@ -90,7 +90,7 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
         names = [str(one["name"]) for one in about.get("properties") or ()]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"is not the summary of a mapped run: {error!r}", "make the run again", path / SUMMARY
+            f"is not the summary of a mapped run: {_why(error)}", "make the run again", path / SUMMARY
         ) from None
     first = names[0] if names else ""
     if name in names[1:]:
@@ -115,6 +115,10 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
         float(calibration["n0_cps"]) if calibration and calibration.get("n0_cps") else None,
         {row["name"]: row.get("parameters") or {} for row in rows} if rows else None,
     )
+
+
+def _why(error: Exception) -> str:
+    return f"{error} is missing" if isinstance(error, KeyError) else str(error)
 
 
 def _of_bag(path: Path, name: str) -> RunRecords | None:

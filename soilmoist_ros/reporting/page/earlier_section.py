@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import RunChange
 from soilmoist_ros.reporting.page import numbers
 from soilmoist_ros.reporting.run import MapRun
@@ -96,21 +97,34 @@ def contribution(found: RunChange) -> str:
 def change_text(found: RunChange) -> str:
     """What has changed since the latest earlier survey, in sentences."""
     drier, wetter = found.change.shares
-    since = f"{found.since.survey.name}{f' of {found.since.date}' if found.since.date else ''}"
-    mean = found.change.mean_vwc
-    if mean is not None:
-        low, high = (100 * value for value in mean.interval95)
-        amount = (
-            f"the mean moisture has changed by {100 * mean.value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
-        )
-    else:
-        amount = f"the mean rate has changed by {_rate(found.change.mean_rate)}"
+    kind = "rate" if found.change.mean_vwc is None else "moisture"
+    amount = f"the mean {kind} has changed by {change_amount(found)}"
+    since = change_since(found)
     return (
-        f"Since the survey {since}, {amount}. {numbers.percent(wetter)} of the field has become wetter and "
-        f"{numbers.percent(drier)} drier significantly: of the cells called changed, "
+        f"{since[:1].upper()}{since[1:]}, {amount}. {numbers.percent(wetter)} of the field has become wetter "
+        f"and {numbers.percent(drier)} drier significantly: of the cells called changed, "
         f"{numbers.percent(FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both surveys "
         "together."
     )
+
+
+def change_amount(found: RunChange) -> str:
+    """Change of the field's mean with its 95 % interval: of the moisture, or of the rate without a calibration."""
+    mean = found.change.mean_vwc
+    if mean is None:
+        return _rate(found.change.mean_rate)
+    low, high = (100 * value for value in mean.interval95)
+    return f"{100 * mean.value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
+
+
+def change_since(found: RunChange) -> str:
+    """What a change compares with."""
+    return f"{'compared with the later survey' if found.backwards else 'since the survey'} {dated(found.since)}"
+
+
+def dated(run: EarlierRun) -> str:
+    """Name of an earlier survey, with its day if known."""
+    return f"{run.survey.name}{f' of {run.date}' if run.date else ''}"
 
 
 def _rate(change: Estimate) -> str:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,10 @@ from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.page.earlier_section import earlier_part
 from soilmoist_ros.reporting.page.irrigation import irrigation
+from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.viewer.layers import viewer_data
+from soilmoist_ros.reporting.run import NoteCode
 
 NOW_S = 1.77e9
 
@@ -91,3 +94,29 @@ def test_files_have_the_change(changed, tmp_path):
     assert [one["name"] for one in about["earlier"]] == ["april", "may"]
     assert about["change"]["since"] == "may"
     assert about["change"]["mean_rate_cps"]["value"] == pytest.approx(change.mean_rate.value)
+
+
+def test_a_comparison_with_a_later_survey_says_so(make_run, the_map):
+    runs = [earlier(the_map, "june", -20.0)]
+    part = earlier_part(make_run(earlier=runs, change=run_change(the_map, NOW_S, runs)))
+    assert part.change.startswith("Compared with the later survey june of 2026-")
+
+
+@pytest.mark.parametrize(
+    ("days", "factor", "said"),
+    [
+        (-9e4, 1.0, "is dated 2272-07-02, in the future: check the clock"),
+        (4000.0, 1.0, "lies 11 years from this one"),
+        (30.0, 0.1, "has 0.1 times the count rate of this one"),
+        (30.0, 10.0, "has 10 times the count rate of this one"),
+        (30.0, 0.7, ""),
+    ],
+)
+def test_doubtful_earlier_surveys_are_noted(make_run, the_map, days, factor, said):
+    one = earlier(the_map, "april", days)
+    samples = replace(one.survey.samples, exposure_s=one.survey.samples.exposure_s / factor)
+    run = make_run(earlier=[replace(one, survey=replace(one.survey, samples=samples))])
+    run = replace(run, track=[replace(record, stamp_s=NOW_S) for record in run.track])
+    found = [note.message for note in notes(run) if note.code is NoteCode.DOUBTFUL_EARLIER]
+    assert len(found) == bool(said)
+    assert said in "".join(found)
