@@ -47,7 +47,7 @@ def test_notes_are_printed_as_warnings(informed, capsys):
     ("error", "code", "printed"),
     [
         (
-            InputError([Mistake("first", "mend it"), Mistake("second")]),
+            InputError([Mistake("one", "mend it"), Mistake("two")]),
             2,
             "error: one -> mend it\nerror: two\n",
         ),
