@@ -66,10 +66,14 @@ def rate_error(mse: float, coverage95: float) -> str:
 
 
 def print_knowledge(run: MapRun) -> None:
-    """Print what earlier surveys and covariates contributed to a map, and what has changed."""
+    """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
     from soilmoist_ros.reporting.page.covariates import covariate_importance
     from soilmoist_ros.reporting.page.earlier_section import change_amount, change_since, dated, relations
+    from soilmoist_ros.reporting.run import REFERENCE
 
+    for row in run.corrections:
+        if row.name == REFERENCE:
+            click.echo(f"reference  {', '.join(f'{name} {value}' for name, value in row.parameters.items())}")
     related = relations(run)
     for one in run.earlier:
         known = related.get(one.survey.name)

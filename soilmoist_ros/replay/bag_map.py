@@ -173,7 +173,7 @@ def _read(
     records = [record for _, record in counted]
     reference = None
     if chosen.reference is not None and (good := [record for record in records if not record.quarantine]):
-        reference = read_reference(chosen.reference, survey.site, good)
+        reference = read_reference(chosen.reference, survey.site, good, survey.field.frame)
         records = reference.corrected(records)
         counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
     found = team_properties(robots, configuration)

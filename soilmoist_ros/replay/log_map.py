@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.covariates.reading import read_covariates
@@ -27,10 +29,16 @@ from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.replay.file_facts import far_from_site
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, read_earlier_runs, require_other
+from soilmoist_ros.reporting.earlier.earlier_runs import (
+    EarlierRun,
+    Target,
+    read_earlier_runs,
+    require_other,
+    same_survey,
+)
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
-from soilmoist_ros.reporting.run import CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
+from soilmoist_ros.reporting.run import REFERENCE, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.corrections.reference import Reference, fit_reference
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
@@ -45,6 +53,10 @@ from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs, stati
 MAX_GAP_S = 60.0
 """Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
 
+MAX_MOVED_M = 100.0
+"""Distance from its usual place within which nine in ten positions of a stationary sensor lie [m]."""
+MAX_AWAY_M = 10_000.0
+"""Greatest distance of a reference sensor from the survey [m]."""
 MAX_EXTENT_M = 300_000.0
 """Extent of a track beyond which some of its positions are wrong [m]."""
 Progress = Callable[[str, float], None]
@@ -157,7 +169,7 @@ def map_logs(
     records = survey.records
     reference = None
     if settings.reference is not None:
-        reference = read_reference(settings.reference, site, records)
+        reference = read_reference(settings.reference, site, records, survey.frame)
         records = tuple(reference.corrected(records))
     field_map.set_records(records)
     progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
@@ -204,17 +216,47 @@ def map_logs(
     return run if reference is None else with_reference(run, reference)
 
 
-def read_reference(path: Path, site: Site, records: Sequence[CountRecord]) -> Reference:
+def read_reference(path: Path, site: Site, records: Sequence[CountRecord], frame: LocalFrame) -> Reference:
     """The change of the rate during a survey, from the log of a stationary sensor.
 
     :param path: the log; its format is detected from its header
     :param site: its corrections, those of the survey
     :param records: records of the survey, at least one
-    :raises InputError: if the log cannot be used, or does not last for the survey
+    :param frame: their plane
+    :raises InputError: if the log cannot be used, does not last for the survey, or is of a sensor that moved, that
+        was elsewhere, or that is the one of the survey
     """
-    reference = stationary_records(read_logs([path], None, site), site)
+    logs = read_logs([path], None, site)
+    require_standing(logs[0], frame, records)
+    try:
+        reference = stationary_records(logs, site)
+    except InputError as error:
+        raise InputError([replace(one, path=one.path or path) for one in error.mistakes]) from None
+    if same_survey(reference, records):
+        message = "is the log of the survey itself: what its sensor measured is not a change over time"
+        raise InputError(message, "give the log of a second sensor, which stood still", path)
     start_s = min(record.stamp_s - record.exposure_s for record in records)
     return fit_reference(reference, start_s, max(record.stamp_s for record in records), path)
+
+
+def require_standing(log: LogFile, frame: LocalFrame, records: Sequence[CountRecord]) -> None:
+    """Check that a sensor stood still and near a survey, where its log has positions.
+
+    :raises InputError: if it did not
+    """
+    places = [(one.position.latitude_deg, one.position.longitude_deg) for one in log.records if one.position]
+    if not places:
+        return
+    xy = frame.to_local(*np.array(places).T)
+    place = np.median(xy, axis=0)
+    moved_m = float(np.quantile(np.hypot(*(xy - place).T), 0.9))
+    if not moved_m <= MAX_MOVED_M:
+        message = f"is of a sensor that moved, by {distance_text(moved_m)}: a reference sensor stands still"
+        raise InputError(message, "give the log of a stationary sensor", log.path)
+    away_m = float(np.nanmin([math.hypot(one.x_m - place[0], one.y_m - place[1]) for one in records]))
+    if not away_m <= MAX_AWAY_M:
+        message = f"is of a sensor that stood {distance_text(away_m)} from the survey"
+        raise InputError(message, "give the log of a sensor in or next to the field", log.path)
 
 
 def with_reference(run: MapRun, reference: Reference) -> MapRun:
@@ -223,7 +265,7 @@ def with_reference(run: MapRun, reference: Reference) -> MapRun:
     factors = reference.factor(np.clip(stamps, reference.start_s, reference.end_s))
     change, sd = reference.change
     row = CorrectionRow(
-        "reference sensor",
+        REFERENCE,
         "R(end) / R(t)",
         {"change during the survey [%]": round(100 * change, 1), "standard deviation [%]": round(100 * sd, 1)},
         float(factors.mean()),

@@ -44,6 +44,10 @@ class InputFile:
     role: str = "logger data"
 
 
+REFERENCE = "reference sensor"
+"""Name of the correction by a stationary sensor."""
+
+
 @dataclass(frozen=True)
 class CorrectionRow:
     """An applied correction factor.

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.replay import MapSettings, map_logs
-from soilmoist_ros.replay.log_map import loss_rows
+from soilmoist_ros.replay.log_map import loss_rows, require_standing
 from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing.records import Position
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
 from soilmoist_ros.simulation.robot.virtual_survey import (
     half_wet_field,
@@ -78,6 +83,35 @@ def test_a_reference_of_another_time_is_refused(survey, reference, tmp_path):
     short.write_text("\n".join(lines[-150:]) + "\n")
     with pytest.raises(InputError, match=r"short.log: the reference sensor has no good record during the survey"):
         map_logs([survey / "survey.log"], settings(survey, reference=short))
+
+
+def test_a_reference_that_is_the_survey_is_refused(survey):
+    with pytest.raises(
+        InputError, match=r"survey.log: is the log of the survey itself.* -> give the log of a second"
+    ):
+        map_logs([survey / "survey.log"], settings(survey, reference=survey / "survey.log"))
+
+
+@pytest.mark.parametrize(
+    ("places", "said"),
+    [
+        ([(38.7, -97.4), (38.7, -97.40001)], ""),
+        ([(38.7, -97.4), (38.7, -97.5)], r"that moved, by \d.* km: a reference sensor stands still"),
+        ([(43.7, -97.4), (43.7, -97.4)], r"that stood 555 km from the survey"),
+    ],
+)
+def test_a_reference_stands_still_near_the_survey(places, said):
+    frame = LocalFrame(38.7, -97.4)
+    log = SimpleNamespace(
+        path=Path("station.log"),
+        records=[SimpleNamespace(position=Position(*place)) for place in places for _ in range(5)],
+    )
+    record = SimpleNamespace(x_m=20.0, y_m=10.0)
+    if not said:
+        require_standing(log, frame, [record])
+        return
+    with pytest.raises(InputError, match=f"station.log: is of a sensor {said}"):
+        require_standing(log, frame, [record])
 
 
 def test_without_a_field_the_surroundings_of_the_track_are_mapped(survey):
