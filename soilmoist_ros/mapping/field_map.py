@@ -166,8 +166,8 @@ class FieldMap:
 
     :param grid: the field
     :param settings: choices
-    :param knowledge: what is known of the field besides the counts of this survey; with any, the variance does not
-        differ from place to place, whatever ``local`` says
+    :param knowledge: what is known of the field besides the counts of this survey; where this tells something,
+        the variance does not differ from place to place, whatever ``local`` says
     :raises ValueError: if a setting is out of range
 
     Attributes
@@ -523,7 +523,7 @@ class FieldMap:
             extent_m=self.grid.extent_m,
             spread=samples.spread,
             local_noise=self.settings.noise == "local",
-            box=self.grid.box if self.settings.local == "auto" and self.knowledge.is_empty else None,
+            box=self.grid.box if self.settings.local == "auto" and not others and effects is None else None,
             others=others,
             effects=effects,
             like=like,

@@ -73,7 +73,7 @@ class _Model:
 
     :param fit: variogram
     :param features: features of the field
-    :param unit: standard deviation of each coefficient [counts/s]
+    :param unit: standard deviation of each coefficient [counts/s]; empty if what is known tells nothing
     :param state: what the earlier surveys say of the coefficients
     """
 
@@ -126,6 +126,8 @@ class JointModel:
             self._last = model_samples, stamp_s, known, model
         else:
             model = last[3]
+        if not len(model.unit):
+            return model.fit
         places, variogram, state = merge_exactly(samples)[0], model.fit.variogram, model.state
         local_rate = LocalRate.of(places, variogram) if self._local_noise else None
         view = view_of(places, variogram, model.features, model.unit, local_rate or noise_rate(places))
@@ -146,9 +148,9 @@ class JointModel:
 
     def _model(self, places: Samples, stamp_s: float, given: VariogramFit | None) -> _Model:
         past, others = self._history.past, _fitted(self._history.past)
-        fit = given or self._estimate(places, others)
+        alone = given or self._estimate(places, others)
+        fit, variances = _stationary(alone), np.zeros(len(self._covariates or ()))
         features = self._features(fit.variogram)
-        variances = np.empty(0)
         wide = WIDE * math.sqrt(fit.variogram.structured_sill)
         for _ in range(_ROUNDS if self._covariates else 0):
             unit = _unit(fit.variogram, features, np.full(len(self._covariates or ()), wide))
@@ -157,8 +159,14 @@ class JointModel:
             mean, covariance = state.after(view, state.loading_of(view)[0]).effects
             precision = np.linalg.inv(covariance)
             variances = effect_variances(precision - np.eye(len(mean)), precision @ mean)
+            if not variances.any():
+                if not past:
+                    return _Model(alone, features, np.empty(0), state)
+                fit = _stationary(alone)
+                features = self._features(fit.variogram)
+                break
             effects = [self._at(one) * (wide * np.sqrt(variances)) for one in (places, *others)]
-            fit = given or self._estimate(places, others, effects)
+            fit = _stationary(given or self._estimate(places, others, effects))
             features = self._features(fit.variogram)
         unit = _unit(fit.variogram, features, wide * np.sqrt(variances))
         return _Model(fit, features, unit, self._conditioned(past, fit.variogram, features, unit, stamp_s))
@@ -258,6 +266,11 @@ class _History:
         if not self.past or not stamp_s:
             return 1.0
         return self.decayed(abs(stamp_s - self.past[-1].stamp_s) / DAY_S)
+
+
+def _stationary(fit: VariogramFit) -> VariogramFit:
+    """The fit without an amplitude, which cannot be used together with a prior."""
+    return replace(fit, variogram=fit.stationary.stationary, local=None)
 
 
 def _passed(

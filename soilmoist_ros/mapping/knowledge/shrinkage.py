@@ -3,7 +3,8 @@
 The effects b have independent normal priors with variances d. The counts say of b what a normal distribution with
 the information J and the score s says, so the marginal likelihood of d is known in closed form:
 automatic relevance determination (MacKay 1992, Neural Computation 4:415-447). A covariate may be useless, so
-d = 0 has a prior probability.
+d = 0 has a prior probability. Where d = 0 is likely afterwards, the covariate is left out: without a useful one,
+the map is the same as without covariates, bit for bit.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ SCALES = np.array([0.0, 0.1, 0.16, 0.25, 0.4, 0.63, 1.0])
 MULTIPLICITY = 1.5
 """Each of k covariates has an effect with the prior probability 1 / (1 + k^this): the more there are, the more of
 them seem to have one by chance."""
+MAX_USELESS = 0.8
+"""Posterior probability of no effect above which a covariate is left out."""
 _SWEEPS = 4
 
 
 def effect_variances(information: Array, score: Array) -> Array:
-    """Posterior mean of the prior variance of each effect, given those of the others.
+    """Posterior mean of the prior variance of each effect, given those of the others; 0 for those left out.
 
     :param information: J, shape (k, k), in units of the wide prior
     :param score: s, information times estimate, shape (k,)
@@ -32,7 +35,7 @@ def effect_variances(information: Array, score: Array) -> Array:
     useful = 1 / (1 + len(score) ** MULTIPLICITY)
     prior = np.full(len(SCALES), useful / (len(SCALES) - 1))
     prior[0] = 1 - useful
-    variances = np.full(len(score), float(prior @ squares))
+    variances, useless = np.full(len(score), float(prior @ squares)), np.zeros(len(score), bool)
     for _ in range(_SWEEPS):
         for effect in range(len(score)):
             log = np.log(prior)
@@ -40,8 +43,10 @@ def effect_variances(information: Array, score: Array) -> Array:
                 variances[effect] = square
                 log[number] += log_marginal(information, score, variances)
             weights = np.exp(log - log.max())
-            variances[effect] = weights @ squares / weights.sum()
-    return variances
+            weights /= weights.sum()
+            variances[effect] = weights @ squares
+            useless[effect] = weights[0] > MAX_USELESS
+    return np.where(useless, 0.0, variances)
 
 
 def log_marginal(information: Array, score: Array, variances: Array) -> float:

@@ -29,7 +29,7 @@ class Effect:
 
     :param name: of the covariate
     :param mean: change of the rate per standard deviation of the covariate, posterior mean [counts/s]
-    :param sd: its posterior standard deviation [counts/s]
+    :param sd: its posterior standard deviation [counts/s]; 0 with a mean of 0 if the covariate was left out
     """
 
     name: str

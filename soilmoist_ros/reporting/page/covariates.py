@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from soilmoist_ros.mapping.covariates.reading import coverage
+from soilmoist_ros.mapping.variogram.field_prior import Effect
 from soilmoist_ros.reporting.run import MapRun
 
 
@@ -26,7 +27,7 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True)
 class Importance:
-    """What one covariate says of the map.
+    """What one covariate says of the map; zeros if it was left out, because the counts do not ask for it.
 
     :param name: its name
     :param rate_cps: change of the rate where the covariate is one standard deviation higher [counts/s]
@@ -47,15 +48,16 @@ def covariate_importance(run: MapRun) -> list[Importance]:
     """The covariates of a map, the most important first; empty without covariates."""
     soil_map, covariates = run.soil_map, run.covariates
     prior = None if soil_map.fit is None else soil_map.fit.prior
-    if covariates is None or prior is None:
+    if covariates is None:
         return []
+    effects = [Effect(name, 0.0, 0.0) for name in covariates.names] if prior is None else prior.effects
     covered, mask = coverage(covariates, soil_map.grid), soil_map.grid.mask
     rate, curve = float(soil_map.rate[mask].mean()), soil_map.curve
     # The variance of the rate itself: the map is smoother, by its kriging variance.
     total = float(soil_map.rate[mask].var() + soil_map.variance[mask].mean())
     slope = None if curve is None else float(curve.slope(np.array([rate]))[0])
     found = []
-    for effect in prior.effects:
+    for effect in effects:
         low, high = effect.interval
         lowest = 0.0 if low <= 0 <= high else min(low**2, high**2)
         share = Interval(effect.mean**2 + effect.sd**2, lowest, max(low**2, high**2)).times(1 / total)

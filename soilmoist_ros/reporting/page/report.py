@@ -72,6 +72,9 @@ def _covariate_rows(run: MapRun) -> list[tuple[str, str, str, str]]:
     for one in covariate_importance(run):
         effect, digits = (one.rate_cps, 2) if one.vwc is None else (one.vwc.times(100), 1)
         change = f"{effect.value:+.{digits}f} ({effect.p025:+.{digits}f} to {effect.p975:+.{digits}f})"
+        if not any(one.rate_cps):
+            rows.append((one.name, "left out", "none found", numbers.percent(one.covered_share)))
+            continue
         share, low, high = (numbers.percent(value) for value in one.variance_share)
         rows.append((one.name, change, f"{share} ({low} to {high})", numbers.percent(one.covered_share)))
     return rows

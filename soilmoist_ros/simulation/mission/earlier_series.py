@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 
 STOPS = 100
 """Approximate number of stops of an earlier survey."""
-STOP_RECORDS = 4
-"""Records of 10 s at each of them."""
+STOP_RECORDS = 7
+"""Records of 10 s at each of them: what a robot counts in two hours, which it does on the way, too."""
 RECORD_S = 10.0
 MEAN_SD = 0.08
 """Standard deviation of the mean rates of surveys, as a share of the present mean: wet and dry weather."""

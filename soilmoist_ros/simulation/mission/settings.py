@@ -387,7 +387,7 @@ class MissionSettings:
         False, "Draw what is random in the field (patches, random fields) from the seed as well."
     )
     earlier_surveys: int = _setting(
-        0, "Number of earlier surveys of each field that inform its map: about 100 stops of 40 s each, and "
+        0, "Number of earlier surveys of each field that inform its map: about 100 stops of 70 s each, and "
         "its own mean. The present field is the same with and without them.", low=0,
     )  # fmt: skip
     persistence: float = _setting(

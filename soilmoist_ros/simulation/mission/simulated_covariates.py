@@ -23,9 +23,10 @@ def simulated_covariates(
 ) -> Covariates | None:
     """The covariates that the settings ask for; ``None`` for none.
 
-    A covariate is ``r t + sqrt(1 - r^2) e``: t is the standardised truth, and e a random field of variance 1 with
-    the correlation R(h) of the truth's pattern. Useless ones have r = 0. e is independent of the truth, so the
-    correlation over the cells of one field varies about r, and more so for long ranges.
+    The covariate that follows the truth is ``r t + sqrt(1 - r^2) e``: t is the standardised truth, and e a random
+    field with the correlation R(h) of the truth's pattern, less its regression on the truth and standardised. So r is
+    the correlation over the cells. Useless ones are random fields of that correlation, independent of the truth: over
+    the cells of one field they may be correlated with it by chance.
 
     :param field: present truth
     :param grid: cells of the map
@@ -43,5 +44,8 @@ def simulated_covariates(
     for index, (name, share) in enumerate(wanted.items()):
         stream = covariate_stream(settings.seed, number, 0 if name == FOLLOWS else index + (FOLLOWS not in wanted))
         other = random_field(grid.x_m, grid.y_m, pattern.model, pattern.range_m, stream)
+        if name == FOLLOWS:
+            other -= np.nanmean(other * truth) * truth
+            other = (other - np.nanmean(other)) / np.nanstd(other)
         rasters.append(share * truth + math.sqrt(1 - share**2) * other)
     return Covariates.over(grid, list(wanted), np.array(rasters))

@@ -22,11 +22,10 @@ def test_clear_effects_stay_and_others_vanish():
     information = np.diag([200.0, 200.0, 200.0])
     clear, none, faint = effect_variances(information, information @ [0.6, 0.0, 0.05])
     assert clear > 0.2
-    assert none < 0.01
-    assert faint < 0.01
+    assert none == faint == 0
 
 
-def test_without_information_the_more_covariates_the_smaller_their_effects():
+def test_without_information_one_covariate_stays_possible_and_many_are_left_out():
     few, many = (effect_variances(np.zeros((count, count)), np.zeros(count)) for count in (1, 5))
     assert few == pytest.approx(0.5 * np.mean(SCALES[1:] ** 2))
-    assert many.max() < few / 4
+    assert (many == 0).all()
