@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,39 +15,43 @@ import click
 from soilmoist_ros.cli.console import progress_bar, report_errors
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.workers import THREADS
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.campaign.campaign import Campaign
+    from soilmoist_ros.simulation.campaign.campaign import Campaign, CampaignProgress
+    from soilmoist_ros.simulation.campaign.progress import Progress
+
+LINE_S = 60.0
+"""Time between two lines of progress where there is no terminal [s]."""
 
 
 @click.command("campaign")
 @click.argument("campaign")
+@click.option("--runs", type=click.IntRange(min=1), help="Runs of each combination, instead of those of the file.")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")
 @output_options()
 @report_errors
-def command(campaign: str, workers: int | None, scheduler: str | None, out: Path, overwrite: bool) -> None:
+def command(
+    campaign: str, runs: int | None, workers: int | None, scheduler: str | None, out: Path, overwrite: bool
+) -> None:
     """Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
 
     The folder --out keeps finished missions: run the same command again to resume after an interruption.
     Writes results.parquet, results.csv and report.html.
     """
+    os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded: more threads round differently
     from soilmoist_ros.reporting.campaign.report import write_campaign_report
     from soilmoist_ros.simulation.campaign.campaign import CampaignInterrupted, load_campaign, run_campaign
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
     plan = load_campaign(campaign)
+    if runs is not None:
+        plan = plan.model_copy(update={"runs": tuple(range(1, runs + 1))})
     _prepare(plan, out, overwrite)
     try:
-        with progress_bar() as progress:
-            outcome = run_campaign(
-                plan,
-                out,
-                simulate_mission,
-                workers,
-                scheduler,
-                lambda done, total, left_s: progress(f"simulating {total} missions", done / max(total, 1)),
-            )
+        with _progress() as progress:
+            outcome = run_campaign(plan, out, simulate_mission, workers, scheduler, progress)
     except CampaignInterrupted as stopped:
         click.echo(str(stopped), err=True)
         sys.exit(130)
@@ -52,13 +60,32 @@ def command(campaign: str, workers: int | None, scheduler: str | None, out: Path
     click.echo(f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed")
     for failure in outcome.failures:
         click.echo(f"failed: {failure}", err=True)
-    with progress_bar() as progress:
-        progress("writing the report", 1.0)
-        report = write_campaign_report(plan, out, outcome.failures)
+    with progress_bar() as progress_of:
+        progress_of("writing the report", 1.0)
+        report = write_campaign_report(plan, out, outcome.failures, outcome.rows)
     for path in (*outcome.written, *filter(None, [report])):
         click.echo(f"wrote {path}")
     if not outcome.complete:
         sys.exit(1)
+
+
+@contextmanager
+def _progress() -> Iterator[Progress]:
+    """Report the progress of a campaign: a bar on a terminal, otherwise a line per tenth and minute."""
+    if sys.stderr.isatty():
+        with progress_bar(time_left=False) as bar:
+            yield lambda state: bar(str(state), state.done / max(state.total, 1))
+        return
+    last: tuple[int, str, float] | None = None
+
+    def plain(state: CampaignProgress) -> None:
+        nonlocal last
+        tenth, now_s = 10 * state.done // max(state.total, 1), time.monotonic()
+        if last is None or (tenth, state.note) != last[:2] or now_s > last[2] + LINE_S:
+            click.echo(f"... {state}", err=True)
+            last = (tenth, state.note, now_s)
+
+    yield plain
 
 
 def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:

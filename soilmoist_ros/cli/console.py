@@ -104,8 +104,11 @@ def print_notes(run: MapRun) -> None:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Report progress: a bar with the remaining time on a terminal, otherwise a line per step and tenth."""
+def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None]]:
+    """Report progress: a bar on a terminal, otherwise a line per step and tenth.
+
+    :param time_left: whether the bar states the remaining time
+    """
     if not sys.stderr.isatty():
         last = ("", 0)
 
@@ -123,7 +126,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description:32}"), BarColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description:32}"), BarColumn(), *([TimeRemainingColumn()] * time_left))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
         yield lambda step, share: bar.update(task, description=step, completed=share)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
 from soilmoist_ros.simulation.campaign.hindsight import hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.campaign.table import CASE, missions_table, results_table
+from soilmoist_ros.simulation.campaign.table import CASE, Finished, missions_table, results_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,16 +69,20 @@ class CampaignData:
 
     :param campaign: the campaign
     :param finished: its finished missions, in the campaign's order
+    :param read: reads a finished mission with its map, for examples
     """
 
-    def __init__(self, campaign: Campaign, finished: Sequence[tuple[Mission, StoredMission]]) -> None:
+    def __init__(
+        self, campaign: Campaign, finished: Finished, read: Callable[[Mission], StoredMission | None]
+    ) -> None:
         self.campaign = campaign
         planned = missions(campaign)
         self.expected = len(planned)
         self._dwells = list(dict.fromkeys(mission.settings.dwell for mission in planned))
-        self.stored = {mission.key: stored for mission, stored in finished}
+        self._read = read
+        self._by_key = {mission.key: mission for mission, _ in finished}
         self.missions = missions_table(finished)
-        self.results = results_table(finished, campaign.table_every_s)
+        self.results = results_table(finished)
         by_key = self._cases_by_key()
         self.missions["case"] = self.missions["key"].map(by_key)
         self.results["case"] = self.results["key"].map(by_key)
@@ -144,8 +148,9 @@ class CampaignData:
         """The strategy's first mission with a map, by seed; ``None`` if there is none."""
         rows = self.final(case)
         for key in rows[rows["strategy"] == strategy].sort_values("seed", kind="stable")["key"]:
-            if len(self.stored[key].x_m):
-                return self.stored[key]
+            stored = self._read(self._by_key[key])
+            if stored is not None and len(stored.x_m):
+                return stored
         return None
 
     def _of(self, table: pd.DataFrame, case: Case) -> pd.DataFrame:

@@ -18,10 +18,11 @@ from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import length, number, plain
 from soilmoist_ros.reporting.page.style import Section, picture
-from soilmoist_ros.simulation.campaign.campaign import Failure, stored_missions
+from soilmoist_ros.simulation.campaign.campaign import RUNS, Failure, stored_rows
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
 from soilmoist_ros.simulation.campaign.hindsight import LATTICES
-from soilmoist_ros.simulation.campaign.mission_store import code_version
+from soilmoist_ros.simulation.campaign.mission_store import MissionStore, code_version
+from soilmoist_ros.simulation.campaign.table import Finished
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,7 +96,9 @@ class ComparisonRow:
     outcome: str
 
 
-def write_campaign_report(campaign: Campaign, out: Path, failures: Sequence[Failure] = ()) -> Path | None:
+def write_campaign_report(
+    campaign: Campaign, out: Path, failures: Sequence[Failure] = (), finished: Finished | None = None
+) -> Path | None:
     """Write ``report.html`` about the stored missions of a campaign; return its path.
 
     Without a finished mission, return ``None`` and remove an older report, which would not match the tables.
@@ -103,12 +106,14 @@ def write_campaign_report(campaign: Campaign, out: Path, failures: Sequence[Fail
     :param campaign: the campaign
     :param out: its output folder
     :param failures: missions that failed in the last run
+    :param finished: its stored missions; read from the folder if ``None``
     :raises InputError: if the page cannot be written
     """
     path, workshop = out / NAME, out / f".{NAME}.writing"
-    data = CampaignData(campaign, stored_missions(campaign, out))
+    finished = stored_rows(campaign, out) if finished is None else finished
+    data = CampaignData(campaign, finished, MissionStore(out / RUNS).read)
     try:
-        if not data.stored:
+        if data.missions.empty:
             path.unlink(missing_ok=True)
             return None
         workshop.write_text(render_campaign_report(data, failures), encoding="utf-8")
@@ -123,7 +128,7 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
 
     :raises InputError: if no mission is finished
     """
-    if not data.stored:
+    if data.missions.empty:
         raise InputError(
             "no mission of the campaign is finished", "run the campaign, and see why its missions failed"
         )
@@ -132,10 +137,10 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
         "campaign.html.j2",
         title=data.campaign.title,
         version=code_version(),
-        where=f"{len(data.stored)} of {data.expected} simulated missions · soilmoist_ros {code_version()}",
+        where=f"{len(data.missions)} of {data.expected} simulated missions · soilmoist_ros {code_version()}",
         simulated=True,
         campaign=data.campaign,
-        done=len(data.stored),
+        done=len(data.missions),
         expected=data.expected,
         failures=[str(failure) for failure in failures],
         experiments=list(_experiments(data)),

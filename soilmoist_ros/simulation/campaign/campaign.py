@@ -2,49 +2,37 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.foundation.workers import cores
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
-from soilmoist_ros.simulation.campaign.mission_store import (
-    DamagedMissionError,
-    MissionStore,
-    StaleMissionError,
-    StoredMission,
-)
-from soilmoist_ros.simulation.campaign.table import require_pandas, write_tables
-from soilmoist_ros.simulation.campaign.workers import (
-    Failure,
-    Flow,
-    Simulate,
-    in_processes,
-    in_this_process,
-    on_cluster,
-)
+from soilmoist_ros.simulation.campaign.cluster import on_cluster
+from soilmoist_ros.simulation.campaign.computing import Failure, Flow, Simulate, WorkersLostError
+from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, MissionStore, StaleMissionError
+from soilmoist_ros.simulation.campaign.progress import CampaignProgress, Pace, Progress
+from soilmoist_ros.simulation.campaign.table import MissionRow, mission_row, require_pandas, write_tables
+from soilmoist_ros.simulation.campaign.workers import in_processes, in_this_process
 
 __all__ = [
     "Campaign",
     "CampaignInterrupted",
     "CampaignOutcome",
+    "CampaignProgress",
     "Failure",
     "Mission",
     "load_campaign",
     "mission_key",
     "missions",
     "run_campaign",
-    "stored_missions",
+    "stored_rows",
 ]
 
 RUNS = "runs"
 """Folder of the finished missions inside the output folder."""
-
-Progress = Callable[[int, int, float], None]
-"""Called with the number of finished missions, the total, and the estimated time left [s] (NaN while unknown)."""
+_RESUME = "run the same command again to resume"
 
 
 @dataclass(frozen=True)
@@ -57,6 +45,7 @@ class CampaignOutcome:
     :param failures: failed missions, in the order of the campaign; the tables contain all other missions
     :param remarks: notes for the user, such as damaged files whose missions were computed again
     :param written: paths of the tables
+    :param rows: finished missions as the tables have them, in the order of the campaign
     """
 
     total: int
@@ -65,6 +54,7 @@ class CampaignOutcome:
     failures: tuple[Failure, ...]
     remarks: tuple[str, ...]
     written: tuple[Path, ...]
+    rows: tuple[tuple[Mission, MissionRow], ...]
 
     @property
     def complete(self) -> bool:
@@ -73,18 +63,11 @@ class CampaignOutcome:
 
 
 class CampaignInterrupted(KeyboardInterrupt):
-    """The user interrupted the campaign; the message states the progress and how to resume.
+    """The user interrupted the campaign; the message states the progress and how to resume."""
 
-    :param done: missions stored
-    :param total: missions of the campaign
-    :param out: output folder
-    """
 
-    def __init__(self, done: int, total: int, out: Path) -> None:
-        self.done, self.total, self.out = done, total, out
-        super().__init__(
-            f"stopped: {done} of {total} missions are stored in {out / RUNS}; run the same command again to resume"
-        )
+class CampaignStoppedError(SoilmoistError):
+    """The workers of the campaign are lost; the message states the progress and how to resume."""
 
 
 def run_campaign(
@@ -93,68 +76,86 @@ def run_campaign(
     simulate: Simulate,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Progress = lambda done, total, left_s: None,
+    progress: Progress = lambda state: None,
 ) -> CampaignOutcome:
     """Compute all missions of a campaign that are not stored yet, and write the tables.
 
     A mission depends on its settings alone: the number of processes and interruptions do not change the results.
     Each finished mission is stored at once in ``out/runs``. Stored missions are reused if they are complete and
-    come from the current version of the code.
+    come from the current version of the code. Missions are computed seed by seed, so an unfinished campaign has
+    about as many runs of each combination.
 
     :param campaign: campaign from :func:`load_campaign`
     :param out: output folder; created if missing
     :param simulate: simulates one mission; local processes and clusters need an importable function
     :param workers: local processes; one per core if ``None``, 0 computes in this process
     :param scheduler: address of a Dask scheduler, used instead of local processes
-    :param progress: called at the start and after each mission
-    :raises InputError: if the folder cannot be written, or the cluster cannot be reached
+    :param progress: called at the start, after each mission, and while the campaign waits for workers
+    :raises InputError: if the folder cannot be written or another campaign writes in it, the cluster cannot be
+        reached, or a worker of it has another version of this package
     :raises CampaignInterrupted: on Ctrl-C, after the running missions have stopped
+    :raises CampaignStoppedError: if the scheduler of the cluster does not answer any more
     """
     if workers is not None and workers < 0:
         raise InputError(f"the number of processes cannot be {workers}", "give 0 or more")
     require_pandas()
     wanted = missions(campaign)
     store = MissionStore(out / RUNS)
-    finished, remarks = _already_done(wanted, store)
-    reused = len(finished)
-    todo = [mission for mission in wanted if mission.key not in finished]
-    failures: dict[str, Failure] = {}
-    clock = _Clock(len(wanted), reused, progress)
-    with closing(_computed(todo, simulate, workers, scheduler)) as computed:
-        try:
-            for mission, content in computed:
-                if isinstance(content, bytes):
-                    try:
-                        finished[mission.key] = store.write(mission, content)
-                    except DamagedMissionError as error:
-                        content = Failure(mission, f"its result {error}")
-                if isinstance(content, Failure):
-                    failures[mission.key] = content
-                clock.tick()
-        except KeyboardInterrupt:
-            computed.close()
-            raise CampaignInterrupted(len(finished), len(wanted), out) from None
-    written = write_tables(out, campaign, [(m, finished[m.key]) for m in wanted if m.key in finished])
-    return CampaignOutcome(
-        total=len(wanted),
-        computed=len(finished) - reused,
-        reused=reused,
-        failures=tuple(failures[m.key] for m in wanted if m.key in failures),
-        remarks=tuple(remarks),
-        written=tuple(written),
-    )
+    with store.alone():
+        rows, remarks = _already_done(wanted, store, campaign.table_every_s)
+        reused = len(rows)
+        todo = sorted(
+            (mission for mission in wanted if mission.key not in rows),
+            key=lambda mission: campaign.runs.index(mission.settings.seed),
+        )
+        failures: dict[str, Failure] = {}
+        pace = Pace(len(wanted), todo, progress)
+
+        def stored_text() -> str:
+            return f"{len(rows)} of {len(wanted)} missions are stored in {store.folder}; {_RESUME}"
+
+        with closing(_computed(todo, simulate, workers, scheduler, pace)) as computed:
+            try:
+                for finished in computed:
+                    mission, content = finished.mission, finished.content
+                    if isinstance(content, bytes):
+                        try:
+                            stored = store.write(mission, content)
+                            rows[mission.key] = mission_row(stored, campaign.table_every_s)
+                        except DamagedMissionError as error:
+                            content = Failure(mission, f"its result {error}")
+                    if isinstance(content, Failure):
+                        failures[mission.key] = content
+                    pace.finished(mission, finished.time_s, isinstance(content, Failure))
+            except KeyboardInterrupt:
+                computed.close()
+                raise CampaignInterrupted(f"stopped: {stored_text()}") from None
+            except WorkersLostError as error:
+                raise CampaignStoppedError(f"{error}: {stored_text()}") from None
+        in_order = tuple((mission, rows[mission.key]) for mission in wanted if mission.key in rows)
+        return CampaignOutcome(
+            total=len(wanted),
+            computed=len(rows) - reused,
+            reused=reused,
+            failures=tuple(failures[m.key] for m in wanted if m.key in failures),
+            remarks=tuple(remarks),
+            written=tuple(write_tables(out, in_order)),
+            rows=in_order,
+        )
 
 
-def stored_missions(campaign: Campaign, out: Path) -> list[tuple[Mission, StoredMission]]:
+def stored_rows(campaign: Campaign, out: Path) -> tuple[tuple[Mission, MissionRow], ...]:
     """The finished missions of a campaign in its output folder, in the order of the campaign."""
     wanted = missions(campaign)
-    finished, _ = _already_done(wanted, MissionStore(out / RUNS))
-    return [(mission, finished[mission.key]) for mission in wanted if mission.key in finished]
+    rows, _ = _already_done(wanted, MissionStore(out / RUNS), campaign.table_every_s)
+    return tuple((mission, rows[mission.key]) for mission in wanted if mission.key in rows)
 
 
-def _already_done(wanted: list[Mission], store: MissionStore) -> tuple[dict[str, StoredMission], list[str]]:
+def _already_done(
+    wanted: list[Mission], store: MissionStore, every_s: float
+) -> tuple[dict[str, MissionRow], list[str]]:
     """Finished missions by key, and remarks on files that cannot be used."""
-    finished: dict[str, StoredMission] = {}
+    rows: dict[str, MissionRow] = {}
     remarks, stale = [], 0
     for mission in wanted:
         try:
@@ -166,30 +167,18 @@ def _already_done(wanted: list[Mission], store: MissionStore) -> tuple[dict[str,
             remarks.append(f"{error}: computed again")
             continue
         if stored is not None:
-            finished[mission.key] = stored
+            rows[mission.key] = mission_row(stored, every_s)
     if stale:
         remarks.append(f"{stale} stored missions were computed by another version of the code: computed again")
-    return finished, remarks
+    return rows, remarks
 
 
-def _computed(todo: list[Mission], simulate: Simulate, workers: int | None, scheduler: str | None) -> Flow:
+def _computed(
+    todo: list[Mission], simulate: Simulate, workers: int | None, scheduler: str | None, pace: Pace
+) -> Flow:
     if not todo:
         return in_this_process((), simulate)
     if scheduler is not None:
-        return on_cluster(todo, simulate, scheduler)
+        return on_cluster(todo, simulate, scheduler, pace.waits)
     count = cores() if workers is None else workers
     return in_processes(todo, simulate, count) if count else in_this_process(todo, simulate)
-
-
-class _Clock:
-    """Counts missions and estimates the remaining time from the pace so far."""
-
-    def __init__(self, total: int, done: int, progress: Progress) -> None:
-        self._total, self._done, self._at_start = total, done, done
-        self._progress, self._started_s = progress, time.monotonic()
-        progress(done, total, 0.0 if done == total else float("nan"))
-
-    def tick(self) -> None:
-        self._done += 1
-        pace_s = (time.monotonic() - self._started_s) / (self._done - self._at_start)
-        self._progress(self._done, self._total, pace_s * (self._total - self._done))

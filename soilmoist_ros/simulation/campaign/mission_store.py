@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import io
 import json
@@ -9,7 +10,8 @@ import math
 import os
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import chain
@@ -212,6 +214,24 @@ class MissionStore:
             raise InputError(
                 f"cannot be written: {error.strerror}", "choose another output folder", folder
             ) from None
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other campaigns from writing in this folder, and remove what a killed one has left half written.
+
+        :raises InputError: if another campaign writes in it
+        """
+        with (self.folder / ".lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                message = "another campaign is writing in this folder"
+                raise InputError(
+                    message, "wait for it or stop it, or choose another folder", self.folder
+                ) from None
+            for path in self.folder.glob(".*.writing"):
+                path.unlink(missing_ok=True)
+            yield
 
     def path(self, key: str) -> Path:
         """File of a mission."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission
+from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.hindsight import QUARTER, hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
-Finished = Sequence[tuple[Mission, StoredMission]]
-
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 """Columns of the mission and its first property; columns of additional properties end in their names."""
 
@@ -52,27 +51,75 @@ def require_pandas() -> Any:
     return pandas
 
 
-def results_table(finished: Finished, every_s: float) -> pd.DataFrame:
+@dataclass(frozen=True, eq=False)
+class MissionRow:
+    """What the tables need of a mission; small, because a campaign keeps it of every mission.
+
+    :param key: digest of its settings
+    :param field_title: name of the field for reports
+    :param ended: reason for the end
+    :param efficiency: efficiency of its plan; NaN if it has none
+    :param end_s: time at which it ended [s]; NaN if unknown
+    :param mse_quarter: mean squared error at a quarter of the mission time [(counts/s)^2]
+    :param border_share: see :func:`border_share`
+    :param final: final metrics
+    :param times_s: time grid [s]
+    :param metrics: metrics on the time grid
+    """
+
+    key: str
+    field_title: str
+    ended: str
+    efficiency: float
+    end_s: float
+    mse_quarter: float
+    border_share: float
+    final: Mapping[str, float]
+    times_s: Array
+    metrics: Mapping[str, NDArray[Any]]
+
+
+Finished = Sequence[tuple[Mission, MissionRow]]
+
+
+def mission_row(stored: StoredMission, every_s: float) -> MissionRow:
+    """The rows of a mission.
+
+    :param every_s: time between two rows of the time grid [s]
+    """
+    times_s = time_grid(stored.settings.hours, every_s)
+    quarter_s = np.array([QUARTER * 3600 * stored.settings.hours])
+    return MissionRow(
+        key=stored.key,
+        field_title=stored.field_title or stored.settings.field_name,
+        ended=stored.ended,
+        efficiency=stored.efficiency,
+        end_s=stored.series[-1].time_s if stored.series else float("nan"),
+        mse_quarter=float(metrics_at(stored, quarter_s)["mse"][0]),
+        border_share=border_share(stored),
+        final={name: values[0].item() for name, values in metrics_at(stored, np.array([np.inf])).items()},
+        times_s=times_s,
+        metrics=metrics_at(stored, times_s),
+    )
+
+
+def results_table(finished: Finished) -> pd.DataFrame:
     """One row per mission and time: settings, ``time_s`` and the metrics (see :class:`SeriesRow`).
 
     The time grid of a mission reaches from 0 to its planned end. A row has the last entered state; after an early
     end, it has the final state. ``counting_share`` is the share of the elapsed time spent counting at stops.
 
     :param finished: finished missions
-    :param every_s: time between two rows of a mission [s]
     """
     pandas = require_pandas()
-    grids = [time_grid(stored.settings.hours, every_s) for _, stored in finished]
-    values = [metrics_at(stored, grid) for (_, stored), grid in zip(finished, grids, strict=True)]
+    rows = [row for _, row in finished]
     heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in finished]
     head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype(_NUMBERS)
-    table = head.loc[head.index.repeat([len(grid) for grid in grids])].reset_index(drop=True)
-    table["time_s"] = np.concatenate([np.empty(0), *grids])
-    for name in _metric_names(values):
+    table = head.loc[head.index.repeat([len(row.times_s) for row in rows])].reset_index(drop=True)
+    table["time_s"] = np.concatenate([np.empty(0), *(row.times_s for row in rows)])
+    for name in _metric_names(row.metrics for row in rows):
         kind = int if name == "samples" else float
-        columns = [
-            metrics.get(name, np.full(len(grid), np.nan)) for metrics, grid in zip(values, grids, strict=True)
-        ]
+        columns = [row.metrics.get(name, np.full(len(row.times_s), np.nan)) for row in rows]
         table[name] = np.concatenate([np.empty(0, kind), *columns])
     return table
 
@@ -85,38 +132,35 @@ def missions_table(finished: Finished) -> pd.DataFrame:
     mission time, ``end_s`` the time at which the mission ended, and ``efficiency`` is that of its plan
     (:class:`Efficiency`).
     """
-    pandas = require_pandas()
-    rows, finals = [], [metrics_at(stored, np.array([np.inf])) for _, stored in finished]
-    for (mission, stored), final in zip(finished, finals, strict=True):
-        quarter_s = np.array([QUARTER * 3600 * stored.settings.hours])
-        end_s = stored.series[-1].time_s if stored.series else float("nan")
-        rows.append(
-            {
-                "key": mission.key,
-                "experiments": " ".join(mission.experiments),
-                **mission.settings.as_texts(),
-                "field_title": stored.field_title or stored.settings.field,
-                "end_s": end_s,
-                **{name: values[0] for name, values in final.items()},
-                "mse_quarter": metrics_at(stored, quarter_s)["mse"][0],
-                "border_share": border_share(stored),
-                "ended": stored.ended,
-                "efficiency": stored.efficiency,
-            }
-        )
-    columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *_metric_names(finals)]
+    rows = [
+        {
+            "key": mission.key,
+            "experiments": " ".join(mission.experiments),
+            **mission.settings.as_texts(),
+            "field_title": row.field_title,
+            "end_s": row.end_s,
+            **row.final,
+            "mse_quarter": row.mse_quarter,
+            "border_share": row.border_share,
+            "ended": row.ended,
+            "efficiency": row.efficiency,
+        }
+        for mission, row in finished
+    ]
+    columns = ["key", "experiments", *SETTINGS, "field_title", "end_s"]
+    columns += [*_metric_names(row.final for _, row in finished)]
     columns += ["mse_quarter", "border_share", "ended", "efficiency"]
-    return pandas.DataFrame(rows, columns=columns).astype(_NUMBERS)
+    return require_pandas().DataFrame(rows, columns=columns).astype(_NUMBERS)
 
 
-def write_tables(out: Path, campaign: Campaign, finished: Finished) -> list[Path]:
+def write_tables(out: Path, finished: Finished) -> list[Path]:
     """Write ``results`` and ``missions`` as Parquet and CSV, and ``hindsight`` if an experiment has its lattices.
 
     :returns: the paths
 
     :raises InputError: if they cannot be written
     """
-    tables = {"results": results_table(finished, campaign.table_every_s), "missions": missions_table(finished)}
+    tables = {"results": results_table(finished), "missions": missions_table(finished)}
     if not (hindsight := hindsight_table(tables["missions"], CASE)).empty:
         tables["hindsight"] = hindsight
     written = []
@@ -158,7 +202,7 @@ def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, NDArray[Any]]
     return {**state, "counting_share": share}
 
 
-def _metric_names(values: Iterable[dict[str, NDArray[Any]]]) -> list[str]:
+def _metric_names(values: Iterable[Mapping[str, Any]]) -> list[str]:
     """Columns of all missions: :data:`METRICS`, then those of additional properties."""
     return list(dict.fromkeys((*METRICS, *chain.from_iterable(values))))
 

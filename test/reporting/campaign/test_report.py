@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations
 from pathlib import Path
@@ -25,6 +26,7 @@ from soilmoist_ros.reporting.page.style import Picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, load_campaign, missions, run_campaign
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
+from soilmoist_ros.simulation.campaign.table import mission_row
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import SeriesRow
 
@@ -79,7 +81,9 @@ def crafted(mission, mse=None, distance=None, border=None):
 
 
 def data(campaign=CAMPAIGN, keep=lambda settings: True, **how):
-    return CampaignData(campaign, [(m, crafted(m, **how)) for m in missions(campaign) if keep(m.settings)])
+    stored = {m.key: crafted(m, **how) for m in missions(campaign) if keep(m.settings)}
+    rows = [(m, mission_row(stored[m.key], 300.0)) for m in missions(campaign) if m.key in stored]
+    return CampaignData(campaign, rows, lambda mission: stored[mission.key])
 
 
 def with_reasons(reasons):
@@ -385,8 +389,7 @@ def test_no_text_is_cut_off_or_written_over_another(wide):
 
 def test_missions_without_a_map_are_left_out_of_the_examples():
     campaign = data(keep=lambda s: s.strategy != "greedy" and s.field == "high")
-    for key in campaign.stored:
-        object.__setattr__(campaign.stored[key], "x_m", np.empty(0))
+    campaign._read = lambda mission: replace(crafted(mission), x_m=np.empty(0))
     assert campaign_figures.examples_figure(campaign, campaign.cases[0]) is None
 
 

@@ -22,7 +22,6 @@ from soilmoist_ros.simulation.campaign.campaign import (
     mission_key,
     missions,
     run_campaign,
-    stored_missions,
 )
 from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, pack, unpack
@@ -192,7 +191,8 @@ def test_tables(campaign, tmp_path, fake):
     pd.testing.assert_frame_equal(
         pd.read_csv(tmp_path / "results.csv"), table, check_dtype=False, rtol=1e-6, check_like=False
     )
-    mission, stored = stored_missions(campaign, tmp_path)[0]
+    mission = missions(campaign)[0]
+    stored = mission_store.MissionStore(tmp_path / "runs").read(mission)
     mine = table[table["key"] == mission.key].set_index("time_s")
     row = next(row for row in stored.series if row.time_s == 1800)
     assert mine.loc[1800, ["distance_m", "samples", "mse"]].tolist() == [row.distance_m, row.samples, row.mse]
@@ -236,13 +236,13 @@ def test_an_interrupted_campaign_resumes(campaign, tmp_path, fake):
         run_campaign(campaign, tmp_path, first, workers=0)
     steps = []
     second = Counted(fake)
-    outcome = run_campaign(campaign, tmp_path, second, workers=0, progress=lambda *step: steps.append(step))
+    outcome = run_campaign(campaign, tmp_path, second, workers=0, progress=steps.append)
     assert (outcome.reused, outcome.computed) == (4, 6)
     assert not set(first.calls) & set(second.calls)
     assert len(first.calls) + len(second.calls) == 10
-    assert [step[:2] for step in steps] == [(done, 10) for done in range(4, 11)]
-    assert np.isnan(steps[0][2])
-    assert steps[-1][2] == 0
+    assert [(step.done, step.total) for step in steps] == [(done, 10) for done in range(4, 11)]
+    assert np.isnan(steps[0].left_s)
+    assert steps[-1].left_s == 0
     third = Counted(fake)
     assert run_campaign(campaign, tmp_path, third, workers=0).reused == 10
     assert not third.calls
@@ -305,7 +305,7 @@ def test_processes_do_not_change_the_results(campaign, tmp_path, fake):
 
 
 def folder(path):
-    return {item.name: item.read_bytes() for item in sorted([*(path / "runs").iterdir(), path / "results.csv"])}
+    return {item.name: item.read_bytes() for item in sorted([*path.glob("runs/*.npz"), path / "results.csv"])}
 
 
 @pytest.mark.slow
