@@ -6,7 +6,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "soilmoist_ros"
-NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
+NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
 ROOT = Path(__file__).parent
 VERSION_FILE = ROOT / NAME / "foundation" / "version.py"
 VERSION = re.search(r'^__version__ = "(.+)"$', VERSION_FILE.read_text(encoding="utf-8"), re.M)
@@ -38,7 +38,7 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={
-        NAME: ["py.typed", "reporting/page/templates/*", "sensing/corrections/*.csv"],
+        NAME: ["py.typed", "reporting/page/templates/*", "sensing/corrections/*.csv", "console/page/*"],
         "msg_adapters": ["py.typed"],
     },
     data_files=[
@@ -83,6 +83,8 @@ setup(
         "places": ["reverse-geocode>=1.6"],
         # Vector files of soilmoist export: GeoPackage, shapefiles, QGIS projects.
         "gis": ["pyogrio>=0.8", "shapely>=2.1"],
+        # The operator's page.
+        "console": ["aiohttp>=3.9"],
         "test": [
             "pytest>=8",
             "pytest-xdist>=3.5",
@@ -95,6 +97,7 @@ setup(
             "colcon-library-path",
             "colcon-python-setup-py",
             "colcon-ros",
+            "playwright>=1.40",  # the operator's page in a real browser
             "mypy>=1.10",
             "ruff>=0.6",
             "wheel",  # builds the example plug-in

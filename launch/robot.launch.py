@@ -47,6 +47,7 @@ PROPERTY = (
     "weight 1); each has a mapper, which reads NAME/counts"
 )
 JOURNAL = "folder of the mission's journal, which survives a power cut (empty: as in params_file, or OUT/journal)"
+CONSOLE = "true: the operator's page is served, on port 8050 of this computer unless params_file says otherwise"
 RESPAWN = "true: nodes that crash start again, with the map and the mission that they had"
 RESPAWN_DELAY_S = 2.0
 RESPAWN_LIMIT_S = 60.0
@@ -68,6 +69,7 @@ def generate_launch_description() -> LaunchDescription:
                 "use_sim_time", default_value="false", description="true: time comes from /clock"
             ),
             DeclareLaunchArgument("record", default_value="true", description="false: nothing is recorded"),
+            DeclareLaunchArgument("console", default_value="false", description=CONSOLE),
             DeclareLaunchArgument("respawn", default_value="true", description=RESPAWN),
             DeclareLaunchArgument("autostart", default_value="false", description=AUTOSTART),
             DeclareLaunchArgument(
@@ -99,6 +101,8 @@ def nodes(context: LaunchContext) -> list[Node]:
     values = {
         name: parameters_from(name, arguments) for name in ("recorder", "mapper", "planner", "sensor_driver")
     }
+    if flag("console"):
+        values["console"] = parameters_from("console", arguments)
     properties = property_argument(given("property"), "properties", given("properties"))
     if properties:
         values["planner"] |= parameters_from("planner", {"properties": str(properties)})

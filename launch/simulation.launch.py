@@ -21,6 +21,7 @@ from launch_ros.actions import Node
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.system.demo_configuration import (
+    CONSOLE_PORT,
     DemoSettings,
     node_name,
     shared_mapper,
@@ -61,6 +62,7 @@ MISSION = {
     "namespace": ("", "namespace of the robot"),
     "params_file": ("", "parameters of all nodes (YAML); arguments override them"),
     "record": ("true", "false to record nothing"),
+    "console": ("false", "true to serve the operator's page on port 8050"),
 }
 
 PROPERTY = "further properties that are counted and mapped, such as rough:0.5,ridge: FIELD[:WEIGHT] to simulate"
@@ -120,6 +122,7 @@ def team(
         given("scenario"),
         flag("autostart"),
         flag("exit_when_finished"),
+        console_port=CONSOLE_PORT if flag("console") else 0,
     )
     files = write_configuration(settings, field, out)
     robots = robot_namespaces(mission.robots)

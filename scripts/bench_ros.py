@@ -46,7 +46,7 @@ RECORDS_PER_STOP = 4
 FIELDS_M = {"3,000 cells": (60.0, 50.0), "70,000 cells": (280.0, 250.0)}
 """Width and height; cells are 1 m wide."""
 BARE_NODE = "import rclpy; rclpy.init(); rclpy.spin(rclpy.create_node('bare'))"
-NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
+NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
 
 
 class Observer:

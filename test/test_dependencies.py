@@ -15,7 +15,18 @@ ROOT = Path(__file__).resolve().parent.parent
 OWN = {"soilmoist_ros", "msg_adapters"}
 ROSDEP_KEYS = {
     name: f"python3-{name}"
-    for name in ("click", "jinja2", "matplotlib", "numpy", "pyproj", "rich", "scipy", "serial", "shapely")
+    for name in (
+        "aiohttp",
+        "click",
+        "jinja2",
+        "matplotlib",
+        "numpy",
+        "pyproj",
+        "rich",
+        "scipy",
+        "serial",
+        "shapely",
+    )
 }
 """Imports for which Ubuntu has a recent enough package; ROS packages have the name of their import."""
 COMES_WITH = {

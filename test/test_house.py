@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-CORE = ("foundation", "sensing", "mapping", "exploration", "simulation", "recording", "reporting", "replay")
+CORE = (
+    "foundation", "sensing", "mapping", "exploration", "simulation", "recording", "reporting", "replay", "console",
+)  # fmt: skip
 MAX_NAMES = 12
 """Highest number of names in the public API of a folder."""
 LONG = 100

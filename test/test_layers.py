@@ -15,6 +15,7 @@ FLOORS = (
     "recording",
     "reporting",
     "replay",
+    "console",
     "nodes",
     "cli",
 )

@@ -7,7 +7,8 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +64,9 @@ DEMO_HOURS = 1.0
     default="",
     help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, or a file. Default: none.",
 )
+@click.option("--console/--no-console", "console", default=True, show_default=True,
+              help="Serve the operator's page on this machine.")  # fmt: skip
+@click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
 @earlier_option()
 @covariate_option()
 @output_options("Folder for the run; made if missing.")
@@ -75,6 +79,8 @@ def command(
     old_speed: float | None,
     time_factor: float,
     scenario: str,
+    console: bool,
+    leave: bool,
     earlier: tuple[Path, ...],
     covariates: tuple[str, ...],
 ) -> None:
@@ -82,6 +88,7 @@ def command(
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
     The folder also gets the recording (bag/), the configuration (configuration/) and the node output (log/).
+    On a terminal the operator's page stays after the mission until Ctrl-C.
     """
     for module, remedy in (("rclpy", "scripts/demo sets it up; on a robot, source /opt/ros/jazzy/setup.bash"),):
         if importlib.util.find_spec(module) is None:
@@ -95,7 +102,8 @@ def command(
     _prepare(out, overwrite)
     from soilmoist_ros.mapping.covariates.reading import read_covariates
     from soilmoist_ros.mapping.covariates.source import CovariateSource
-    from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
+    from soilmoist_ros.nodes.system.demo import DemoSettings, free_port, run_demo
+    from soilmoist_ros.nodes.system.demo_configuration import CONSOLE_PORT
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -104,17 +112,34 @@ def command(
     sources = tuple(map(CovariateSource.parse, covariates))
     field = surrogate_field(mission.field_name).field
     read_covariates((*field.covariates, *sources), field.frame, field.grid())
-    settings = DemoSettings(out, mission, time_factor, navigator, scenario, earlier=earlier, covariates=sources)
+    if console and importlib.util.find_spec("aiohttp") is None:
+        console = False
+        click.echo('console: not served, aiohttp is not installed -> pip install "soilmoist_ros[console]"')
+    port = free_port(CONSOLE_PORT) if console else 0
+    settings = DemoSettings(
+        out, mission, time_factor, navigator, scenario, earlier=earlier, covariates=sources, console_port=port
+    )
+    address = f"console: http://127.0.0.1:{port}/"
+    replay = None
     try:
-        with reported_failure(out), _live_view() as show:
-            replay = run_demo(settings, show)
+        with ExitStack() as stack:
+            stack.enter_context(reported_failure(out))
+            with _live_view() as show:
+                started = partial(click.echo, address)
+                replay = stack.enter_context(run_demo(settings, show, started))
+            written = write_outputs(out, replay.run)
+            print_replay(replay)
+            for path in (*written, out / "bag"):
+                click.echo(f"wrote {path}")
+            if console and not leave and sys.stdin.isatty() and sys.stdout.isatty():
+                click.echo(f"{address} stays until Ctrl-C")
+                while True:
+                    time.sleep(1.0)
     except KeyboardInterrupt:
-        click.echo(f"interrupted: all nodes have stopped; map the recording with soilmoist replay {out}", err=True)
-        sys.exit(130)
-    written = write_outputs(out, replay.run)
-    print_replay(replay)
-    for path in (*written, out / "bag"):
-        click.echo(f"wrote {path}")
+        if replay is None:
+            remedy = f"map the recording with soilmoist replay {out}"
+            click.echo(f"interrupted: all nodes have stopped; {remedy}", err=True)
+            sys.exit(130)
 
 
 def _prepare(out: Path, overwrite: bool) -> None:

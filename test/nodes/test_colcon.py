@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NODES = {"sensor_driver", "mapper", "planner", "recorder", "field_simulator"}
+NODES = {"sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console"}
 
 
 @pytest.fixture(scope="module")

@@ -65,6 +65,15 @@ def by_name(started):
     return nodes
 
 
+def test_the_console_is_started_on_demand(tmp_path, monkeypatch, seen):
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"console": "true", "field": "f.yaml"}))
+    assert (seen(nodes["console"])["field"], seen(nodes["console"])["host"]) == ("f.yaml", "127.0.0.1")
+    team = stand_in.start(
+        SIMULATION, monkeypatch, {"console": "true", "robots": "2", "out": str(tmp_path / "run")}
+    )
+    assert seen(by_name(team)["console"])["robots"] == ["/robot_1", "/robot_2"]
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_every_argument_is_described(path, monkeypatch):
     description = stand_in.load(path, monkeypatch)

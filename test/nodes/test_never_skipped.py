@@ -31,6 +31,8 @@ import pytest
         "pandas",
         "distributed",
         "yaml",
+        "aiohttp",
+        "playwright.sync_api",
     ],
 )
 def test_what_tests_need_is_there(name):

@@ -25,7 +25,7 @@ from soilmoist_ros.nodes.parameters.parameter import Parameter, check_values
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SCRIPT = ROOT / "scripts" / "parameter_tables"
-NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator")
+NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
 
 
 def load_script():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
@@ -22,7 +24,7 @@ from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.simulated_robot import robot_namespaces
 
-__all__ = ["DemoError", "DemoSettings", "run_demo"]
+__all__ = ["DemoError", "DemoSettings", "free_port", "run_demo"]
 
 Show = Callable[[LiveMission], None]
 
@@ -34,14 +36,16 @@ class DemoError(SoilmoistError):
     """A node ended too early; the message names the node and its log."""
 
 
-def run_demo(settings: DemoSettings, show: Show) -> Replay:
-    """Explore a surrogate field with all nodes, and map the recording.
+@contextlib.contextmanager
+def run_demo(settings: DemoSettings, show: Show, started: Callable[[], object] = lambda: None) -> Iterator[Replay]:
+    """Explore a surrogate field with all nodes, and map the recording. The operator's page lasts with the context.
 
     The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` for each
     further property.
 
     :param settings: the mission and its folder
     :param show: called a few times per second while the mission runs
+    :param started: called when the operator's page can be opened, if there is one
     :raises InputError: if the settings cannot be used
     :raises DemoError: if a node ends before the mission does
     :raises KeyboardInterrupt: if interrupted, after the nodes have ended and the recording is complete
@@ -65,18 +69,42 @@ def run_demo(settings: DemoSettings, show: Show) -> Replay:
         os.environ.update(environment)  # before ROS is loaded here
         from soilmoist_ros.nodes.system.monitor import monitored
 
-        with ProcessGroup(environment, out / "log") as group, monitored(live, field.frame, domain):
-            for name, path in parameters.items():
-                namespace, _, node = name.rpartition("/")
-                if node == "sensor_driver":
-                    path = _with_ports(path, namespace, out, group)
-                group.start(name, path, shared_mapper(name, names[1:]))
-            _watch(group, live, show)
-    fields: dict[str | int, str] = {
-        0: mission.field_name,
-        **{one.name: one.field_name for one in mission.properties},
-    }
-    return replay_bag(out / "bag", ReplaySettings(truths=fields))
+        with ProcessGroup(environment, out / "log") as page:
+            if settings.console_port:
+                page.start("console", parameters.pop("console"))
+                _wait_for_page(page, settings.console_port)
+                started()
+            with ProcessGroup(environment, out / "log") as group, monitored(live, field.frame, domain):
+                for name, path in parameters.items():
+                    namespace, _, node = name.rpartition("/")
+                    if node == "sensor_driver":
+                        path = _with_ports(path, namespace, out, group)
+                    group.start(name, path, shared_mapper(name, names[1:]))
+                _watch(group, live, show)
+            fields: dict[str | int, str] = {
+                0: mission.field_name,
+                **{one.name: one.field_name for one in mission.properties},
+            }
+            yield replay_bag(out / "bag", ReplaySettings(truths=fields))
+
+
+def free_port(wanted: int) -> int:
+    """A port on this machine: the one that is wanted if it is free, else another."""
+    for port in (wanted, 0):
+        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", port)) as server:
+            return int(server.getsockname()[1])
+    raise InputError("no TCP port is free", "end other programs first")
+
+
+def _wait_for_page(group: ProcessGroup, port: int) -> None:
+    deadline = time.monotonic() + _START_LIMIT_S
+    while True:
+        _require_all(group)
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+            return
+        if time.monotonic() > deadline:
+            raise DemoError(f"console did not start in {_START_LIMIT_S:g} s; see {group.log('console')}")
+        time.sleep(_POLL_S / 4)
 
 
 def _with_ports(path: Path, namespace: str, out: Path, group: ProcessGroup) -> Path:

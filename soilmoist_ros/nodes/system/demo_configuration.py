@@ -13,6 +13,8 @@ from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.simulated_robot import robot_namespaces
 
+CONSOLE_PORT = 8050
+"""Port of the operator's page, if it is free."""
 _OF_MAPPER = ("samples", "model", "mapper/save")
 
 
@@ -30,6 +32,7 @@ class DemoSettings:
     :param exit_when_finished: whether the planners end with their missions
     :param earlier: earlier runs of the field
     :param covariates: files with covariates, in addition to those of the field
+    :param console_port: port of the operator's page on this machine; 0 for no page
     """
 
     out: Path
@@ -41,6 +44,7 @@ class DemoSettings:
     exit_when_finished: bool = True
     earlier: tuple[Path, ...] = ()
     covariates: tuple[CovariateSource, ...] = ()
+    console_port: int = 0
 
 
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -121,6 +125,9 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         },
         **{node_name(robot, "sensor_driver"): {**files, **simulated} for robot in robots},
     }
+    if settings.console_port:
+        page = {"field": files["field"], "port": settings.console_port, **({"robots": several} if several else {})}
+        nodes = {"console": page, **nodes}
     return {name: write_parameters(out, name, values) for name, values in nodes.items()}
 
 

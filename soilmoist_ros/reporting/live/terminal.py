@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# From dry to wet: light sand over green to deep blue, in even steps of lightness.
-_COLOURS = np.array(
+DRY_TO_WET = np.array(
     [
         (253, 237, 196),
         (222, 226, 150),
@@ -28,6 +27,7 @@ _COLOURS = np.array(
     ],
     float,
 )
+"""Colours from dry to wet: light sand over green to deep blue, in even steps of lightness, shape (7, 3)."""
 _ROBOT, _TARGET, _SAMPLE = (230, 30, 60), (255, 140, 0), (20, 20, 20)
 
 
@@ -170,9 +170,9 @@ def _limits(band: LiveBand) -> tuple[float, float]:
 
 
 def _colour(share: Array) -> Array:
-    place = np.nan_to_num(share, nan=0.0) * (len(_COLOURS) - 1)
-    steps = np.arange(len(_COLOURS))
-    found = np.stack([np.interp(place, steps, _COLOURS[:, band]) for band in range(3)], axis=-1)
+    place = np.nan_to_num(share, nan=0.0) * (len(DRY_TO_WET) - 1)
+    steps = np.arange(len(DRY_TO_WET))
+    found = np.stack([np.interp(place, steps, DRY_TO_WET[:, band]) for band in range(3)], axis=-1)
     found[np.isnan(share)] = -1
     return found
 

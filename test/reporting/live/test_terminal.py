@@ -61,7 +61,7 @@ def lightness(colour):
 
 
 def test_it_is_dark_where_it_is_wet():
-    steps = [lightness(colour) for colour in terminal._COLOURS]
+    steps = [lightness(colour) for colour in terminal.DRY_TO_WET]
     assert (np.diff(steps) < -5).all()
     for wet_is_high in (True, False):
         row = pixels(view(wet_is_high=wet_is_high))[0]

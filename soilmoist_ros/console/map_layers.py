@@ -1,0 +1,165 @@
+"""The map as pictures, one pixel a cell, and its values at a place."""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.reporting.live.terminal import DRY_TO_WET
+
+Array = NDArray[np.float64]
+
+_COLOURS: Final = 254
+_OUTSIDE: Final = 255
+"""Index of the transparent colour."""
+_CERTAIN_TO_NOT: Final = np.array(
+    [(247, 244, 249), (221, 199, 226), (201, 148, 199), (206, 76, 152), (160, 20, 90), (90, 0, 60)], float
+)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A way to show the map.
+
+    :param key: name of the band in the message
+    :param title: what it is
+    :param unit: its unit
+    :param colours: colours from low to high, shape (k, 3)
+    """
+
+    key: str
+    title: str
+    unit: str
+    colours: Array
+
+
+LAYERS: Final = (
+    Layer("vwc", "Soil moisture", "m³/m³", DRY_TO_WET),
+    Layer("vwc_sd", "Uncertainty of the moisture", "m³/m³", _CERTAIN_TO_NOT),
+    Layer("rate", "Neutron rate", "counts/s", DRY_TO_WET[::-1]),
+    Layer("rate_sd", "Uncertainty of the rate", "counts/s", _CERTAIN_TO_NOT),
+)
+
+
+class MapLayers:
+    """One map, cut to the field; never changed.
+
+    :param cells: fields x, y and the bands, shape (rows, columns), south first, NaN outside the field
+    :param version: number of the map
+    """
+
+    def __init__(self, cells: NDArray[Any], version: int) -> None:
+        inside = np.isfinite(cells["x"]) & np.isfinite(cells["y"])
+        rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+        self.version = version
+        self._pictures: dict[str, bytes] = {}
+        if not len(rows):
+            self._cells, self._inside = cells[:0, :0], inside[:0, :0]
+            return
+        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        self._cells, self._inside = cells[part], inside[part]
+        x, y = self._cells["x"][self._inside], self._cells["y"][self._inside]
+        west, east, south, north = (float(value) for value in (x.min(), x.max(), y.min(), y.max()))
+        steps = max(self._cells.shape) - 1
+        self._step_m = max(east - west, north - south) / steps if steps else 1.0
+        half = self._step_m / 2
+        self.extent = [round(edge, 3) for edge in (west - half, east + half, south - half, north + half)]
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """The layers that have values, for JSON; without a map, none."""
+        shown = [layer for layer in LAYERS if self._has(layer)]
+        return {
+            "version": self.version,
+            "extent": self.extent if shown else [],
+            "layers": [
+                {
+                    "key": layer.key,
+                    "title": layer.title,
+                    "unit": layer.unit,
+                    "limits": [float(f"{value:.3g}") for value in self._limits(layer)],
+                    "colours": [_hex(colour) for colour in layer.colours],
+                    "mean": float(f"{np.nanmean(self._cells[layer.key]):.4g}"),
+                }
+                for layer in shown
+            ],
+        }
+
+    def png(self, key: str) -> bytes:
+        """Picture of a layer, north up, transparent outside the field.
+
+        :raises KeyError: if there is no such layer
+        """
+        if key not in self._pictures:
+            layer = next((one for one in LAYERS if one.key == key and self._has(one)), None)
+            if layer is None:
+                raise KeyError(key)
+            low, high = self._limits(layer)
+            values = np.asarray(self._cells[key], float)
+            share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(values.shape, 0.5)
+            index = np.full(values.shape, _OUTSIDE, np.uint8)
+            known = np.isfinite(values)
+            index[known] = np.rint(share[known] * (_COLOURS - 1))
+            self._pictures[key] = _png(index[::-1], layer.colours)
+        return self._pictures[key]
+
+    def at(self, x_m: float, y_m: float) -> dict[str, float]:
+        """Finite values of all bands at a place; nothing outside the field."""
+        if not self._cells.size or not (math.isfinite(x_m) and math.isfinite(y_m)):
+            return {}
+        west, _, south, _ = self.extent
+        row, column = math.floor((y_m - south) / self._step_m), math.floor((x_m - west) / self._step_m)
+        rows, columns = self._cells.shape
+        if not (0 <= row < rows and 0 <= column < columns and self._inside[row, column]):
+            return {}
+        cell = self._cells[row, column]
+        bands = (name for name in cell.dtype.names or () if name not in "xyz")
+        return {name: float(f"{cell[name]:.5g}") for name in bands if math.isfinite(cell[name])}
+
+    def _has(self, layer: Layer) -> bool:
+        names = self._cells.dtype.names or ()
+        return layer.key in names and bool(np.isfinite(self._cells[layer.key]).any())
+
+    def _limits(self, layer: Layer) -> tuple[float, float]:
+        """Quantiles, so that a few outliers have no effect."""
+        values = np.asarray(self._cells[layer.key], float)
+        low, high = np.nanquantile(values, (0.02, 0.98))
+        return float(low), float(high)
+
+
+def _png(index: NDArray[np.uint8], colours: Array) -> bytes:
+    """A picture with a palette.
+
+    :param index: numbers of colours, shape (rows, columns), top first
+    :param colours: colours from low to high, shape (k, 3)
+    """
+    steps = np.linspace(0, len(colours) - 1, _COLOURS)
+    palette = np.zeros((256, 3), np.uint8)
+    for band in range(3):
+        palette[:_COLOURS, band] = np.rint(np.interp(steps, np.arange(len(colours)), colours[:, band]))
+    height, width = index.shape
+    rows = np.zeros((height, width + 1), np.uint8)  # each row begins with the number of its filter
+    rows[:, 1:] = index
+    opacity = bytes([255] * _OUTSIDE + [0])
+    parts = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),
+        (b"PLTE", palette.tobytes()),
+        (b"tRNS", opacity),
+        (b"IDAT", zlib.compress(rows.tobytes(), 6)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in parts
+    )
+
+
+def _hex(colour: Array) -> str:
+    red, green, blue = (int(part) for part in colour)
+    return f"#{red:02x}{green:02x}{blue:02x}"

@@ -1,0 +1,91 @@
+// The connection to the console: sections that stay up to date, commands, and the emergency stop.
+
+export const sections = {};
+const listeners = new Set();
+const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, STOP_MS = 6000;
+let socket = null, heardAt = null, offset = 0, fresh = false;
+
+export const listen = (call) => listeners.add(call);
+export const connected = () => socket !== null && socket.readyState === 1 && heardAt !== null;
+// Steady time of the robot's computer now [s], as far as it is known here.
+export const nowS = () => performance.now() / 1000 + offset;
+export const silentS = () => (heardAt === null ? Infinity : (performance.now() - heardAt) / 1000);
+
+function apply(message) {
+  if (fresh) {
+    for (const name of Object.keys(sections)) delete sections[name];
+    fresh = false;
+  }
+  offset = message.now - performance.now() / 1000;
+  heardAt = performance.now();
+  for (const [name, value] of Object.entries(message.set ?? {})) sections[name] = value;
+  for (const [name, [kept, items]] of Object.entries(message.extend ?? {})) {
+    sections[name] = (sections[name] ?? []).slice(0, kept).concat(items);
+  }
+  for (const call of listeners) call(new Set([...Object.keys(message.set ?? {}), ...Object.keys(message.extend ?? {})]));
+}
+
+export function connect() {
+  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+  const mine = new WebSocket(`${scheme}//${location.host}${location.pathname.replace(/[^/]*$/, "")}live`);
+  socket = mine;
+  let first = true;
+  mine.onmessage = (event) => {
+    if (socket !== mine) return;
+    if (first) { fresh = true; first = false; }
+    apply(JSON.parse(event.data));
+  };
+  mine.onclose = () => {
+    if (socket !== mine) return;
+    socket = null;
+    for (const call of listeners) call(new Set());
+    setTimeout(connect, RETRY_MS);
+  };
+}
+
+setInterval(() => {  // a connection that is only silent is lost as well
+  if (socket !== null && socket.readyState === 1 && silentS() * 1000 > SILENT_MS) {
+    const old = socket;
+    socket = null;
+    old.close();
+    connect();
+  }
+}, 1000);
+
+async function post(path, content, limitMs) {
+  const response = await fetch(path, {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content),
+    signal: AbortSignal.timeout(limitMs), cache: "no-store",
+  });
+  return response.json();
+}
+
+export const who = () => (localStorage.getItem("who") || "").trim();
+
+// Reply to a command: {accepted, message}. A reply that does not come is no acceptance.
+export async function command(robot, verb, details = {}) {
+  try {
+    const reply = await post("command", { robot, verb, who: who() || "console", ...details }, COMMAND_MS);
+    return reply.error ? { accepted: false, message: reply.error } : reply;
+  } catch {
+    return { accepted: false, message: "The console did not answer. It is not known whether the command is used." };
+  }
+}
+
+// {acknowledged, missing}; error says why there is no answer.
+export async function emergency(path) {
+  try {
+    return await post(path, { who: who() || "console" }, STOP_MS);
+  } catch {
+    return { acknowledged: false, error: "the console did not answer" };
+  }
+}
+
+export async function valuesAt(x, y) {
+  try {
+    const response = await fetch(`at?x=${x}&y=${y}`, { cache: "no-store", signal: AbortSignal.timeout(COMMAND_MS) });
+    return (await response.json()).values ?? {};
+  } catch {
+    return null;
+  }
+}

@@ -1,0 +1,222 @@
+// The map: a picture of the server in metres of the field, and what is drawn over it.
+
+import { sections } from "./link.js";
+
+const canvas = document.getElementById("map");
+const pen = canvas.getContext("2d");
+const view = { x: 0, y: 0, scale: 1, fitted: false };  // centre [m], pixels per metre
+const picture = { image: null, version: -1, key: "", extent: null, loading: false };
+const pointers = new Map();
+let chosen = null, area = null, onChoose = () => {}, moved = 0, asked = false, layer = "";
+
+export const onPlace = (call) => { onChoose = call; };
+export function mark(place, corners = null) { chosen = place; area = corners; draw(); }
+export function showLayer(key) { layer = key; load(); }
+export const shownLayer = () => layer;
+
+export function fit() {
+  const points = sections.field?.boundary;
+  if (!points || !canvas.clientWidth) return;
+  const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
+  const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const small = canvas.clientWidth < 500, tall = canvas.clientHeight - (small ? 80 : 150), wide = canvas.clientWidth - (small ? 30 : 110);
+  view.scale = Math.max(0.01, Math.min(wide / (east - west || 1), Math.max(tall, 100) / (north - south || 1)));
+  view.x = (west + east) / 2; view.y = (south + north) / 2 - (small ? 0 : 6 / view.scale);
+  view.fitted = true;
+  draw();
+}
+
+export function zoom(factor, at = [canvas.clientWidth / 2, canvas.clientHeight / 2]) {
+  const [x, y] = ground(at);
+  view.scale = Math.min(500, Math.max(0.02, view.scale * factor));
+  const [nx, ny] = ground(at);
+  view.x += x - nx; view.y += y - ny;
+  draw();
+}
+
+const pixel = ([x, y]) => [canvas.clientWidth / 2 + (x - view.x) * view.scale, canvas.clientHeight / 2 - (y - view.y) * view.scale];
+const ground = ([px, py]) => [view.x + (px - canvas.clientWidth / 2) / view.scale, view.y - (py - canvas.clientHeight / 2) / view.scale];
+
+// One picture per map: the next one is loaded when the last one is here.
+export function load() {
+  const about = sections.map;
+  if (!about?.layers?.length || picture.loading) return;
+  if (!about.layers.some((one) => one.key === layer)) layer = about.layers[0].key;
+  if (picture.version === about.version && picture.key === layer) return;
+  picture.loading = true;
+  const { version, extent } = about, key = layer, image = new Image();
+  const done = (ok) => {
+    picture.loading = false;
+    if (ok) Object.assign(picture, { image, version, key, extent });
+    draw();
+    if (ok) setTimeout(load, 500); else setTimeout(load, 2000);
+  };
+  image.onload = () => done(true);
+  image.onerror = () => done(false);
+  image.src = `map/${key}.png?v=${version}`;
+}
+
+export function draw() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(() => { asked = false; paint(); });
+}
+
+function path(points, closed = true) {
+  pen.beginPath();
+  points.forEach((point, index) => pen[index ? "lineTo" : "moveTo"](...pixel(point)));
+  if (closed) pen.closePath();
+}
+
+function paint() {
+  const ratio = window.devicePixelRatio || 1, [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (!width) return;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
+  }
+  if (!view.fitted) fit();
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  const field = sections.field;
+  if (!field) return;
+  path(field.boundary); pen.fillStyle = "#f3f1e6"; pen.fill();
+  if (picture.image) {
+    const [west, east, south, north] = picture.extent;
+    const [left, top] = pixel([west, north]), [right, bottom] = pixel([east, south]);
+    pen.imageSmoothingEnabled = false;
+    pen.drawImage(picture.image, left, top, right - left, bottom - top);
+  }
+  for (const hole of field.no_go) hatch(hole, "#a80018");
+  for (const robot of sections.robots ?? []) for (const one of sections[`ruled_out/${robot}`] ?? []) hatch(one, "#6a3a00");
+  path(field.boundary); line("#fff", 5); line("#10151b", 2.5);
+  nodes(); samples(); visits();
+  (sections.robots ?? []).forEach(robotLayer);
+  if (area) hatch(area, "#6a3a00");
+  if (chosen) cross(pixel(chosen));
+  if (document.activeElement === canvas && canvas.matches(":focus-visible")) cross([width / 2, height / 2], "#ffb000");
+  scaleBar(width, height);
+}
+
+function line(colour, width, dash = []) {
+  pen.strokeStyle = colour; pen.lineWidth = width; pen.setLineDash(dash); pen.stroke(); pen.setLineDash([]);
+}
+
+function disc(place, radius, fill, edge = "#fff") {
+  const [x, y] = pixel(place);
+  pen.beginPath(); pen.arc(x, y, radius, 0, 7); pen.fillStyle = fill; pen.fill();
+  if (edge) line(edge, 1.5);
+}
+
+function hatch(corners, colour) {
+  path(corners); pen.fillStyle = `${colour}30`; pen.fill(); line(colour, 2);
+  pen.save(); pen.clip();
+  const xs = corners.map((c) => pixel(c)[0]), ys = corners.map((c) => pixel(c)[1]);
+  const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  pen.beginPath();
+  const step = Math.max(9, (right - left + bottom - top) / 200);
+  for (let x = left - (bottom - top); x < right; x += step) { pen.moveTo(x, bottom); pen.lineTo(x + bottom - top, top); }
+  line(colour, 1);
+  pen.restore();
+}
+
+function nodes() {
+  if (view.scale < 2) return;
+  for (const [, x, y] of sections.nodes ?? []) disc([x, y], 2, "#10151b80", null);
+}
+
+function samples() {
+  for (const [x, y] of sections.samples ?? []) disc([x, y], 2.2, "#10151b", null);
+}
+
+function visits() {
+  for (const visit of sections.visits ?? []) disc(visit.place, 5, "#fff", "#10151b");
+}
+
+function robotLayer(robot, index) {
+  const trail = sections[`trail/${robot}`];
+  if (trail?.length > 1) { path(trail, false); line("#ffffffb0", 4); line("#0b3d66", 1.8); }
+  const place = sections[`place/${robot}`], plan = sections[`plan/${robot}`] ?? [], mission = sections[`mission/${robot}`];
+  if (plan.length) {
+    path(place ? [place, ...plan] : plan, false); line("#fff", 4); line("#b34700", 2.2, [7, 5]);
+    const crowded = view.scale < 9;
+    [...plan.entries()].reverse().forEach(([number, stop]) => {
+      const small = number && crowded;
+      disc(stop, small ? 4 : number ? 9 : 12, "#b34700");
+      if (!small) label(String(number + 1), pixel(stop), "#fff", "center", 12);
+    });
+    const dwell = mission?.planned_dwell_s;
+    if (dwell) label(`${dwell} s`, pixel(plan[0]).map((v, axis) => v + (axis ? -18 : 0)), "#10151b", "center", 13, true);
+  }
+  if (!place) return;
+  const [x, y] = pixel(place);
+  if (place[3] > 0) { pen.beginPath(); pen.arc(x, y, Math.max(place[3] * view.scale, 1), 0, 7); pen.fillStyle = "#a8001830"; pen.fill(); }
+  pen.save(); pen.translate(x, y);
+  if (place[2] === null) { pen.beginPath(); pen.arc(0, 0, 10, 0, 7); }
+  else { pen.rotate((place[2] * Math.PI) / 180); pen.beginPath(); pen.moveTo(0, -16); pen.lineTo(11, 12); pen.lineTo(0, 6); pen.lineTo(-11, 12); pen.closePath(); }
+  pen.fillStyle = ["#a80018", "#5a1a8a", "#0b5127", "#10151b"][index % 4]; pen.fill(); line("#fff", 2.5);
+  pen.restore();
+  if (robot) label(robot.replace("_", " "), [x, y + 26], "#10151b", "center", 13, true);
+}
+
+function label(text, [x, y], colour, align, size, paper = false) {
+  pen.font = `700 ${size}px system-ui, sans-serif`; pen.textAlign = align; pen.textBaseline = "middle";
+  if (paper) { pen.lineWidth = 4; pen.strokeStyle = "#fff"; pen.strokeText(text, x, y); }
+  pen.fillStyle = colour; pen.fillText(text, x, y);
+}
+
+function cross([x, y], colour = "#10151b") {
+  pen.beginPath(); pen.moveTo(x - 16, y); pen.lineTo(x + 16, y); pen.moveTo(x, y - 16); pen.lineTo(x, y + 16);
+  line("#fff", 6); line(colour, 3);
+}
+
+function scaleBar(width, height) {
+  const rough = 90 / view.scale, power = 10 ** Math.floor(Math.log10(rough));
+  const length = [1, 2, 5, 10].map((n) => n * power).filter((n) => n <= rough * 1.2).pop() ?? power;
+  const right = width - 14, left = right - length * view.scale, y = height - 14;
+  pen.beginPath(); pen.moveTo(left, y - 6); pen.lineTo(left, y); pen.lineTo(right, y); pen.lineTo(right, y - 6);
+  line("#fff", 5); line("#10151b", 2);
+  label(`${length} m`, [(left + right) / 2, y - 12], "#10151b", "center", 13, true);
+}
+
+// Fingers, mouse, keys ------------------------------------------------------------------------------------------------
+
+const inside = (event) => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+
+canvas.addEventListener("pointerdown", (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  pointers.set(event.pointerId, inside(event));
+  if (pointers.size === 1) moved = 0;
+});
+canvas.addEventListener("pointermove", (event) => {
+  const before = pointers.get(event.pointerId);
+  if (!before) return;
+  const now = inside(event), other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+  moved += Math.hypot(now[0] - before[0], now[1] - before[1]);
+  if (other) {
+    const factor = Math.hypot(now[0] - other[0], now[1] - other[1]) / (Math.hypot(before[0] - other[0], before[1] - other[1]) || 1);
+    moved = 99;
+    zoom(factor, [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2]);
+  } else if (moved > 8) {
+    view.x -= (now[0] - before[0]) / view.scale; view.y += (now[1] - before[1]) / view.scale;
+    draw();
+  }
+  pointers.set(event.pointerId, now);
+});
+for (const kind of ["pointerup", "pointercancel"]) {
+  canvas.addEventListener(kind, (event) => {
+    if (kind === "pointerup" && pointers.size === 1 && moved <= 8) onChoose(ground(inside(event)));
+    pointers.delete(event.pointerId);
+  });
+}
+canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(event.deltaY < 0 ? 1.2 : 1 / 1.2, inside(event)); }, { passive: false });
+canvas.addEventListener("keydown", (event) => {
+  const step = 40 / view.scale, moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+  if (moves[event.key]) { view.x += moves[event.key][0]; view.y += moves[event.key][1]; draw(); }
+  else if (event.key === "+") zoom(1.25);
+  else if (event.key === "-") zoom(0.8);
+  else if (event.key === "Enter") onChoose([view.x, view.y]);
+  else return;
+  event.preventDefault();
+});
+for (const kind of ["focus", "blur"]) canvas.addEventListener(kind, draw);
+new ResizeObserver(() => { view.fitted = false; draw(); }).observe(canvas);

@@ -1,0 +1,277 @@
+// The survey: what the mission does, and what an operator may ask for.
+
+import { command, connect, connected, emergency, listen, nowS, sections, silentS, valuesAt } from "./link.js";
+import { draw, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
+import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
+
+const OLD_S = 10, SNAP_M = 12, RETRY_MS = 1000;
+const SETTINGS = [
+  ["hours", "Time of the mission from its start [h]", { type: "number", step: "0.1", min: "0.1" }],
+  ["dwell", "Dwell: fmi:SECONDS, ami:THRESHOLD or optimal", { type: "text" }],
+  ["strategy", "Strategy, such as gcb", { type: "text" }],
+  ["target", "Which map is to be good: vwc or rate", { type: "text" }],
+];
+let robot = "", place = null, stopping = null, noticeTimer = 0;
+
+const mission = () => sections[`mission/${robot}`];
+const maySteer = () => sections.viewer?.may_steer ?? false;
+const anyEmergency = () => (sections.robots ?? []).some((one) => sections[`mission/${one}`]?.emergency);
+
+// Commands -----------------------------------------------------------------------------------------------------------
+
+function notice(text, bad = false) {
+  const node = $("notice");
+  node.textContent = text;
+  node.dataset.kind = bad ? "bad" : "";
+  node.hidden = false;
+  clearTimeout(noticeTimer);
+  noticeTimer = setTimeout(() => { node.hidden = true; }, bad ? 15000 : 6000);
+}
+
+async function ask(verb, details = {}) {
+  const reply = await command(robot, verb, details);
+  notice(reply.accepted ? reply.message : `Not done: ${reply.message}`, !reply.accepted);
+  return reply.accepted;
+}
+
+// Asks until every planner has acknowledged the stop; until then the page says so loudly.
+async function stop() {
+  if (stopping) return;
+  stopping = { tries: 0, text: "" };
+  while (stopping) {
+    stopping.tries += 1;
+    render();
+    const reply = await emergency("stop");
+    if (reply.acknowledged) { stopping = null; break; }
+    const missing = (reply.missing ?? []).map((name) => name.replace("_", " ")).join(", ");
+    stopping.text = reply.error ?? `no answer from ${missing}`;
+    render();
+    await new Promise((resolve) => { setTimeout(resolve, RETRY_MS); });
+  }
+  render();
+}
+
+async function release() {
+  stopping = null;
+  const reply = await emergency("release");
+  if (reply.acknowledged) notice("STOP is released. Nothing moves before you resume.");
+  else notice(`STOP is still pressed: ${reply.error ?? "another button is pressed, or the planner does not answer"}`, true);
+}
+
+// A place of the map ----------------------------------------------------------------------------------------------------
+
+async function choose([x, y]) {
+  const near = (sections.nodes ?? []).map(([name, nx, ny]) => [Math.hypot(nx - x, ny - y), name, nx, ny]).sort((a, b) => a[0] - b[0])[0];
+  place = { x, y, node: near && near[0] <= SNAP_M ? near : null, values: undefined };
+  mark([x, y]);
+  render();
+  const mine = place;
+  mine.values = await valuesAt(x, y);
+  if (place === mine) render();
+  $("place").scrollIntoView({ block: "nearest" });
+}
+
+function leave() { place = null; mark(null); render(); }
+
+function octagon(radius) {
+  return [...Array(8).keys()].map((n) => [place.x + radius * Math.cos((n + 0.5) * Math.PI / 4), place.y + radius * Math.sin((n + 0.5) * Math.PI / 4)]);
+}
+
+function placeText(values) {
+  if (values === undefined) return ["…", ""];
+  if (values === null) return ["The console did not answer", ""];
+  if (values.vwc !== undefined) {
+    const range = values.vwc_p05 !== undefined ? `90 % between ${values.vwc_p05.toFixed(3)} and ${values.vwc_p95.toFixed(3)}` : "";
+    return [`${values.vwc.toFixed(3)} ± ${values.vwc_sd.toFixed(3)} m³/m³`, `${range}; rate ${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`];
+  }
+  if (values.rate !== undefined) return [`${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, ""];
+  return ["No value here yet", ""];
+}
+
+function renderPlace() {
+  $("place").hidden = !place;
+  if (!place) return;
+  const [value, more] = placeText(place.values);
+  setText("place-value", value);
+  const where = `${place.x.toFixed(1)} m east, ${place.y.toFixed(1)} m north`;
+  setText("place-more", [more, where].filter(Boolean).join(" · "));
+  fill("place-actions", [place.x, place.y, maySteer()], () => {
+    if (!maySteer()) return [];
+    const target = place.node ? place.node.slice(2) : [place.x, place.y];
+    const name = place.node ? `Slide: measure at ${place.node[1]}` : "Slide: measure here";
+    const dwell = element("input", { type: "number", min: 1, id: "place-dwell", placeholder: "as the mission decides" });
+    const size = element("select", { id: "place-size" }, ...[5, 10, 20, 40].map((m) => element("option", { value: m }, `${m} m around`)));
+    size.addEventListener("change", () => mark([place.x, place.y], octagon(Number(size.value))));
+    const rule = button("Rule out", async () => { if (await ask("rule_out", { polygon: octagon(Number(size.value)) })) leave(); });
+    return [
+      element("label", { for: "place-dwell" }, "Time at the stop [s]"), dwell,
+      slide(name, async () => { if (await ask("measure", { place: target, dwell: dwell.value })) leave(); }),
+      element("label", { for: "place-size" }, "No stops in an area"), element("div", { class: "buttons" }, size, rule),
+    ];
+  });
+}
+
+// Mission ------------------------------------------------------------------------------------------------------------------
+
+function kindOf(now) {
+  if (!now) return "unknown";
+  if (now.emergency || now.needs_operator || now.stop_requests > 1) return "danger";
+  return now.paused ? "paused" : now.phase === "counting" ? "counting" : now.moving ? "moving" : "idle";
+}
+
+function renderState() {
+  const now = mission();
+  $("state").dataset.kind = kindOf(now);
+  setText("headline", now ? now.headline : "Waiting for the planner");
+  let reason = now?.reason ?? "It has not been heard yet.";
+  if (now?.emergency) reason += now.stop_requests ? `. The robot is not known to stand (asked ${now.stop_requests} times)` : ". The robot stands";
+  setText("reason", reason);
+  const counting = now?.phase === "counting" || (now?.counts ?? 0) > 0 && now?.paused;
+  $("counting").hidden = !counting;
+  if (counting) {
+    setText("counts", String(now.counts));
+    setText("error", now.error_percent === null ? "–" : `± ${now.error_percent.toFixed(1)} %`);
+    setText("dwell", now.planned_dwell_s ? `${now.dwell_s} of ${now.planned_dwell_s} s` : `${now.dwell_s} s`);
+    $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
+    spark(sections[`count/${robot}`] ?? []);
+  }
+  const shown = now && [now.running, now.paused, now.phase, now.emergency, maySteer(), sections.pressed, robot];
+  fill("actions", shown, () => actions(now));
+}
+
+function actions(now) {
+  if (!now || !maySteer()) return maySteer() || !connected() ? [] : [element("p", {}, "Read-only: open the address with the token from the robot's log.")];
+  if (now.emergency) return [slide("Slide to release STOP", release, "danger")];
+  const end = slide("Slide to end the mission", () => ask("abort"), "danger");
+  if (!now.running) return [slide("Slide to start", () => ask("start"))];
+  if (now.paused) return [slide("Slide to resume", () => ask("resume")), slide("Slide to drive home and end", () => ask("return_home")), end];
+  if (now.phase === "returning") return [button("Pause", () => ask("pause"), "primary"), end];
+  return [
+    element("div", { class: "buttons" }, button("Pause", () => ask("pause"), "primary"), button("Skip this stop", () => ask("skip"))),
+    slide("Slide to drive home and end", () => ask("return_home")), end,
+  ];
+}
+
+function spark(counts) {
+  const points = counts.filter(([, n]) => n > 0).map(([s, n]) => [s, 100 / Math.sqrt(n)]);
+  const line = $("spark").firstElementChild;
+  if (points.length < 2) { line.setAttribute("points", ""); return; }
+  const lastS = points.at(-1)[0] || 1, top = Math.min(points[0][1], 60);
+  line.setAttribute("points", points.map(([s, e]) => `${(300 * s / lastS).toFixed(1)},${(42 - 40 * Math.min(e, top) / top).toFixed(1)}`).join(" "));
+}
+
+function renderMission() {
+  const now = mission();
+  setText("used", duration(now?.used_s)); setText("left", duration(now?.left_s));
+  setText("stops", String(now?.stops ?? "–")); setText("distance", metres(now?.distance_m));
+  setText("forecast", now?.forecast ? `Map: ${now.forecast}` : "No forecast yet.");
+  setText("ends", now?.running && now.left_s ? `Ends in ${duration(now.left_s)} of mission time at the latest, way home included.` : "");
+  setText("last-command", now?.last_command ? `Last command: ${now.last_command}` : "");
+  const queue = now?.queue ?? [];
+  $("queue-part").hidden = !queue.length;
+  fill("queue", [queue, maySteer()], () => queue.map((name, index) => {
+    const order = (change) => { const next = [...queue]; change(next); ask("order", { stops: next }); };
+    const swap = (one, other) => order((next) => { [next[one], next[other]] = [next[other], next[one]]; });
+    const up = button("↑", () => swap(index, index - 1)), down = button("↓", () => swap(index, index + 1));
+    const remove = button("✕", () => order((next) => next.splice(index, 1)));
+    up.disabled = !maySteer() || index === 0; down.disabled = !maySteer() || index === queue.length - 1; remove.disabled = !maySteer();
+    [[up, "earlier"], [down, "later"], [remove, "remove"]].forEach(([node, text]) => node.setAttribute("aria-label", `${name}: ${text}`));
+    return element("li", {}, name, up, down, remove);
+  }));
+  $("change").hidden = !maySteer();
+}
+
+function settingsForm() {
+  const inputs = SETTINGS.map(([name, text, attributes]) => [name, text, element("input", { id: `set-${name}`, ...attributes })]);
+  $("settings").append(...inputs.flatMap(([, text, input]) => [element("label", { for: input.id }, text), input]), element("button", { type: "submit", class: "primary" }, "Change"));
+  $("settings").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const given = inputs.filter(([, , input]) => input.value.trim()).map(([name, , input]) => [name, input.type === "number" ? Number(input.value) : input.value.trim()]);
+    if (await ask("change", Object.fromEntries(given))) event.target.reset();
+  });
+}
+
+// Health, map, frame ---------------------------------------------------------------------------------------------------------
+
+function renderAges() {
+  const heard = sections.heard ?? {}, several = (sections.robots ?? []).length > 1;
+  const rows = (sections.robots ?? []).flatMap((one) => {
+    const name = several ? one.replace("_", " ") : "robot";
+    return [[`${name} last heard`, heard[`mission/${one}`]], [several ? `${name}: position` : "position", heard[`fix/${one}`]]];
+  });
+  rows.push(["map", heard.map, true]);
+  const list = rows.map(([text, at, slow]) => {
+    const age = at === undefined ? null : Math.max(0, nowS() - at);
+    const old = age === null || (!slow && age > OLD_S);
+    return [text, age === null ? "never" : `${duration(Math.floor(age))} ago`, old];
+  });
+  fill("ages", list, () => list.map(([text, age, old]) => element("li", { "data-kind": old ? "old" : "" }, element("span", {}, text), element("b", {}, age))));
+  const node = $("link"), first = heard[`mission/${robot}`], age = first === undefined ? null : Math.max(0, Math.floor(nowS() - first));
+  const lost = !connected() || silentS() > 5;
+  node.dataset.kind = lost || age === null || age > OLD_S ? "lost" : "";
+  node.textContent = lost ? "connection lost" : age === null ? "robot not heard yet" : age <= 2 ? "live" : `robot last heard ${duration(age)} ago`;
+  const alarm = $("alarm");
+  const text = stopping?.text
+    ? `STOP WAS NOT ACKNOWLEDGED (${stopping.text}). Use the button on the robot. Trying again, ${stopping.tries} so far.`
+    : lost && sections.field ? "Connection to the console lost. The robot goes on by itself; STOP may not reach it." : "";
+  if (alarm.textContent !== text) alarm.textContent = text;
+  alarm.hidden = !text;
+  alarm.classList.toggle("loud", Boolean(stopping?.text));
+  const stop = $("stop");
+  stop.dataset.kind = stopping ? "asking" : anyEmergency() ? "pressed" : "";
+  const word = stopping ? "STOPPING…" : anyEmergency() ? "STOP is pressed" : "STOP";
+  if (stop.textContent !== word) stop.textContent = word;
+}
+
+function renderHealth() {
+  const parts = sections.health ?? [];
+  fill("health", parts, () => parts.map((part) => element("li", { "data-level": part.level }, element("b", {}, `${part.name.replace(/^\//, "")}: `), part.message)));
+}
+
+function renderMap() {
+  const about = sections.map;
+  const layers = about?.layers ?? [];
+  load();
+  fill("layers", [layers.map((one) => one.key), shownLayer()], () => layers.map((one) => {
+    const node = button({ vwc: "Moisture", vwc_sd: "± Moisture", rate: "Rate", rate_sd: "± Rate" }[one.key] ?? one.title, () => { showLayer(one.key); render(); });
+    node.setAttribute("aria-pressed", String(one.key === shownLayer()));
+    return node;
+  }));
+  const one = layers.find((each) => each.key === shownLayer());
+  $("legend").hidden = !one && Boolean(sections.field) === false;
+  fill("legend", one ?? "none", () => {
+    if (!one) return [element("span", {}, "No map yet: it begins with the first samples")];
+    const bar = element("canvas", { width: 190, height: 1 }), pen = bar.getContext("2d"), shade = pen.createLinearGradient(0, 0, 190, 0);
+    one.colours.forEach((colour, index) => shade.addColorStop(index / (one.colours.length - 1), colour));
+    pen.fillStyle = shade; pen.fillRect(0, 0, 190, 1);
+    return [element("div", {}, `${one.title} [${one.unit}]`), bar, element("div", { class: "row" }, element("span", {}, String(one.limits[0])), element("span", {}, `mean ${one.mean}`), element("span", {}, String(one.limits[1])))];
+  });
+  draw();
+}
+
+function renderFrame() {
+  const robots = sections.robots ?? [];
+  if (!robots.includes(robot) && robots.length) robot = robots[0];
+  setText("field", sections.field?.name ?? "Survey");
+  $("robots").hidden = robots.length < 2;
+  fill("robots", [robots, robot], () => robots.map((one) => {
+    const node = button(one.replace("_", " "), () => { robot = one; render(); });
+    node.setAttribute("aria-pressed", String(one === robot));
+    return node;
+  }));
+}
+
+function render() { renderFrame(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderPlace(); }
+
+$("stop").addEventListener("click", stop);
+$("place-close").addEventListener("click", leave);
+$("zoom-in").addEventListener("click", () => zoom(1.4));
+$("zoom-out").addEventListener("click", () => zoom(1 / 1.4));
+$("zoom-fit").addEventListener("click", fit);
+$("who").value = localStorage.getItem("who") || "";
+$("who").addEventListener("change", () => localStorage.setItem("who", $("who").value));
+settingsForm();
+onPlace(choose);
+listen(render);
+setInterval(renderAges, 1000);
+connect();

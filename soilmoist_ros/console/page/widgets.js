@@ -1,0 +1,61 @@
+// Small parts of the page.
+
+export const $ = (id) => document.getElementById(id);
+
+export function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value === true) made.setAttribute(name, "");
+    else if (value !== false && value !== undefined) made.setAttribute(name, value);
+  }
+  made.append(...children);
+  return made;
+}
+
+export function setText(id, text) {
+  const node = $(id);
+  if (node.textContent !== text) node.textContent = text;
+}
+
+export const button = (text, call, kind = "") => element("button", { type: "button", class: kind, onclick: call }, text);
+
+let slides = 0;
+
+// A control that must be moved to its end: for what moves a robot. By keyboard: End, or the arrow keys.
+export function slide(text, call, kind = "") {
+  const id = `slide-${++slides}`;
+  const input = element("input", { type: "range", min: 0, max: 100, step: 5, value: 0, id });
+  const reset = () => { input.value = 0; };
+  const done = () => {
+    const far = Number(input.value) >= 95;
+    reset();
+    if (far) call();
+  };
+  input.addEventListener("change", () => { if (!input.dataset.keys) done(); });
+  input.addEventListener("keydown", (event) => { if (event.key.startsWith("Arrow") || event.key.startsWith("Page")) input.dataset.keys = 1; });
+  input.addEventListener("keyup", () => {
+    if (input.dataset.keys && Number(input.value) >= 95) { delete input.dataset.keys; done(); }
+  });
+  input.addEventListener("pointerdown", () => { delete input.dataset.keys; });
+  input.addEventListener("blur", reset);
+  return element("div", { class: `slide ${kind}`, "data-slide": text }, input, element("label", { for: id }, text));
+}
+
+// Replaces children only if what they depend on has changed, so that a slide stays under the finger.
+export function fill(id, key, make) {
+  const node = $(id);
+  const text = JSON.stringify(key);
+  if (node.dataset.key === text) return;
+  node.dataset.key = text;
+  node.replaceChildren(...make());
+}
+
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined) return "–";
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  const minutes = Math.round(seconds / 60);
+  return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")}`;
+}
+
+export const metres = (value) => (value === null || value === undefined ? "–" : value < 1000 ? `${value} m` : `${(value / 1000).toFixed(2)} km`);

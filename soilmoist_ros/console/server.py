@@ -1,0 +1,309 @@
+"""Serves the console: the page, the pictures of the map, what has changed, and the way for commands."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import hashlib
+import json
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from soilmoist_ros.console.access import COOKIE, Access, Visitor
+from soilmoist_ros.console.board import Board, changes
+from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.requests import request_from_json
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.extras import optional_module
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+PAGE: Final = Path(__file__).parent / "page"
+UPDATE_S: Final = 0.5
+"""Shortest time between two messages to a viewer [s]."""
+IDLE_S: Final = 2.0
+"""Longest time between two messages to a viewer: the page notices a lost connection [s]."""
+REPLY_LIMIT_S: Final = 5.0
+"""Longest wait for the answer of a planner [s]."""
+STOP_LIMIT_S: Final = 3.0
+"""Longest wait for a planner that says that its emergency stop is pressed [s]."""
+MAX_BODY: Final = 64 * 1024
+MAX_VIEWERS: Final = 50
+_KINDS: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+_HEADERS: Final = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; "
+    "base-uri 'none'; form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+_READ_ONLY: Final = "this page is read-only: open the address with the token from the robot's log"
+
+Handler = Callable[[Any], Awaitable[Any]]
+
+
+class Steering(Protocol):
+    """What the console asks of the robots; called in the thread of the server."""
+
+    def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
+        """Pass a request to the planner of a robot."""
+
+    def press(self, who: str) -> None:
+        """Press the emergency stop of all robots."""
+
+    def release(self, who: str) -> None:
+        """Release the emergency stop of all robots."""
+
+
+class ConsoleServer:
+    """An HTTP server in a thread.
+
+    :param board: what to show; the sections ``robots`` (names) and ``mission/NAME`` are read here, too
+    :param steering: receives the commands
+    :param access: who may
+    :param picture: the latest map
+    """
+
+    def __init__(
+        self, board: Board, steering: Steering, access: Access, picture: Callable[[], MapLayers | None]
+    ) -> None:
+        self._web = optional_module("aiohttp.web", "console")
+        self._board, self._steering, self._access, self._picture = board, steering, access, picture
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="console", daemon=True)
+        self._viewers: set[web.WebSocketResponse] = set()
+        self._runner: web.AppRunner | None = None
+
+    def start(self, host: str, port: int) -> int:
+        """Start to serve.
+
+        :param host: address to listen on
+        :param port: port, 0 for a free one
+        :returns: the port
+        :raises InputError: if the address cannot be used
+        """
+        self._thread.start()
+        try:
+            return asyncio.run_coroutine_threadsafe(self._open(host, port), self._loop).result(20.0)
+        except OSError as error:
+            self.close()
+            raise InputError(
+                f"the console cannot listen on {host}, port {port}: {error.strerror or error}",
+                "set the parameter port to another number, or 0 for a free one; or end what uses it",
+            ) from None
+
+    def close(self) -> None:
+        """End serving; viewers are disconnected."""
+        if self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(self._shut(), self._loop).result(10.0)
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join(5.0)
+
+    # Start and end -------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_forever()
+        self._loop.close()
+
+    async def _open(self, host: str, port: int) -> int:
+        web = self._web
+        app = web.Application(client_max_size=MAX_BODY, middlewares=[self._guard()])
+        app.router.add_get("/", self._on_page)
+        app.router.add_get("/page/{name}", self._on_file)
+        app.router.add_get("/map/{layer}.png", self._on_map)
+        app.router.add_get("/at", self._on_at)
+        app.router.add_get("/live", self._on_live)
+        for name, handler in (
+            ("command", self._on_command),
+            ("stop", self._on_stop),
+            ("release", self._on_release),
+        ):
+            app.router.add_post(f"/{name}", self._operators(handler))
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await self._runner.setup()
+        site = web.TCPSite(self._runner, host, port)
+        await site.start()
+        return int(self._runner.addresses[0][1])
+
+    async def _shut(self) -> None:
+        for viewer in tuple(self._viewers):
+            await viewer.close(code=1001, message=b"the console ends")
+        if self._runner is not None:
+            await self._runner.cleanup()
+
+    # Guard ---------------------------------------------------------------------------------------------------
+
+    def _guard(self) -> Any:
+        """A middleware that refuses requests of other sites, and adds the headers to all answers."""
+
+        async def guard(request: Any, handler: Handler) -> Any:
+            if refusal := self._access.refusal(_visitor(request)):
+                return self._web.Response(status=403, text=f"refused: {refusal}\n")
+            response = await handler(request)
+            if not response.prepared:
+                response.headers.update(_HEADERS)
+            return response
+
+        return self._web.middleware(guard)
+
+    def _operators(self, handler: Handler) -> Handler:
+        """A handler that answers operators only, with JSON."""
+
+        async def answer(request: Any) -> Any:
+            if request.content_type != "application/json":  # other sites can send forms, but not JSON
+                return self._web.json_response({"error": "send JSON"}, status=415)
+            if not self._access.may_steer(_visitor(request)):
+                return self._web.json_response({"error": _READ_ONLY}, status=403)
+            try:
+                return self._web.json_response(await handler(await request.json()))
+            except InputError as error:
+                return self._web.json_response({"error": str(error)}, status=400)
+            except (ValueError, RecursionError):
+                return self._web.json_response({"error": "this is not JSON"}, status=400)
+
+        return answer
+
+    # What is shown -------------------------------------------------------------------------------------------
+
+    async def _on_page(self, request: Any) -> Any:
+        token = request.query.get("token")
+        if token is None:
+            return self._file(request, "index.html")
+        session = self._access.session(token)
+        response = self._web.Response(status=303, headers={"Location": "./"})  # the token leaves the address
+        if session is not None:
+            response.set_cookie(COOKIE, session, httponly=True, samesite="Strict", path="/")
+        return response
+
+    async def _on_file(self, request: Any) -> Any:
+        return self._file(request, request.match_info["name"])
+
+    def _file(self, request: Any, name: str) -> Any:
+        if name not in _files():
+            raise self._web.HTTPNotFound
+        content, mark = _files()[name]
+        headers = {"ETag": mark, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+        if request.headers.get("If-None-Match") == mark:
+            return self._web.Response(status=304, headers=headers)
+        if "gzip" in request.headers.get("Accept-Encoding", ""):
+            headers["Content-Encoding"] = "gzip"
+        else:
+            content = gzip.decompress(content)
+        return self._web.Response(
+            body=content, headers=headers, content_type=_KINDS[Path(name).suffix], charset="utf-8"
+        )
+
+    async def _on_map(self, request: Any) -> Any:
+        picture = self._picture()
+        try:
+            if picture is None:
+                raise KeyError
+            content = await self._loop.run_in_executor(None, picture.png, request.match_info["layer"])
+        except KeyError:
+            raise self._web.HTTPNotFound from None
+        return self._web.Response(body=content, content_type="image/png", headers={"Cache-Control": "no-store"})
+
+    async def _on_at(self, request: Any) -> Any:
+        try:
+            x_m, y_m = float(request.query["x"]), float(request.query["y"])
+        except (KeyError, ValueError):
+            return self._web.json_response({"error": "give x and y in metres"}, status=400)
+        picture = self._picture()
+        return self._web.json_response({"values": picture.at(x_m, y_m) if picture else {}})
+
+    async def _on_live(self, request: Any) -> Any:
+        if len(self._viewers) >= MAX_VIEWERS:
+            return self._web.Response(status=503, text=f"{MAX_VIEWERS} viewers are connected already\n")
+        socket = self._web.WebSocketResponse(heartbeat=10.0, compress=True, max_msg_size=1024)
+        await socket.prepare(request)
+        self._viewers.add(socket)
+        sender = asyncio.create_task(self._send(socket, self._access.may_steer(_visitor(request))))
+        try:
+            async for _ in socket:  # what a viewer sends is ignored; the loop ends with the connection
+                pass
+        finally:
+            self._viewers.discard(socket)
+            sender.cancel()
+        return socket
+
+    async def _send(self, socket: Any, may_steer: bool) -> None:
+        """Send what has changed, until the viewer is gone."""
+        sent: dict[str, Any] = {}
+        while True:
+            version, sent_s = self._board.version, self._board.now_s()
+            now = {**self._board.snapshot(), "viewer": {"may_steer": may_steer}}
+            message = {**changes(sent, now), "now": round(sent_s, 2)}
+            await socket.send_str(json.dumps(message, separators=(",", ":"), allow_nan=False))
+            sent = now
+            await asyncio.sleep(UPDATE_S)
+            while self._board.version == version and self._board.now_s() < sent_s + IDLE_S:
+                await asyncio.sleep(UPDATE_S / 5)
+
+    # What is asked -------------------------------------------------------------------------------------------
+
+    async def _on_command(self, content: Any) -> dict[str, Any]:
+        robot, request = request_from_json(content, self._board.get("robots", []))
+        try:
+            future = asyncio.wrap_future(self._steering.command(robot, request))
+            reply = await asyncio.wait_for(future, REPLY_LIMIT_S)
+        except TimeoutError:
+            text = (
+                f"no answer from the planner in {REPLY_LIMIT_S:g} s: it is not known whether the command is used"
+            )
+            return {"accepted": False, "code": "no_answer", "message": text}
+        return {"accepted": reply.accepted, "code": str(reply.code), "message": reply.message}
+
+    async def _on_stop(self, content: Any) -> dict[str, Any]:
+        asked_s = self._board.now_s()
+        self._steering.press(_who(content))
+        return await self._acknowledged(True, asked_s)
+
+    async def _on_release(self, content: Any) -> dict[str, Any]:
+        asked_s = self._board.now_s()
+        self._steering.release(_who(content))
+        return await self._acknowledged(False, asked_s)
+
+    async def _acknowledged(self, pressed: bool, asked_s: float) -> dict[str, Any]:
+        """Wait until every planner says, after it was asked, that its emergency stop is pressed or released."""
+        limit_s = STOP_LIMIT_S if pressed else STOP_LIMIT_S + 2.0  # a release waits for the silence of others
+
+        def missing() -> list[str]:
+            return [
+                robot
+                for robot in self._board.get("robots", [])
+                if self._board.heard_s(f"mission/{robot}") < asked_s
+                or self._board.get(f"mission/{robot}", {}).get("emergency") is not pressed
+            ]
+
+        while (left := missing()) and self._board.now_s() < asked_s + limit_s:
+            await asyncio.sleep(0.05)
+        return {"acknowledged": not left, "missing": [robot or "the planner" for robot in left]}
+
+
+def _who(content: Any) -> str:
+    who = content.get("who", "") if isinstance(content, dict) else ""
+    return who[:60] if isinstance(who, str) and who.isprintable() else ""
+
+
+def _visitor(request: Any) -> Visitor:
+    address = request.remote or ""
+    return Visitor(address.partition("%")[0], request.headers, request.cookies.get(COOKIE, ""))
+
+
+@cache
+def _files() -> dict[str, tuple[bytes, str]]:
+    """Compressed content and mark of each file of the page, by name."""
+    found = {}
+    for path in PAGE.iterdir():
+        if path.suffix in _KINDS:
+            content = gzip.compress(path.read_bytes(), 9, mtime=0)
+            found[path.name] = content, f'"{hashlib.sha256(content).hexdigest()[:16]}"'
+    return found

@@ -1,0 +1,213 @@
+"""Serves the operator's page: shows the survey while it runs, and passes commands to the planners."""
+
+from __future__ import annotations
+
+import math
+import socket
+from functools import partial
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Path as PathMessage
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters.diagnostics import diagnostics_from_message, health_from_status
+from msg_adapters.environment import fix_from_message
+from msg_adapters.mission import mission_from_message
+from msg_adapters.plan import path_to_places
+from msg_adapters.samples import samples_from_message
+from msg_adapters.soil_map import soil_map_from_message
+from soilmoist_ros.console.access import Access
+from soilmoist_ros.console.board import Board
+from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.robot_history import RobotHistory
+from soilmoist_ros.console.server import ConsoleServer
+from soilmoist_ros.console.views import field_view, health_view, mission_view, sample_views, visit_view
+from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
+from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.health import Health
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.nodes.parameters.console import PARAMETERS
+from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR, VISITS
+from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.wiring.console_steering import ConsoleSteering
+
+__all__ = ["PARAMETERS", "Console", "main"]
+
+STALE_S: Final = 30.0
+"""Age at which the health of a part is shown as unknown [s]."""
+SHOW_S: Final = 1.0
+
+
+class Console(Node):
+    """Keeps a :class:`Board` up to date, and serves it; unreadable messages are named and ignored."""
+
+    def __init__(self) -> None:
+        super().__init__("console")
+        values = Parameters(self, PARAMETERS)
+        self._field = load_field(resource("fields", values.text("field")))
+        self._board = Board()
+        self._picture: MapLayers | None = None
+        self._health: dict[str, tuple[Health, float]] = {}
+        self._visits: list[dict[str, Any]] = []
+        self._faults: dict[str, str] = {}
+        robots = [name.strip("/") for name in values.texts("robots")] or [""]
+        self._history = {robot: RobotHistory(self._board, robot) for robot in robots}
+        self._board.put("robots", robots)
+        self._board.put("field", field_view(self._field))
+        self._subscribe(robots, values.text("map_topic"))
+        self._steering = ConsoleSteering(self, robots, self._board)
+        self._host = values.text("host")
+        access = Access(
+            (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names")), self._show_token
+        )
+        self._server = ConsoleServer(self._board, self._steering, access, lambda: self._picture)
+        self._port = self._server.start(self._host, values.whole("port"))
+        self.get_logger().info(f"console: http://{_link(self._host)}:{self._port}/")
+        self._show_token(access.token)
+        self.create_timer(SHOW_S, self._show_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.close()
+
+    def _subscribe(self, robots: list[str], map_topic: str) -> None:
+        for robot in robots:
+            below = f"/{robot}/" if robot else ""
+            self.create_subscription(
+                DiagnosticStatus, f"{below}mission", partial(self._on_mission, robot), LATCHED
+            )
+            self.create_subscription(NavSatFix, f"{below}fix", partial(self._on_fix, robot), SENSOR)
+            self.create_subscription(PathMessage, f"{below}plan", partial(self._on_plan, robot), LATCHED)
+            self._subscribe_typed(robot, below)
+        self.create_subscription(PointCloud2, "soil_map", self._on_map, LATCHED)
+        self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
+        if map_topic:
+            self.create_subscription(String, map_topic, self._on_graph, LATCHED)
+
+    def _subscribe_typed(self, robot: str, below: str) -> None:
+        """Subscribe to what needs ``soilmoist_msgs``, if it is built."""
+        try:
+            from soilmoist_msgs.msg import Mission, Visit
+        except ImportError:
+            return
+        self.create_subscription(Visit, f"{below}visits", partial(self._on_visit, robot), VISITS)
+        self.create_subscription(Mission, f"{below}mission_state", partial(self._on_state, robot), LATCHED)
+
+    # Messages ------------------------------------------------------------------------------------------------
+
+    def _on_mission(self, robot: str, message: DiagnosticStatus) -> None:
+        try:
+            status, values = mission_from_message(message), health_from_status(message).values
+        except ValueError as error:
+            self._ignore(f"{robot} mission", error)
+            return
+        self._board.put(f"mission/{robot}", mission_view(status, values))
+        self._history[robot].count(status)
+        self._board.hear(f"mission/{robot}")
+
+    def _on_state(self, robot: str, message: Any) -> None:
+        areas = [
+            [[float(corner.x), float(corner.y)] for corner in area.points] for area in message.ruled_out_areas
+        ]
+        self._board.put(f"ruled_out/{robot}", areas)
+
+    def _on_fix(self, robot: str, message: NavSatFix) -> None:
+        fix = fix_from_message(message)
+        self._board.hear(f"fix/{robot}")
+        position = fix.position
+        x_m, y_m = self._field.frame.to_local(position.latitude_deg, position.longitude_deg)[0]
+        if not (math.isfinite(x_m) and math.isfinite(y_m)):
+            return
+        self._history[robot].place(float(x_m), float(y_m), position.horizontal_sd_m)
+
+    def _on_plan(self, robot: str, message: PathMessage) -> None:
+        self._board.put(f"plan/{robot}", [[round(x_m, 2), round(y_m, 2)] for x_m, y_m in path_to_places(message)])
+
+    def _on_visit(self, robot: str, message: Any) -> None:
+        from msg_adapters.soilmoist.visits import visit_from_message
+
+        try:
+            self._visits.append(visit_view(visit_from_message(message), robot))
+        except ValueError as error:
+            self._ignore(f"{robot} visits", error)
+            return
+        self._board.put("visits", tuple(self._visits))
+
+    def _on_map(self, message: PointCloud2) -> None:
+        try:
+            version = 1 if self._picture is None else self._picture.version + 1
+            self._picture = MapLayers(soil_map_from_message(message), version)
+        except ValueError as error:
+            self._ignore("soil_map", error)
+            return
+        self._board.put("map", self._picture.about)
+        self._board.hear("map")
+
+    def _on_samples(self, message: PointCloud2) -> None:
+        try:
+            self._board.put("samples", sample_views(samples_from_message(message)))
+        except ValueError as error:
+            self._ignore("samples", error)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        now_s = self._board.now_s()
+        for part in diagnostics_from_message(message):
+            self._health[part.name] = part, now_s
+
+    def _on_graph(self, message: String) -> None:
+        try:
+            found = parse_topological_map(message.data)
+        except InputError as error:
+            self._ignore("the map of the navigation", error)
+            return
+        xy, datum = found.graph.xy, found.datum
+        if datum is not None:
+            xy = self._field.frame.to_local(*datum.to_geographic(xy).T)
+        places = xy.round(2).tolist()
+        self._board.put("nodes", [[name, *place] for name, place in zip(found.graph.names, places, strict=True)])
+
+    def _show_health(self) -> None:
+        oldest_s = self._board.now_s() - STALE_S
+        parts = [
+            part
+            if heard_s > oldest_s
+            else Health(part.name, part.level, f"not heard any more; last: {part.message}")
+            for part, heard_s in self._health.values()
+        ]
+        self._board.put("health", health_view(parts))
+
+    def _show_token(self, token: str) -> None:
+        """Log the address that lets one visitor from another machine steer."""
+        if self._host not in ("127.0.0.1", "::1", "localhost"):
+            self.get_logger().info(
+                f"to steer from another machine, open http://{_link(self._host)}:{self._port}/?token={token}"
+            )
+
+    def _ignore(self, what: str, error: Exception) -> None:
+        what = what.strip()
+        if self._faults.get(what) != str(error):  # a faulty publisher repeats the fault
+            self._faults[what] = str(error)
+            self.get_logger().error(f"{what} cannot be used: {error}")
+
+
+def _link(host: str) -> str:
+    """A host for an address to open; the name of this machine where the console listens on all networks."""
+    if host in ("0.0.0.0", "::"):
+        return socket.gethostname()
+    return f"[{host}]" if ":" in host else host
+
+
+def main() -> None:
+    """Run the console."""
+    run(Console)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,30 @@
+"""Parameters of ``console``."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from soilmoist_ros.nodes.parameters.parameter import Parameter
+
+PARAMETERS: Final = (
+    Parameter(name="field", default="", description="field file, or name of a shipped one"),
+    Parameter(
+        name="host",
+        default="127.0.0.1",
+        description="address to listen on; 0.0.0.0 for all networks. From other machines the page is read-only, "
+        "unless it is opened with the token in the log",
+    ),
+    Parameter(name="port", default=8050, description="TCP port of the page; 0 for a free one", low=0, high=65535),
+    Parameter(
+        name="names",
+        default=[],
+        description="host names under which the page is reached; addresses, localhost and the name of this "
+        "computer are always allowed",
+    ),
+    Parameter(
+        name="robots",
+        default=[],
+        description="namespaces of the robots on the field; that of this node if empty",
+    ),
+    Parameter(name="map_topic", default="/topological_map_2", description="topic of the navigation's map"),
+)

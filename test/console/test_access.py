@@ -1,0 +1,73 @@
+"""Who may see the page and who may steer (access.py)."""
+
+from __future__ import annotations
+
+import pytest
+
+from soilmoist_ros.console.access import Access, Visitor
+
+HERE = {"Host": "127.0.0.1:8050"}
+AWAY = {"Host": "192.168.1.5:8050"}
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:8050", "localhost:8050", "[::1]:8050", "192.168.1.5:8050", "Robot.local"]
+)
+def test_addresses_and_known_names_are_served(host):
+    assert Access(("robot.local",)).refusal(Visitor("127.0.0.1", {"Host": host})) == ""
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example:8050"},  # DNS rebinding
+        {"Host": ""},
+        {"Host": "localhost.evil.example"},
+        {"Host": "[broken"},
+        {**HERE, "Origin": "http://evil.example"},
+        {**HERE, "Origin": "http://127.0.0.1:9999"},
+        {**HERE, "Origin": "null"},
+        {**HERE, "Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"},
+        {**HERE, "Sec-Fetch-Site": "same-site"},
+    ],
+)
+def test_other_sites_are_refused(headers):
+    assert Access().refusal(Visitor("127.0.0.1", headers))
+
+
+def test_the_page_itself_and_links_to_it_are_served():
+    for more in (
+        {"Origin": "http://127.0.0.1:8050", "Sec-Fetch-Site": "same-origin"},
+        {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"},
+    ):
+        assert Access().refusal(Visitor("127.0.0.1", {**HERE, **more})) == ""
+
+
+@pytest.mark.parametrize(
+    ("address", "headers", "may"),
+    [
+        ("127.0.0.1", HERE, True),
+        ("::1", {"Host": "[::1]:80"}, True),
+        ("::ffff:127.0.0.1", {"Host": "localhost"}, True),
+        ("192.168.1.9", AWAY, False),
+        ("192.168.1.9", HERE, False),
+        ("127.0.0.1", AWAY, False),
+        ("127.0.0.1", {**HERE, "X-Forwarded-For": "10.0.0.1"}, False),  # a proxy on this machine
+    ],
+)
+def test_only_this_machine_steers_without_a_token(address, headers, may):
+    assert Access().may_steer(Visitor(address, headers)) is may
+
+
+def test_a_token_is_good_for_one_visitor():
+    renewed = []
+    access = Access(renewed=renewed.append)
+    first = access.token
+    assert access.session("wrong") is None
+    assert access.session("wröng") is None
+    cookie = access.session(first)
+    assert access.may_steer(Visitor("192.168.1.9", AWAY, cookie))
+    assert not access.may_steer(Visitor("192.168.1.9", AWAY, "other"))
+    assert access.session(first) is None, "it is used up"
+    assert renewed == [access.token]
+    assert access.session(access.token) not in (None, cookie)

@@ -1,0 +1,191 @@
+"""The server of the console (server.py), without robots."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import urllib.error
+import urllib.request
+from concurrent.futures import Future
+
+import aiohttp
+import numpy as np
+import pytest
+
+from soilmoist_ros.console import server as module
+from soilmoist_ros.console.access import Access
+from soilmoist_ros.console.board import Board
+from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.server import ConsoleServer
+from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
+from soilmoist_ros.foundation.errors import InputError
+
+
+class Robots:
+    """Robots that do as they are told, or do not answer."""
+
+    def __init__(self, board):
+        self.board, self.answers, self.asked = board, True, []
+
+    def command(self, robot, request):
+        self.asked.append((robot, request.verb, request.who))
+        said = Future()
+        if self.answers:
+            said.set_result(Reply(ReplyCode.REFUSED, "not now"))
+        return said
+
+    def press(self, who):
+        self._say(True, who)
+
+    def release(self, who):
+        self._say(False, who)
+
+    def _say(self, pressed, who):
+        self.asked.append((pressed, who))
+        if self.answers:
+            self.board.put("mission/r1", {"emergency": pressed})
+            self.board.hear("mission/r1")
+
+
+class Served:
+    def __init__(self, access):
+        self.board = Board()
+        self.board.put("robots", ["r1"])
+        self.robots, self.map = Robots(self.board), None
+        self.server = ConsoleServer(self.board, self.robots, access, lambda: self.map)
+        self.port = self.server.start("127.0.0.1", 0)
+
+    def get(self, path, **headers):
+        request = urllib.request.Request(f"http://127.0.0.1:{self.port}{path}", headers=headers)
+        try:
+            with urllib.request.urlopen(request, timeout=20) as answer:
+                return answer.status, answer.read(), answer.headers
+        except urllib.error.HTTPError as error:
+            return error.code, error.read(), error.headers
+
+    def post(self, path, content, kind="application/json", **headers):
+        body = content if isinstance(content, bytes) else json.dumps(content).encode()
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{self.port}{path}", body, {"Content-Type": kind, **headers}
+        )
+        try:
+            with urllib.request.urlopen(request, timeout=20) as answer:
+                return answer.status, json.loads(answer.read())
+        except urllib.error.HTTPError as error:
+            return error.code, error.read().decode()
+
+
+@pytest.fixture
+def served():
+    made = Served(Access())
+    yield made
+    made.server.close()
+
+
+def test_the_page_needs_nothing_from_elsewhere(served):
+    status, page, headers = served.get("/", **{"Accept-Encoding": "gzip"})
+    assert (status, headers["Content-Encoding"]) == (200, "gzip")
+    assert "default-src 'self'" in headers["Content-Security-Policy"]
+    total = len(page)
+    for path in module.PAGE.iterdir():
+        status, content, headers = served.get(f"/page/{path.name}", **{"Accept-Encoding": "gzip"})
+        assert status == 200
+        assert served.get(f"/page/{path.name}", **{"If-None-Match": headers["ETag"]})[0] == 304
+        total += len(content)
+        assert b"://" not in path.read_bytes().replace(b"http://www.w3.org/2000/svg", b"").replace(b"}//$", b"")
+    assert total < 100_000
+    assert served.get("/page/server.py")[0] == served.get("/page/..%2fserver.py")[0] == 404
+
+
+def test_other_sites_get_nothing(served):
+    assert served.get("/", Host="evil.example")[0] == 403
+    assert served.post("/stop", {}, Origin="http://evil.example")[0] == 403
+    assert served.post("/stop", b"{}", "text/plain")[0] == 415
+    assert served.post("/stop", b"{")[0] == 400
+    assert served.post("/command", {"verb": "start", "who": "x" * 100_000})[0] in (400, 413)
+    assert served.robots.asked == []
+
+
+def test_visitors_without_a_token_only_look(served):
+    far = {"X-Forwarded-For": "10.0.0.9"}
+    assert served.post("/stop", {}, **far)[0] == 403
+    assert served.get("/", **far)[0] == 200
+    assert served.robots.asked == []
+
+
+def test_a_token_becomes_a_cookie(served):
+    class Stay(urllib.request.HTTPRedirectHandler):
+        def redirect_request(self, *_):
+            return None
+
+    token = served.server._access.token
+    opener = urllib.request.build_opener(Stay)
+    with pytest.raises(urllib.error.HTTPError) as found:
+        opener.open(f"http://127.0.0.1:{served.port}/?token={token}", timeout=20)
+    found.value.close()
+    assert (found.value.code, found.value.headers["Location"]) == (303, "./")
+    cookie = found.value.headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    status, answer = served.post("/stop", {}, Cookie=cookie.split(";")[0], **{"X-Forwarded-For": "10.0.0.9"})
+    assert (status, answer["acknowledged"]) == (200, True)
+
+
+def test_commands_are_passed_on_with_their_reply(served, monkeypatch):
+    status, reply = served.post("/command", {"robot": "r1", "verb": "start", "who": "Ada"})
+    assert (status, reply) == (200, {"accepted": False, "code": "refused", "message": "not now"})
+    assert served.robots.asked == [("r1", "start", "Ada")]
+    assert served.post("/command", {"robot": "r2", "verb": "start"})[0] == 400
+    monkeypatch.setattr(module, "REPLY_LIMIT_S", 0.05)
+    served.robots.answers = False
+    assert served.post("/command", {"robot": "r1", "verb": "start"})[1]["code"] == "no_answer"
+
+
+def test_a_stop_is_acknowledged_by_the_robot_and_by_nobody_else(served, monkeypatch):
+    assert served.post("/stop", {"who": "Ada"})[1] == {"acknowledged": True, "missing": []}
+    assert served.post("/release", {"who": "Ada"})[1]["acknowledged"]
+    monkeypatch.setattr(module, "STOP_LIMIT_S", 0.1)
+    served.robots.answers = False
+    served.board.put("mission/r1", {"emergency": True})  # of an earlier stop
+    assert served.post("/stop", {"who": "Ada"})[1] == {"acknowledged": False, "missing": ["r1"]}
+
+
+def test_the_map_and_its_values(served):
+    assert served.get("/map/rate.png")[0] == 404
+    cells = np.full((2, 2), 1.0, [(name, "<f4") for name in ("x", "y", "z", "rate", "rate_sd")])
+    cells["x"], cells["y"] = np.meshgrid([1.0, 3.0], [1.0, 3.0])
+    served.map = MapLayers(cells, 1)
+    status, picture, headers = served.get("/map/rate.png")
+    assert (status, headers["Content-Type"], picture[:4]) == (200, "image/png", b"\x89PNG")
+    assert served.get("/map/other.png")[0] == 404
+    assert json.loads(served.get("/at?x=1&y=1")[1]) == {"values": {"rate": 1.0, "rate_sd": 1.0}}
+    assert served.get("/at?x=1")[0] == 400
+
+
+def test_viewers_receive_what_changes_twice_a_second_at_most(served):
+    async def look():
+        messages, times = [], []
+        loop = asyncio.get_running_loop()
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"http://127.0.0.1:{served.port}/live") as socket,
+        ):
+            for number in range(4):
+                messages.append(await socket.receive_json(timeout=20))
+                times.append(loop.time())
+                for step in range(100):
+                    served.board.put("a", (*range(number + 1), step))
+        return messages, np.diff(times)
+
+    messages, gaps = asyncio.run(look())
+    assert messages[0]["set"]["viewer"] == {"may_steer": True}
+    assert messages[0]["set"]["robots"] == ["r1"]
+    assert messages[1]["set"] == {"a": [0, 99]}
+    assert [message["extend"] for message in messages[2:]] == [{"a": [1, [1, 99]]}, {"a": [2, [2, 99]]}]
+    assert min(gaps) > 0.3
+
+
+def test_a_port_in_use_is_said(served):
+    other = ConsoleServer(served.board, served.robots, Access(), lambda: None)
+    with pytest.raises(InputError, match="cannot listen on 127"):
+        other.start("127.0.0.1", served.port)

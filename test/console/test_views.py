@@ -1,0 +1,82 @@
+"""What viewers see (views.py, robot_history.py)."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import pytest
+
+from soilmoist_ros.console.board import Board
+from soilmoist_ros.console.robot_history import MAX_TRAIL, RobotHistory
+from soilmoist_ros.console.views import field_view, headline, health_view, mission_view, sample_views
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+
+NAN = math.nan
+STATUS = MissionStatus(
+    0.0, Phase.COUNTING, "counting at r1", Stop("r1", 3.0, 4.0), 120.0, 30.0, 0.25, 60.0, 3540.0, 12.0, 2, 90.0,
+    400, 0, (), None,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+def test_every_phase_has_words_and_is_json(phase):
+    for status in (replace(STATUS, phase=phase), replace(STATUS, phase=phase, target=None, planned_dwell_s=NAN)):
+        view = json.loads(json.dumps(mission_view(status, {}), allow_nan=False))
+        assert view["headline"]
+        assert "{" not in view["headline"]
+
+
+@pytest.mark.parametrize("end", list(MissionEnd))
+def test_every_end_has_words(end):
+    assert headline(replace(STATUS, phase=Phase.FINISHED, ended=end)).startswith("Finished: ")
+
+
+def test_the_words_say_what_matters_most():
+    assert headline(STATUS) == "Counting at r1"
+    assert headline(replace(STATUS, emergency=True)) == "Emergency stop"
+    assert headline(replace(STATUS, emergency=True, stop_requests=1)) == "Emergency stop: asking the robot to stop"
+    assert headline(replace(STATUS, phase=Phase.PAUSED, needs_operator=True)) == "Paused: the robot needs you"
+    assert mission_view(STATUS, {})["error_percent"] == 5.0
+    assert mission_view(replace(STATUS, raw_counts=0), {})["error_percent"] is None
+
+
+def test_the_worst_part_comes_first():
+    parts = [Health("a", Level.OK, ""), Health("b", Level.ERROR, "x"), Health("c", Level.WARN, "")]
+    assert [part["name"] for part in health_view(parts)] == ["b", "c", "a"]
+
+
+def test_field_and_samples_are_json():
+    json.dumps(field_view(surrogate_field("half-wet").field), allow_nan=False)
+    assert sample_views(Samples([(1.234567, 2.0)], [30], [10.04])) == ([1.23, 2.0, 30, 10.0],)
+
+
+def test_a_way_is_kept_for_those_who_come_late():
+    board = Board()
+    history = RobotHistory(board, "r1")
+    history.place(0.0, 0.0, NAN)
+    history.place(0.1, 0.0, 0.02)
+    assert board.get("trail/r1") == ((0.0, 0.0),), "the noise of a receiver is no way"
+    assert board.get("place/r1") == [0.1, 0.0, None, 0.02]
+    history.place(3.0, 0.0, 0.02)
+    assert board.get("place/r1") == [3.0, 0.0, 90, 0.02], "it has driven to the east"
+    for step in range(2 * MAX_TRAIL):
+        history.place(3.0, float(step), 0.02)
+    assert len(board.get("trail/r1")) <= MAX_TRAIL
+
+
+def test_the_count_of_a_stop_grows_and_begins_again_at_the_next():
+    board = Board()
+    history = RobotHistory(board, "")
+    for dwell_s, counts in ((1.0, 10), (2.0, 20), (2.0, 20)):
+        history.count(replace(STATUS, dwell_s=dwell_s, raw_counts=counts))
+    assert board.get("count/") == ((1, 10), (2, 20))
+    history.count(replace(STATUS, target=Stop("r2", 0.0, 0.0), dwell_s=0.0, raw_counts=0))
+    assert board.get("count/") == ((0, 0),)
+    history.count(replace(STATUS, phase=Phase.TRAVELLING))
+    assert board.get("count/") == ()

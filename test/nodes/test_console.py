@@ -1,0 +1,155 @@
+"""The operator's page in a real browser, with the real console and planner (console.py, console_steering.py)."""
+
+from __future__ import annotations
+
+import re
+import signal
+from itertools import groupby
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+from browser import DESK, PHONE, chromium, slide
+from playwright.sync_api import expect
+from sensor_msgs.msg import PointCloud2
+from test_commands import Commanded
+from virtual_navigation import START_S, VirtualNavigation, World
+
+from msg_adapters.point_cloud import points_to_message
+from msg_adapters.soil_map import CELL
+from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.nodes.runtime.qos import LATCHED
+
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+LIMIT_MS = 30_000
+
+
+class Page:
+    """A console process and a page of it."""
+
+    def __init__(self, ros, folder, browser, size=PHONE):
+        self.ros, self.field = ros, str(folder / "field.yaml")
+        self.port = self.start(0)
+        context = browser.new_context(viewport=size)
+        context.set_default_timeout(LIMIT_MS)
+        self.page = context.new_page()
+        self.hosts, self.errors, self.pictures = set(), [], []
+        self.page.on("request", lambda request: self.hosts.add(re.sub(r"^\w+://([^/]*)/.*", r"\1", request.url)))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on(
+            "response", lambda answer: self.pictures.append(answer.status) if "/map/" in answer.url else 0
+        )
+        self.page.goto(f"http://127.0.0.1:{self.port}/")
+        self.page.get_by_label("Your name, for the journal").fill("Ada")
+        self.page.keyboard.press("Tab")
+
+    def start(self, port):
+        self.process = self.ros.start("console", params={"field": self.field, "port": port})
+        said = self.ros.wait_for(lambda: re.search(r"console: http://127\.0\.0\.1:(\d+)/", self.process.output()))
+        return int(said[1])
+
+    def shows(self, name, text):
+        expect(self.page.locator(f"#{name}")).to_contain_text(text, timeout=LIMIT_MS)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as made:
+        yield made
+
+
+def publish_map(ros):
+    cells = np.zeros((15, 20), CELL)
+    cells["x"], cells["y"] = np.meshgrid(np.arange(1.0, 40.0, 2.0), np.arange(1.0, 30.0, 2.0))
+    cells["rate"], cells["rate_sd"] = 4.0 + cells["x"] / 40, 0.25
+    for name in ("vwc", "vwc_sd", "vwc_p05", "vwc_p95"):
+        cells[name] = np.nan
+    publisher = ros.node.create_publisher(PointCloud2, "soil_map", LATCHED)
+    publisher.publish(points_to_message(cells, START_S, "map"))
+    return publisher
+
+
+def tap(page, x_m, y_m):
+    """Tap a place of the field, 40 m x 30 m, which fills the map; the page says which place it was."""
+    page.locator("#zoom-fit").click()
+    box = page.locator("#map").bounding_box()
+    tall = box["height"] - 80
+    scale = min((box["width"] - 30) / 40, tall / 30)
+    page.locator("#map").click(
+        position={"x": box["width"] / 2 + (x_m - 20) * scale, "y": box["height"] / 2 - (y_m - 15) * scale}
+    )
+
+
+def test_a_mission_is_started_redirected_stopped_and_resumed_on_a_phone(ros, tmp_path, browser):
+    with World(ros, rate=4.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Commanded(ros, tmp_path, fix_frozen_s=0.0)
+        maps = publish_map(ros)
+        seen = Page(ros, tmp_path, browser)
+        page = seen.page
+        seen.shows("field", "test field")
+        seen.shows("headline", "Ready")
+        seen.shows("legend", "Neutron rate")
+        ros.wait_for(lambda: (page.wait_for_timeout(50), 200 in seen.pictures)[1], message="the first map")
+
+        slide(page, "Slide to start")
+        seen.shows("headline", "Driving to")
+        tap(page, 15.0, 15.0)
+        seen.shows("place-value", "± 0.25 counts/s")
+        slide(page, "Slide: measure at n11")
+        seen.shows("queue", "n11")
+        planning.wait_state(lambda state: state.queue == ("n11",) and world.goal is not None, "the queue")
+
+        page.locator("#stop").click()
+        seen.shows("headline", "Emergency stop")
+        planning.wait_state(lambda state: state.emergency and state.phase is Phase.PAUSED, "the stop")
+        ros.wait_for(lambda: world.goal is None, message="the robot to stand")
+        seen.shows("reason", "The robot stands")
+        goals = len(navigation.goals)
+
+        page.reload()
+        seen.shows("headline", "Emergency stop")
+        seen.shows("queue", "n11")
+        seen.shows("stop", "STOP is pressed")
+        assert page.get_by_label("Your name, for the journal").input_value() == "Ada"
+        slide(page, "Slide to release STOP")
+        seen.shows("headline", "Paused")
+        assert (world.goal, len(navigation.goals)) == (None, goals), "a release moves nothing"
+        slide(page, "Slide to resume")
+        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "resumed")
+        page.get_by_role("button", name="Pause").click()
+        planning.wait_state(lambda state: state.phase is Phase.PAUSED, "paused")
+        seen.shows("reason", "Ada")
+        assert seen.hosts == {f"127.0.0.1:{seen.port}"}, "nothing comes from elsewhere"
+        assert seen.errors == []
+        assert maps is not None
+    assert seen.process.stop() == 0
+    assert planning.process.stop() == 0
+    assert [command for command, _ in groupby(planning.journalled())] == [
+        (verb, "Ada") for verb in ("start", "measure", "pause", "resume", "pause")
+    ]
+
+
+def test_a_stop_that_is_not_acknowledged_is_said_loudly_and_tried_until_it_is(ros, tmp_path, browser):
+    with World(ros, rate=4.0) as world, VirtualNavigation(ros, world):
+        planning = Commanded(ros, tmp_path, autostart=True)
+        seen = Page(ros, tmp_path, browser, DESK)
+        seen.shows("headline", "Driving to")
+        seen.process.stop(signal.SIGKILL)
+        seen.shows("link", "connection lost")
+        seen.page.locator("#stop").click()
+        seen.shows("alarm", "STOP WAS NOT ACKNOWLEDGED")
+        assert planning.state.phase in (Phase.TRAVELLING, Phase.COUNTING), "a lost link changes nothing"
+
+        assert seen.start(seen.port) == seen.port
+        planning.wait_state(lambda state: state.emergency, "the stop that was tried again")
+        seen.shows("headline", "Emergency stop")
+        expect(seen.page.locator("#alarm")).to_be_hidden(timeout=LIMIT_MS)
+        ros.wait_for(lambda: world.goal is None, message="the robot to stand")
+
+        planning.process.stop(signal.SIGKILL)  # now the planner is lost, and the console is there
+        seen.shows("link", "last heard")
+        seen.page.locator("#stop").click()
+        seen.shows("alarm", "no answer from the planner")
+        assert seen.errors == []
