@@ -483,14 +483,21 @@ class FieldMap:
         if known is not None and known[0] is samples:
             return known[1]
         if self._joint is None:
-            search = state.search_samples
-            like = None if search is None or search is samples else self._searched(search)
-            fit = self._estimate(samples, like=like)
-            if like is None:
-                self._last_search = samples, fit
-        else:
+            fit = self._fit_alone(state)
+        elif self.knowledge.earlier:
             fit = self._joint.fit(samples, state.model_samples or samples, state.began_s)
+        else:
+            fit = self._joint.fit(samples, samples, state.began_s, alone=self._fit_alone(state))
         self._last_fit = samples, fit
+        return fit
+
+    def _fit_alone(self, state: MapState) -> VariogramFit:
+        """The variogram of the samples of the survey."""
+        samples, search = state.fit_samples, state.search_samples
+        like = None if search is None or search is samples else self._searched(search)
+        fit = self._estimate(samples, like=like)
+        if like is None:
+            self._last_search = samples, fit
         return fit
 
     def _searched(self, samples: Samples) -> VariogramFit:

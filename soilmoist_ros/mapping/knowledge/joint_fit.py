@@ -110,7 +110,12 @@ class JointModel:
         self.fitted_samples = sum(map(len, _fitted(self._all)))
 
     def fit(
-        self, samples: Samples, model_samples: Samples, stamp_s: float = 0.0, given: VariogramFit | None = None
+        self,
+        samples: Samples,
+        model_samples: Samples,
+        stamp_s: float = 0.0,
+        given: VariogramFit | None = None,
+        alone: VariogramFit | None = None,
     ) -> VariogramFit:
         """Variogram and prior for a survey.
 
@@ -118,11 +123,13 @@ class JointModel:
         :param model_samples: those to which all is fitted that earlier surveys determine as well
         :param stamp_s: time of the survey [s since 1970-01-01 UTC]; 0 if it is unknown
         :param given: variogram to use instead of a fitted one
+        :param alone: without earlier surveys, the variogram of ``model_samples`` if nothing else is known; it is
+            fitted by default
         """
         known = None if given is None else given.variogram
         last = self._last
         if last is None or last[1:3] != (stamp_s, known) or (known is None and last[0] is not model_samples):
-            model = self._model(merge_exactly(model_samples)[0], stamp_s, given)
+            model = self._model(merge_exactly(model_samples)[0], stamp_s, given, alone)
             self._last = model_samples, stamp_s, known, model
         else:
             model = last[3]
@@ -146,9 +153,11 @@ class JointModel:
         mean_rate = places.mean_rate_cps
         return replace(model.fit, prior=prior, local_rate=local_rate, mean_rate=mean_rate, n_samples=len(places))
 
-    def _model(self, places: Samples, stamp_s: float, given: VariogramFit | None) -> _Model:
+    def _model(
+        self, places: Samples, stamp_s: float, given: VariogramFit | None, alone: VariogramFit | None
+    ) -> _Model:
         past, others = self._history.past, _fitted(self._history.past)
-        alone = given or self._estimate(places, others)
+        alone = given or alone or self._estimate(places, others)
         fit, variances = _stationary(alone), np.zeros(len(self._covariates or ()))
         features = self._features(fit.variogram)
         wide = WIDE * math.sqrt(fit.variogram.structured_sill)

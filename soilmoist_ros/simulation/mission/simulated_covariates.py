@@ -24,9 +24,9 @@ def simulated_covariates(
     """The covariates that the settings ask for; ``None`` for none.
 
     The covariate that follows the truth is ``r t + sqrt(1 - r^2) e``: t is the standardised truth, and e a random
-    field with the correlation R(h) of the truth's pattern, less its regression on the truth and standardised. So r is
-    the correlation over the cells. Useless ones are random fields of that correlation, independent of the truth: over
-    the cells of one field they may be correlated with it by chance.
+    field with the correlation R(h) of the truth's pattern, less its regression on the truth and standardised. So r
+    is the correlation over the cells. Useless ones are random fields with the correlation R(h), independent of the
+    truth: over the cells of one field they may be correlated with it by chance.
 
     :param field: present truth
     :param grid: cells of the map

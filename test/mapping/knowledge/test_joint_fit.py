@@ -287,6 +287,19 @@ def test_a_covariate_helps_and_has_an_effect_and_useless_ones_change_nothing():
     assert 0.2 < np.mean(effects) < 0.7
 
 
+def test_on_line_useless_covariates_change_nothing():
+    (now,), _ = simulated(1, 25, 1.0)
+    layers = np.random.default_rng(1).standard_normal((5, *GRID.shape))
+    known = Knowledge(covariates=Covariates.over(GRID, list("abcde"), layers))
+    one, other = FieldMap(GRID), FieldMap(GRID, knowledge=known)
+    for number, ((x_m, y_m), counts) in enumerate(zip(now.xy.tolist(), now.counts.tolist(), strict=True)):
+        record = CountRecord(1e9 + 60.0 * number, x_m, y_m, 0.0, int(counts), 60.0, 60.0)
+        for field_map in (one, other):
+            field_map.add(record)
+        if number % 6 == 5:
+            np.testing.assert_array_equal(one.update().rate, other.update().rate)
+
+
 def test_where_a_covariate_is_missing_the_map_is_less_certain():
     (now,), truth = simulated(1, 25, 1.0)
     raster = np.full(GRID.shape, np.nan)
