@@ -55,9 +55,10 @@ from soilmoist_ros.simulation.campaign.hindsight import (
 )
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
 from soilmoist_ros.simulation.mission.map_errors import map_errors
+from soilmoist_ros.simulation.mission.mission_ground import start_stop
 from soilmoist_ros.simulation.mission.result import MissionResult
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission, start_stop
+from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
 
 Array = NDArray[np.float64]
 Row = Mapping[str, Any]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.travel.travel import GraphTravel
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.mission.channel import mission_fields
+from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, start_stop
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import fenced_map, mission_map, start_stop
 from soilmoist_ros.simulation.robot.scenario import Scenario
 from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded
 from soilmoist_ros.simulation.simulated_robot import Output, SimulatedRobot

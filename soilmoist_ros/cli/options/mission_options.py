@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS, Setting
+from soilmoist_ros.simulation.mission.setting import Setting
+from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
 
 if TYPE_CHECKING:
     from soilmoist_ros.simulation.mission.settings import MissionSettings

@@ -27,8 +27,8 @@ from soilmoist_ros.foundation.configuration import (
 )
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.simulation.campaign.hindsight import LATTICE_DWELLS
+from soilmoist_ros.simulation.mission.setting import Setting as MissionSetting
 from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings, PropertySettings
-from soilmoist_ros.simulation.mission.settings import Setting as MissionSetting
 
 FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
 """Short names of the published findings."""

@@ -7,19 +7,14 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from datetime import UTC, datetime
-from functools import lru_cache
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.mission_setup import nominal_rate_cps, strategy_stream
 from soilmoist_ros.exploration.control.team import PendingMeasurement, pending_measurement
-from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph
 from soilmoist_ros.exploration.mission.actions import (
     Action,
     CancelGoal,
@@ -52,24 +47,15 @@ from soilmoist_ros.exploration.planning.dwell import dwell_rule
 from soilmoist_ros.exploration.planning.properties import Property, correction_factor
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
-from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
-from soilmoist_ros.exploration.travel.topological_map import (
-    TopologicalMap,
-    make_topological_map,
-    read_topological_map,
-)
-from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
 from soilmoist_ros.simulation.mission.forecasts import TimedForecast
+from soilmoist_ros.simulation.mission.mission_ground import start_stop, travel_and_stops
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.streams import gnss_stream, sensor_stream
@@ -81,11 +67,8 @@ Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 _NO_SURVEYS: Mapping[str, Sequence[EarlierSurvey]] = MappingProxyType({})
-LATTICE_NODES = 300
-"""Approximate number of nodes of the default lattice, used when travel needs a graph and none is given."""
 PLACES_PER_RECORD = 10
 """Number of positions, evenly spaced in time, at which the rate of a record is sampled."""
-_LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 def simulate_mission(
@@ -435,51 +418,6 @@ class _Simulation:
             log=tuple(self.log),
             forecasts=tuple(self.forecasts),
         )
-
-
-def travel_and_stops(
-    field: Field, grid: FieldGrid, motion: RobotMotion, settings: MissionSettings
-) -> tuple[TravelModel, tuple[Stop, ...]]:
-    """Travel model of the robot and its candidate stops, all in the field and out of its no-go areas.
-
-    :raises InputError: if the graph cannot be used
-    """
-    if settings.travel == "free":
-        return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
-    fenced = fenced_map(field, mission_map(field, grid, settings.graph))
-    if fenced.warning:
-        _log.warning(fenced.warning)
-    return GraphTravel(fenced.graph, motion, fenced.fence.area), fenced.stops
-
-
-_cell_stops = lru_cache(maxsize=4)(cell_stops)
-
-
-def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
-    """Topological map of a field: from a file, or an open lattice of about :data:`LATTICE_NODES` nodes.
-
-    :param field: the field
-    :param grid: grid of the field
-    :param graph: file with the map, ``None`` for the lattice
-    :raises InputError: if the file cannot be used
-    """
-    if graph is not None:
-        return read_topological_map(Path(graph))
-    lattice = open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
-    return make_topological_map(lattice, "lattice", _LATTICE_TIME)
-
-
-def fenced_map(field: Field, navigated: TopologicalMap) -> FencedGraph:
-    """The largest part of a topological map that stays in the field and out of its no-go areas.
-
-    :raises InputError: if no node does
-    """
-    return FencedGraph(navigated.graph, Fence(field))
-
-
-def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
-    """Start of a mission: the stop nearest to the first corner of the field."""
-    return stops[int(np.argmin(((stops_xy(stops) - field.polygon[0]) ** 2).sum(axis=1)))]
 
 
 def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float]]:
