@@ -24,6 +24,7 @@ from typing import assert_never
 from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
 from soilmoist_ros.exploration.mission.commands import Commands
 from soilmoist_ros.exploration.mission.dangers import Dangers
+from soilmoist_ros.exploration.mission.deadlines import Deadlines
 from soilmoist_ros.exploration.mission.events import (
     AlarmOver,
     ClockStarted,
@@ -141,7 +142,7 @@ _ROUNDING = 1e-9
 """Relative rounding error allowed in sums of exposures."""
 
 
-class _Turn(Commands, Dangers):
+class _Turn(Commands, Dangers, Deadlines):
     """One step: what an event, or the operator, sets off."""
 
     # Events --------------------------------------------------------------------------------------------------
