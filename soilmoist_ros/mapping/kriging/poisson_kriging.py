@@ -8,8 +8,8 @@ counts Z_i and exposures t_i, and a target 0::
 
 With the Cholesky factor L of the matrix, W = L^-1 C_.0, b = L^-1 1 and a = L^-1 (Z/t - c), where c is the
 generalised least-squares mean, this becomes ``rate = c + a.W`` and
-``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse. For many samples on a
-large raster the inverse of L is cheaper, because it does not need all covariances (:mod:`tile_covariances`).
+``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse. On a
+large raster most of this work is not needed (:mod:`raster`).
 """
 
 from __future__ import annotations

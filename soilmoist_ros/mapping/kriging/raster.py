@@ -13,7 +13,8 @@ from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covarianc
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, target_variance
 from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
-from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances, bands, tile_shape
+from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances, tile_shape
+from soilmoist_ros.mapping.kriging.tile_forms import find_tiles, tile_sums
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
@@ -21,8 +22,8 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MIN_TILED = 256
-"""Minimum number of samples to solve a factored system by tiles on a large raster, where tiles become faster."""
+MIN_TILED = 50, 16_000
+"""Minimum numbers of samples and of cells from which tiles are faster for a factored system."""
 _GROWTH = 1.15
 """Factor for the Chebyshev points along each axis where the surfaces are not resolved."""
 
@@ -31,8 +32,8 @@ class RasterKriging:
     """Krigs the cells of one raster repeatedly (:meth:`update`) or once (:meth:`solve`).
 
     For Gaussian variograms, the surfaces are interpolated from few Chebyshev points (:mod:`chebyshev`). On large
-    rasters, covariances come from few points of each tile (:mod:`tile_covariances`). Otherwise every cell is
-    kriged. Not thread-safe.
+    rasters, covariances with far samples come from few points of each tile (:mod:`tile_covariances`,
+    :mod:`tile_forms`). Otherwise every cell is kriged. Not thread-safe.
 
     :param x_m: centres of the columns, shape (nx,) [m]
     :param y_m: centres of the rows, shape (ny,) [m]
@@ -60,8 +61,8 @@ class RasterKriging:
         """Rate and kriging variance from stored rows of the matrix (:mod:`rows`).
 
         Fast if most samples are as in the last update. The result depends only on the samples and the variogram,
-        bit for bit. It differs from :meth:`solve` by some 1e-12 of the standard deviation and of the variance of
-        the rate.
+        bit for bit. It differs from kriging cell by cell by some 1e-12 of the standard deviation and of the
+        variance of the rate, from :meth:`solve` by tiles by up to 1e-8 (:mod:`tile_forms`).
 
         :param samples: at least one
         :param variogram: variogram of the latent rate
@@ -180,32 +181,30 @@ class RasterKriging:
 
     def _solved_by_tiles(self, system: KrigingSystem, progress: Progress | None) -> Array | None:
         """``None`` if tiles are not faster or the matrix is too near to singular for its inverse."""
-        from scipy.linalg.lapack import dtrtri
-
-        variogram, places, factor, ones, residual, mean = system[:6]
-        if len(places) < MIN_TILED or variogram.correlation_model.has_edge:  # whose edge meets many tiles
+        variogram, places, factor, ones = system[:4]
+        cells = int(np.count_nonzero(self._mask))
+        if min(len(places) / MIN_TILED[0], cells / MIN_TILED[1]) < 1 or variogram.structured_sill == 0:
             return None
-        if not all((np.diff(axis) > 0).all() for axis in (self._x_m, self._y_m)):
+        if variogram.correlation_model.has_edge:  # which meets many tiles
             return None
-        shape = tile_shape(variogram, self._x_m, self._y_m, self._mask)
-        if shape is None or (np.diag(factor) ** 2 < MIN_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
+        if (np.diag(factor) ** 2 < MIN_PIVOT * np.einsum("ij,ij->i", factor, factor)).any():
             return None
-        rasters = np.full((2, *self._mask.shape), np.nan)
-        inverse = np.ascontiguousarray(np.tril(dtrtri(factor, lower=1)[0]))
-        samples = np.column_stack([places.xy, places.spread])
-        done, cells = 0, int(np.count_nonzero(self._mask))
-        for band, tiles in bands(variogram, samples, self._x_m, self._y_m, self._mask, self.keep_nugget, shape):
-            wanted = self._mask[band]
-            rate, of_ones, squares = tiles.sums(inverse, np.array([residual, ones]))
-            amplitude = None if variogram.amplitude is None else variogram.amplitude(tiles.xy)
-            if amplitude is not None:
-                rate, of_ones, squares = rate * amplitude, of_ones * amplitude, squares * amplitude**2
-            surfaces = np.array([mean + rate, (of_ones - 1) ** 2 / (ones @ ones) - squares])
-            rasters[:, band] = np.where(wanted, surfaces.take(tiles.position, axis=1), np.nan)
-            done += int(np.count_nonzero(wanted))
+        tiles = find_tiles(variogram, self._x_m, self._y_m, self._mask)
+        if tiles is None or len(tiles.top) * math.prod(tiles.shape) > 2 * cells:
+            return None
+        sums = np.full((3, *self._mask.shape), np.nan)
+        on_cells = self._cells_at(places.xy[: len(places) if self.keep_nugget else 0])
+        parts = tile_sums(system, self._x_m, self._y_m, tiles, on_cells)
+        for done, (rows, columns, part) in enumerate(parts, start=1):
+            sums[:, rows, columns] = part
             if progress is not None:
-                progress(done / cells)
-        return rasters
+                progress(done / len(tiles.top))
+        sums[:, self._outside] = np.nan
+        if variogram.amplitude is not None:
+            amplitude = np.sqrt(self._target_variance(variogram) / target_variance(variogram, self.keep_nugget))
+            sums *= np.array([amplitude, amplitude, amplitude**2])
+        rate, of_ones, squares = sums
+        return np.array([system.mean + rate, (of_ones - 1) ** 2 / (ones @ ones) - squares])
 
     def _rows_of_cells(self, places: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         x_m, y_m, mask = self._inside

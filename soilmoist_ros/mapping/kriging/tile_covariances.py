@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.kriging.chebyshev import interpolation
-from soilmoist_ros.mapping.kriging.covariances import Needles, Rows, SamplePoints, add_rows
+from soilmoist_ros.mapping.kriging.covariances import Needles, Rows, SamplePoints
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 
 Array = NDArray[np.float64]
@@ -36,10 +36,6 @@ CELLS = 2000
 """Target number of cells of a tile; about the optimum for a raster of 70,000 cells."""
 _AT_ONCE = 8
 """Tiles processed at a time, so that intermediate results stay in the cache."""
-_ROWS = 64
-"""Rows of W computed at a time."""
-_KEPT_AT_ONCE = 4_000_000
-"""Covariances stored at a time where none is needed again (32 MB)."""
 WORTH_SHARE = 0.75
 """Maximum stored values per sample, as a share of the cells, for which tiles are faster."""
 
@@ -90,7 +86,7 @@ class TileCovariances:
         """See :class:`Covariances`."""
         self._variogram = variogram
         self._of_points, self._of_cells = (scaled(variogram, *grids) for grids in (self._points_m, self._cells_m))
-        self._boxes = _Boxes(variogram, self._x, self._y)
+        self._boxes = Boxes(variogram, self._x, self._y)
         self._is_near = np.empty((0, self._tiles), bool)
 
     def keep(self, samples: Array, first: int, most: int) -> bool:
@@ -131,19 +127,6 @@ class TileCovariances:
                 tile.add_combined(weights, sums[:, number])
             yield slice(start * cells, (start + _AT_ONCE) * cells), sums.reshape(m, -1)
 
-    def sums(self, inverse: Array, data: Array) -> Array:
-        """Sums over the rows of W, the inverse of L times the covariances of all samples.
-
-        :param inverse: inverse of the Cholesky factor L, lower triangle, shape (n, n)
-        :param data: factors of the rows, shape (k, n)
-        :returns: data W, then a row with the sum of squares of W, shape (k + 1, size)
-        """
-        sums = np.zeros((len(data) + 1, self.size))
-        for start in range(0, len(inverse), _ROWS):
-            those = slice(start, start + _ROWS)
-            add_rows(self, inverse[those, : those.stop], data[:, those], sums[:-1], sums[-1])
-        return sums
-
 
 class _NearRows:
     """Covariances of the samples near a tile with its cells.
@@ -178,7 +161,7 @@ class _NearRows:
             sums += weights.take(self._samples[:count], axis=1) @ self._rows[:count]
 
 
-class _Boxes:
+class Boxes:
     """Tiles as parallelograms in the plane where the variogram is isotropic, in units of its range.
 
     :param variogram: variogram of the latent rate
@@ -234,35 +217,19 @@ def tile_shape(variogram: Variogram, x_m: Array, y_m: Array, mask: Mask) -> tupl
     most = WORTH_SHARE * np.count_nonzero(mask)
     if most < 9 * CELLS:
         return None
+    shape = square_tiles(variogram, x_m, y_m, CELLS)
+    return shape if _kept(mask, shape) <= most else None
+
+
+def square_tiles(variogram: Variogram, x_m: Array, y_m: Array, cells: int) -> tuple[int, int]:
+    """Rows and columns of tiles of about a number of cells, parameters as :func:`tile_shape`."""
     none = np.zeros(1)
     x_step, y_step = (
         float(np.hypot(*scaled(variogram, *step)).item()) for step in ((_step(x_m), none), (none, _step(y_m)))
     )
-    width = min(math.sqrt(CELLS * y_step / x_step), len(x_m))
-    height = min(CELLS / width, len(y_m))
-    shape = _length(len(y_m), height), _length(len(x_m), CELLS / height)
-    return shape if _kept(mask, shape) <= most else None
-
-
-def bands(
-    variogram: Variogram, samples: Array, x_m: Array, y_m: Array, mask: Mask, nugget: bool, shape: tuple[int, int]
-) -> Iterator[tuple[slice, TileCovariances]]:
-    """Covariances of samples with the cells of a raster, some rows at a time to save memory.
-
-    Other parameters as :class:`TileCovariances`.
-
-    :param samples: x, y and the spread, shape (n, 5)
-    :returns: rows, and the covariances with the cells of these rows; rows without a wanted cell are skipped
-    """
-    parts = -(-len(samples) * _kept(mask, shape) // _KEPT_AT_ONCE)
-    height = -(-len(y_m) // (shape[0] * parts)) * shape[0]
-    for start in range(0, len(y_m), height):
-        band = slice(start, start + height)
-        if mask[band].any():
-            tiles = TileCovariances(x_m, y_m[band], mask[band], nugget, shape)
-            tiles.begin(variogram)
-            tiles.keep(samples, 0, 2 * len(samples) * tiles.size)  # all, if need be
-            yield band, tiles
+    width = min(math.sqrt(cells * y_step / x_step), len(x_m))
+    height = min(cells / width, len(y_m))
+    return _length(len(y_m), height), _length(len(x_m), cells / height)
 
 
 def _kept(mask: Mask, shape: tuple[int, int]) -> int:
@@ -272,7 +239,7 @@ def _kept(mask: Mask, shape: tuple[int, int]) -> int:
 
 def _step(axis: Array) -> Array:
     """Mean distance between positions of an axis."""
-    return np.array([max(axis[-1] - axis[0], 1e-9) / max(len(axis) - 1, 1)])
+    return np.array([max(np.ptp(axis), 1e-9) / max(len(axis) - 1, 1)])
 
 
 def _length(count: int, side: float) -> int:
