@@ -169,17 +169,21 @@ def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | N
     """The drift and its samples; models of earlier versions have none."""
     if content is None:
         return None
-    per_hour, evidence, change_cps, change_sd_cps = (
-        float(content[name]) for name in ("per_hour", "evidence", "change_cps", "change_sd_cps")
+    times_s, shares, *components = map(_array, (content["times_s"], content["shares"], *content["components"]))
+    drift = Drift(
+        float(content["probability"]),
+        bool(content["is_jump"]),
+        _numbers(times_s),
+        _numbers(shares),
+        tuple(map(_numbers, components)),
     )
-    jump_s = None if content["jump_s"] is None else float(content["jump_s"])
     x, y, counts, exposure_s, xx, xy, yy, time_s = (_array(content["samples"][name]) for name in _SAMPLES)
-    sound = np.isfinite([per_hour, evidence, change_cps, change_sd_cps, jump_s or 0.0, *time_s]).all()
     whole = len({len(column) for column in (x, y, counts, exposure_s, xx, xy, yy, time_s)}) == 1
-    if not (sound and whole and len(x) and per_hour >= 0):
-        raise ValueError("drift must have finite numbers, per_hour >= 0, and samples with columns of equal length")
+    whole &= len({len(column) for column in (times_s, shares, *components)}) == 1
+    sound = np.isfinite([*time_s, *times_s, *shares, *np.ravel(components if whole else ())]).all()
+    if not (whole and sound and len(x) and len(times_s) and (np.diff(times_s) > 0).all()):
+        raise ValueError("drift must have finite numbers, rising times_s, and columns of equal length")
     samples = Samples(np.column_stack([x, y]), counts, exposure_s, np.column_stack([xx, xy, yy]))
-    drift = Drift(per_hour, evidence, change_cps, change_sd_cps, jump_s)
     return Changing(TimedSamples(samples, time_s), Change(drift), stamp_s)
 
 
@@ -217,6 +221,10 @@ def _value(item: Any) -> float:
 
 def _array(items: Any) -> NDArray[np.float64]:
     return np.array([_value(item) for item in items], dtype=float)
+
+
+def _numbers(values: NDArray[np.float64]) -> tuple[float, ...]:
+    return tuple(values.tolist())
 
 
 def _three(items: Any) -> tuple[float, float, float]:

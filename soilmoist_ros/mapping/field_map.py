@@ -32,7 +32,7 @@ from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.record_check import Skip, check_record
-from soilmoist_ros.mapping.samples.merging import DrivenPaths, SampleMerger, survey_samples
+from soilmoist_ros.mapping.samples.merging import DrivenPaths, SampleMerger, driven_spreads, survey_samples
 from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.correlation import ModelName
@@ -328,13 +328,15 @@ class FieldMap:
         unexpected = self._unexpected(records)
         self.track = [unexpected.get(index, record) for index, record in enumerate(records)]
         records = [record for record in self.track if not record.quarantine]
-        samples = survey_samples(records, self.merge_radius_m, self.settings.footprint_radius_m)
+        spreads = driven_spreads(records)
+        samples = survey_samples(records, self.merge_radius_m, self.settings.footprint_radius_m, spreads)
         began_s, end_s = (records[0].stamp_s, records[-1].stamp_s) if records else (0.0, 0.0)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m, WINDOW_S)
-        paths = DrivenPaths()
-        for record in records if self._finds_drift else ():
-            self._add_timed(record, paths.spread(record))
-        timed = self._timed_samples
+        timed = None
+        if self._finds_drift and len(samples) <= self.settings.max_exact_samples:
+            for record, spread in zip(records, spreads, strict=True):
+                self._add_timed(record, spread)
+            timed = self._timed_samples
         fit_timed = None if timed is None else (timed, end_s)
         self.state = MapState(
             len(records), end_s, samples, samples, timed=timed, fit_timed=fit_timed, began_s=began_s
@@ -366,12 +368,15 @@ class FieldMap:
         """
         earlier = self.state
         self.state = MapState(
-            earlier.records, earlier.stamp_s, samples, samples, given_fit=fit, began_s=earlier.began_s
+            earlier.records,
+            earlier.stamp_s if changing is None else changing.now_s,
+            samples,
+            samples,
+            given_fit=fit,
+            timed=None if changing is None else changing.timed,
+            began_s=earlier.began_s,
+            given_change=None if changing is None else changing.change,
         )
-        if changing is not None:
-            self.state = replace(
-                self.state, stamp_s=changing.now_s, timed=changing.timed, given_change=changing.change
-            )
 
     def skip(self, reason: Skip, why: str) -> None:
         """Count a record that cannot be used.

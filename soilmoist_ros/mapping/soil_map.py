@@ -263,6 +263,9 @@ def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Cha
     if changing is None or drift is None or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         return
-    samples = changing.timed.samples
-    shared = drift.covariance(changing.timed, changing.now_s)
-    kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread, shared)
+    samples, time_s = changing.timed.samples, changing.timed.time_s
+    exposure_s = samples.exposure_s * drift.factor(time_s)
+    known_rate = kriging.mean_rate
+    rate = noise_rates(noise_rate(samples) if known_rate is None else known_rate, samples.xy)
+    uncertain = drift.uncertain(time_s) * np.broadcast_to(rate, len(samples))[:, None]
+    kriging.fit(samples.xy, samples.counts, exposure_s, samples.spread, uncertain)

@@ -1,13 +1,16 @@
 """Drift: the mean rate changes while the survey lasts, by drying or rain, and must not become a pattern in space.
 
-The rate at place x and time t is ``m + z(x) - w(T - t)``: m and z belong to the time T of the map, and w is what
-the mean has changed since a count of that age. A trend and a random walk about it give w the covariance::
+The rate at place x and time t is ``r(x) (1 + u(t))`` with r the map, and u = 0 at its time: a wet place and a dry one
+change by the same share. Before the counts, u is one of three::
 
-    cov(w(a), w(b)) = per_hour^2 (a b + WANDER_H min(a, b)),     ages a and b in hours
+    nothing         u = 0
+    a trend         cov(u, u') = s^2 (a b + WANDER_H min(a, b)),     ages a and b in hours
+    a jump at t0    u = d before t0, variance s^2;  all t0 are equally likely
 
-So the counts share w, and the targets of the map have none of it. The unknown mean of kriging takes up m. Rain
-may change the mean at once: then w is one value for all counts before, and none for those after. The likelihood
-chooses between no drift, a trend and a jump.
+With the mean of the field projected out, the restricted likelihood is that of independent values in the directions of
+u, so the posterior of u has a closed form for each s and t0. What the map uses is the mean over all of them, weighed by
+their posterior probabilities (Hoeting et al. 1999, Statistical Science 14:382-417): exposures are multiplied by
+``1 + mean(u)``, and the covariance of u adds to that of the map.
 """
 
 from __future__ import annotations
@@ -19,44 +22,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.kriging.system import KrigingSystem
+from soilmoist_ros.mapping.kriging.targets import Points
+from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 DriftModel = Literal["auto", "off"]
 
 WINDOW_S = 300.0
 """Records of one place become one sample only within this time [s]."""
-WANDER_H = 0.05
+STILL, JUMPS = 0.4, 0.1
+"""Prior probabilities of no drift, and of a jump; of a trend otherwise."""
+MIN_PROBABILITY = 0.5
+"""Least posterior probability of a drift for a map to allow for it."""
+GUESSED_TREND, GUESSED_JUMP = 0.05, 0.06
+"""Prior medians of the standard deviations: of a trend in an hour, and of a jump, as shares of the rate."""
+LOG_SD = 0.3
+"""Prior standard deviation of the logarithm of both."""
+WANDER_H = 0.02
 """Variance of the random walk per hour, relative to that of the trend in an hour [h]."""
-GUESSED_SHARE = 0.03
-"""Prior median of the trend, as a share of the mean rate in an hour."""
-PRIOR_LOG_SD = 1.5
-"""Prior standard deviation of the logarithm of the trend's variance."""
-MIN_EVIDENCE = 1.5
-"""Least rise of the log posterior density for a drift. At the end of two hours with ``gcb``, 1 of 48 simulated
-missions without a drift had one, and 20 of 24 that dried by 10 %. A drift that is not there made the error 1.2
-to 2 times as large, one that is missed 1.5 to 5 times."""
-MIN_TREND = 1.4
-"""Least size of the trend in standard errors for the evidence to be computed at all."""
-JUMP_EVERY_S = 300.0
-"""Time between the jumps that are compared [s]."""
-GUESSED_JUMP = 0.05
-"""Prior median of a jump's standard deviation, as a share of the mean rate."""
+KNOT_S = 300.0
+"""Time between the knots of u, which is linear between them; jumps last as long, as rain does."""
+MAX_KNOTS = 49
+"""Greatest number of knots; they are farther apart in long surveys."""
 MIN_JUMP = 3.5
 """Least size of a jump that is reported, in standard errors. In 48 simulated missions of two hours without rain,
 the largest fall by chance had 3.3 standard errors."""
 RECENT_S = 1800.0
 """A fall of the rate within this time means that rain is likely now [s]."""
 MIN_SAMPLES = 10
-"""Least number of samples for a drift."""
+"""Least number of places for a drift."""
 MAX_SAMPLES = 1000
 """Greatest number of samples to which a drift is fitted; of more, every k-th is used."""
-_STEPS = np.linspace(-4.0, 4.0, 81)
-"""Logarithms of the trend's variance that are compared, in standard deviations of its prior."""
+_MIN_FACTOR = 0.1
+_STEPS = np.linspace(-3.0, 3.0, 13)
+"""Logarithms of the standard deviations that are compared, in standard deviations of their prior."""
+_TOLD = 1e-6
+_KEPT = 1e-3
+"""Least variance of a component of u that is kept, relative to the greatest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,27 +133,43 @@ class Jump:
 
 @dataclass(frozen=True)
 class Drift:
-    """A drift of the mean rate.
+    """Posterior of a drift u of the mean rate: the rate then is the rate now times ``1 + u``.
 
-    :param per_hour: standard deviation of the trend [counts/s per h]; of a jump, its standard deviation [counts/s]
-    :param evidence: rise of the log posterior density by the drift
-    :param change_cps: change from the first sample to the map [counts/s]
-    :param change_sd_cps: its standard deviation [counts/s]
-    :param jump_s: when the mean jumped [s]; ``None`` for a trend
+    :param probability: that the mean rate changed at all
+    :param is_jump: whether a jump is more likely than a trend
+    :param times_s: knots, between which u is linear; later, it is 0 [s]
+    :param shares: mean of u at each
+    :param components: independent parts of the uncertainty of u, one standard deviation of each, at each time
     """
 
-    per_hour: float
-    evidence: float
-    change_cps: float = 0.0
-    change_sd_cps: float = 0.0
-    jump_s: float | None = None
+    probability: float
+    is_jump: bool
+    times_s: tuple[float, ...]
+    shares: tuple[float, ...]
+    components: tuple[tuple[float, ...], ...] = ()
 
-    def covariance(self, timed: TimedSamples, now_s: float) -> Array:
-        """Covariance that a map of now gives the samples in addition, shape (n, n) [(counts/s)^2]."""
-        if self.jump_s is None:
-            return self.per_hour**2 * _trend(timed, now_s)
-        before = (timed.time_s < self.jump_s).astype(float)
-        return np.asarray(self.per_hour**2 * np.multiply.outer(before, before))
+    @property
+    def change(self) -> float:
+        """Change of the rate from the first sample to the map, as a share of the rate then."""
+        return 1 / self._factor(np.array(self.shares[:1])).item() - 1
+
+    @property
+    def change_sd(self) -> float:
+        """Standard deviation of the change."""
+        return float(np.linalg.norm([one[0] for one in self.components])) * (1 + self.change) ** 2
+
+    def factor(self, time_s: Array) -> Array:
+        """What the exposures of samples of some times are to be multiplied by, shape (n,)."""
+        return self._factor(np.interp(time_s, self.times_s, self.shares))
+
+    def uncertain(self, time_s: Array) -> Array:
+        """The components at some times, shape (n, components)."""
+        parts = [np.interp(time_s, self.times_s, one) for one in self.components]
+        return np.array(parts).reshape(len(parts), len(time_s)).T
+
+    @staticmethod
+    def _factor(shares: Array) -> Array:
+        return np.maximum(1 + shares, _MIN_FACTOR)
 
 
 @dataclass(frozen=True)
@@ -167,14 +190,14 @@ class Change:
     @property
     def text(self) -> str:
         """How the mean rate changed, in words; empty if it did not."""
-        is_trend = self.drift is not None and self.drift.jump_s is None
+        is_trend = self.drift is not None and not self.drift.is_jump
         if self.jump is not None and self.jump.is_certain and not is_trend:
             return self.jump.text
         if self.drift is None:
             return ""
-        change, sd = self.drift.change_cps, self.drift.change_sd_cps
+        change, sd = self.drift.change, self.drift.change_sd
         verb = "rose" if change > 0 else "fell"
-        return f"the rate {verb} by ({abs(change):.2f} ± {sd:.2f}) counts/s during the survey"
+        return f"the rate {verb} by ({100 * abs(change):.0f} ± {100 * sd:.0f}) % during the survey"
 
 
 NO_CHANGE = Change()
@@ -209,7 +232,7 @@ def find_change(
     """How the mean rate changed, as far as the counts tell.
 
     The variogram stays as it was fitted without a drift: a common fit lowered the error of simulated maps by less
-    than 1 %. The restricted likelihood and log-normal priors of the variances decide.
+    than 1 %.
 
     :param timed: the samples
     :param now_s: time of the map, not before the samples [s]
@@ -218,121 +241,148 @@ def find_change(
     :param prior: what is known of the field besides
     """
     timed = timed.thinned(MAX_SAMPLES)
-    if len(timed.samples) < MIN_SAMPLES or not np.ptp(timed.time_s):
+    samples, time_s = timed.samples, timed.time_s
+    if len(samples) < MIN_SAMPLES or not np.ptp(time_s) or len(merge_exactly(samples)[0]) < MIN_SAMPLES:
         return NO_CHANGE
+    rate = noise_rate(samples) if rate is None else rate
     try:
-        still = _Still.of(timed, variogram, rate, prior)
+        system = _unmerged(samples, variogram, rate, prior)
     except IllConditionedError:
         return NO_CHANGE
-    if len(still.kriging.places) < MIN_SAMPLES:  # counts at exactly one place are one, whenever they came
-        return NO_CHANGE
-    jump, jumped = _find_jump(still, now_s)
-    trend = _find_trend(still, now_s)
-    found = [drift for drift in (trend, jumped) if drift is not None and drift.evidence >= MIN_EVIDENCE]
-    best = max(found, key=lambda drift: drift.evidence, default=None)
-    return Change(None if best is None else still.with_change(best, now_s), jump)
+    begin_s = float(time_s.min())
+    times_s = np.linspace(begin_s, now_s, int(np.clip(round((now_s - begin_s) / KNOT_S) + 1, 2, MAX_KNOTS)))
+    of_sample = np.broadcast_to(noise_rates(rate, samples.xy), len(samples))
+    told = _whitened(system, _hats(times_s, time_s) * of_sample[:, None])
+    evidence = _Evidence(times_s, told.T @ told, told.T @ system.residual)
+    return Change(_drift(evidence), _jump(evidence, noise_rate(samples)))
+
+
+def _unmerged(
+    samples: Samples, variogram: Variogram, rate: float | LocalRate, prior: FieldPrior | None
+) -> KrigingSystem:
+    """The kriging system without a drift; samples of exactly one place stay apart, for they are of several times."""
+    from scipy.linalg.lapack import dpotrf
+
+    xy, n = samples.xy, len(samples)
+    place = merge_exactly(samples)[1]
+    amplitude = variogram.amplitude_at(xy)
+    matrix = Supports(xy, samples.spread).average(
+        lambda points: Points(variogram, xy, points, samples.spread).correlation(slice(0, n)).T
+    )
+    matrix *= variogram.structured_sill
+    matrix[place[:, None] == place] += variogram.nugget
+    noise = noise_rates(rate, xy) / samples.exposure_s
+    features = np.empty((0, 0))
+    if prior is not None:
+        features = prior.at(xy, samples.spread)
+        matrix += prior.covariance(features, features)
+        noise = noise + prior.own_variance(xy)
+    matrix[np.diag_indices(n)] += noise if amplitude is None else noise / amplitude**2
+    factor, info = dpotrf(matrix, lower=1, clean=1)
+    if info:
+        raise IllConditionedError("the covariance of the samples by place and time is not positive definite")
+    return KrigingSystem.of_factor(variogram, samples, factor, prior, features)
+
+
+def _whitened(system: KrigingSystem, values: Array) -> Array:
+    """Values of the samples, shape (n, k), independent with variance 1 and without the mean, as the residual is."""
+    from scipy.linalg import solve_triangular
+
+    amplitude = system.variogram.amplitude_at(system.places.xy)
+    in_units = values if amplitude is None else values / amplitude[:, None]
+    solved = solve_triangular(system.factor, in_units, lower=True, check_finite=False)
+    ones = system.ones
+    return np.asarray(solved - np.multiply.outer(ones, ones @ solved / (ones @ ones)))
+
+
+def _hats(times_s: Array, time_s: Array) -> Array:
+    """Shares of the knots in values at some times, shape (n, knots): linear between them."""
+    return np.column_stack([np.interp(time_s, times_s, one) for one in np.eye(len(times_s))])
 
 
 @dataclass(frozen=True, eq=False)
-class _Still:
-    """The rates of samples in a field without drift: independent, with variance 1, and without the unknown mean.
+class _Evidence:
+    """What the counts tell of u: its log likelihood is ``told u - u' information u / 2``.
 
-    :param timed: the samples
-    :param kriging: their kriging without a drift
-    :param merge: shares of the samples in the places of the kriging, in units of the amplitude
+    :param times_s: knots, shape (k,) [s]
+    :param information: shape (k, k)
+    :param told: shape (k,)
     """
 
-    timed: TimedSamples
-    kriging: PoissonKriging
-    merge: Array
-
-    @classmethod
-    def of(
-        cls, timed: TimedSamples, variogram: Variogram, rate: float | LocalRate | None, prior: FieldPrior | None
-    ) -> _Still:
-        samples = timed.samples
-        kriging = PoissonKriging(variogram, mean_rate=rate, prior=prior).fit(
-            samples.xy, samples.counts, samples.exposure_s, samples.spread
-        )
-        merge, unit = kriging.merging, variogram.amplitude_at(kriging.places.xy)
-        return cls(timed, kriging, merge if unit is None else merge / unit[:, None])
+    times_s: Array
+    information: Array
+    told: Array
 
     @property
-    def mean_rate(self) -> float:
-        """Mean rate of the samples [counts/s]."""
-        return self.kriging.noise_mean_rate
+    def trend(self) -> Array:
+        """Independent parts of a trend of 1 per hour, of which the counts tell independently, shape (k, parts)."""
+        age_h = (self.times_s[-1] - self.times_s) / 3600
+        square = np.multiply.outer(age_h, age_h) + WANDER_H * np.minimum.outer(age_h, age_h)
+        values, vectors = np.linalg.eigh(square)
+        parts = vectors[:, values > 1e-9 * values[-1]] * np.sqrt(values[values > 1e-9 * values[-1]])
+        return np.asarray(parts @ np.linalg.eigh(parts.T @ self.information @ parts)[1])
 
     @property
-    def residual(self) -> Array:
-        """The rates, shape (places,)."""
-        residual: Array = self.kriging.system.residual
-        return residual
+    def jumps(self) -> Array:
+        """u of a jump by 1 between each two knots, shape (k, k - 1)."""
+        return np.tri(len(self.times_s)).T[:, :-1]
 
-    def whitened(self, values: Array) -> Array:
-        """Values of the samples, shape (n, ...), as the rates are."""
-        from scipy.linalg import solve_triangular
-
-        system = self.kriging.system
-        solved = solve_triangular(system.factor, self.merge @ values, lower=True, check_finite=False)
-        ones = system.ones
-        return np.asarray(solved - np.multiply.outer(ones, ones @ solved / (ones @ ones)))
-
-    def with_change(self, drift: Drift, now_s: float) -> Drift:
-        """The drift, with the posterior mean and standard deviation of the change that it made."""
-        first = int(np.argmin(self.timed.time_s))
-        covariance = drift.covariance(self.timed, now_s)
-        own = self.whitened(covariance[:, first])
-        together = np.eye(len(own)) + self.whitened(self.whitened(covariance).T)
-        solved = np.linalg.solve(together, np.column_stack([self.residual, own]))
-        change_cps, explained = own @ solved
-        sd_cps = np.sqrt(max(covariance[first, first] - explained, 0.0))
-        return replace(drift, change_cps=-float(change_cps), change_sd_cps=float(sd_cps))
+    def of(self, parts: Array) -> tuple[Array, Array]:
+        """Information on the amount of each part alone, and what is told of it, shapes (parts,)."""
+        return np.maximum(((self.information @ parts) * parts).sum(axis=0), 0.0), parts.T @ self.told
 
 
-def _find_trend(still: _Still, now_s: float) -> Drift | None:
-    """The likeliest trend; ``None`` if it is smaller than :data:`MIN_TREND` standard errors."""
-    timed = still.timed
-    trend = still.whitened((now_s - timed.time_s) / 3600)
-    if (trend @ still.residual) ** 2 < MIN_TREND**2 * (trend @ trend):
+def _drift(evidence: _Evidence) -> Drift | None:
+    """The posterior of u over all sizes of trend and all jumps; ``None`` where no drift is more likely."""
+    trend, jumps = evidence.trend, evidence.jumps
+    sizes = np.exp(2 * LOG_SD * _STEPS)[:, None]
+    prior = -0.5 * _STEPS**2 - np.log(np.exp(-0.5 * _STEPS**2).sum())
+    rise, amount, variance = _normal(*evidence.of(trend), GUESSED_TREND**2 * sizes)
+    of_trend = rise.sum(axis=1) + prior + np.log(1 - STILL - JUMPS)
+    rise, jump, jump_variance = _normal(*evidence.of(jumps), GUESSED_JUMP**2 * sizes)
+    of_jumps = rise + prior[:, None] + np.log(JUMPS / jumps.shape[1])
+    highest = max(of_trend.max(), of_jumps.max(), 0.0)
+    of_trend, of_jumps, still = np.exp(of_trend - highest), np.exp(of_jumps - highest), STILL * np.exp(-highest)
+    total = of_trend.sum() + of_jumps.sum() + still
+    of_trend, of_jumps = of_trend / total, of_jumps / total
+    if still / total > 1 - MIN_PROBABILITY:
         return None
-    # With the mean projected out, the likelihood is that of independent values in the directions of the drift.
-    values, vectors = np.linalg.eigh(still.whitened(still.whitened(_trend(timed, now_s)).T))
-    values = np.maximum(values, 0.0)
-    square = (vectors.T @ still.residual) ** 2
-    variance = (GUESSED_SHARE * still.mean_rate) ** 2 * np.exp(PRIOR_LOG_SD * _STEPS)
-    scale = 1 + np.multiply.outer(variance, values)
-    rise = 0.5 * (square - square / scale - np.log(scale)).sum(axis=1) - 0.5 * _STEPS**2
-    best = int(np.argmax(rise))
-    return Drift(float(np.sqrt(variance[best])), float(rise[best]))
+    mean = trend @ (of_trend @ amount) + jumps @ (of_jumps * jump).sum(axis=0)
+    within = np.diag(of_trend @ variance) + (amount.T * of_trend) @ amount
+    square = trend @ within @ trend.T
+    square += (jumps * (of_jumps * (jump_variance + jump**2)).sum(axis=0)) @ jumps.T
+    values, vectors = np.linalg.eigh(square - np.multiply.outer(mean, mean))
+    kept = values > _KEPT * values[-1]
+    components = (vectors[:, kept] * np.sqrt(values[kept])).T
+    return Drift(
+        float(1 - still / total),
+        bool(of_jumps.sum() > of_trend.sum()),
+        tuple(evidence.times_s.tolist()),
+        tuple(mean.tolist()),
+        tuple(tuple(one) for one in components.tolist()),
+    )
 
 
-def _find_jump(still: _Still, now_s: float) -> tuple[Jump | None, Drift | None]:
-    """The likeliest jump, and the drift that it is; all times of a jump are equally likely beforehand."""
-    time_s = still.timed.time_s
-    times_s = np.arange(time_s.min() + JUMP_EVERY_S, now_s, JUMP_EVERY_S)
-    before = (time_s[:, None] < times_s).astype(float)
-    sides = before.any(axis=0) & ~before.all(axis=0)
-    if not sides.any():
-        return None, None
-    times_s, before = times_s[sides], still.whitened(before[:, sides])
-    size = (before**2).sum(axis=0)
+def _normal(information: Array, told: Array, variance: Array) -> tuple[Array, Array, Array]:
+    """Rise of the log likelihood, posterior mean and variance of amounts with a normal prior.
+
+    :param information: on each amount, shape (parts,)
+    :param told: shape (parts,)
+    :param variance: prior variances, shape (sizes, 1)
+    """
+    scale = 1 + variance * information
+    return 0.5 * (variance * told**2 / scale - np.log(scale)), variance * told / scale, variance / scale
+
+
+def _jump(evidence: _Evidence, mean_rate: float) -> Jump | None:
+    """The likeliest jump, certain or not; ``None`` if the counts tell of none."""
+    information, told = evidence.of(evidence.jumps)
     # Of a jump between visits of the same places the counts tell nothing: this is rounding.
-    told = size * still.mean_rate**2 > 1e-6
-    if not told.any():
-        return None, None
-    times_s, before, size = times_s[told], before[:, told], size[told]
-    product = before.T @ still.residual
-    variance = (GUESSED_JUMP * still.mean_rate) ** 2 * np.exp(PRIOR_LOG_SD * _STEPS)
-    scale = 1 + np.multiply.outer(variance, size)
-    rise = 0.5 * (np.multiply.outer(variance, product**2) / scale - np.log(scale)) - 0.5 * _STEPS[:, None] ** 2
-    step, best = np.unravel_index(int(np.argmax(rise)), rise.shape)
-    since_s, change_cps = float(times_s[best]), -float(product[best] / size[best])
-    jump = Jump(since_s, change_cps, float(size[best] ** -0.5), change_cps / still.mean_rate)
-    evidence = float(rise[step, best] - np.log(len(times_s)))
-    return jump, Drift(float(np.sqrt(variance[step])), evidence, jump_s=since_s)
-
-
-def _trend(timed: TimedSamples, now_s: float) -> Array:
-    """Covariance of a trend of 1 per hour and its random walk."""
-    age_h = (now_s - timed.time_s) / 3600
-    return np.multiply.outer(age_h, age_h) + WANDER_H * np.minimum.outer(age_h, age_h)
+    known = np.flatnonzero(information > _TOLD)
+    if not len(known):
+        return None
+    rise = _normal(information[known], told[known], np.array([[GUESSED_JUMP**2]]))[0][0]
+    best = int(known[np.argmax(rise)])
+    share, sd = float(-told[best] / information[best]), float(information[best] ** -0.5)
+    since_s = float(evidence.times_s[best : best + 2].mean())
+    return Jump(since_s, share * mean_rate, sd * mean_rate, share)

@@ -97,7 +97,7 @@ class PoissonKriging:
         self.jitter = 0.0
         self.clipped_variances = 0
         self._records: Samples | None = None
-        self._shared: Array | None = None
+        self._uncertain = np.empty((0, 0))
         self._record_place: NDArray[np.intp] = np.empty(0, int)
         self._places = NO_SAMPLES
         self._system = no_system(variogram)
@@ -125,22 +125,13 @@ class PoissonKriging:
         """The factored system of the merged samples."""
         return self._system
 
-    @property
-    def merging(self) -> Array:
-        """Share of each sample as given in the rate of each place, shape (places, samples)."""
-        assert self._records is not None
-        shares = np.zeros((len(self._places), len(self._records)))
-        of_place = self._places.exposure_s[self._record_place]
-        shares[self._record_place, np.arange(len(self._records))] = self._records.exposure_s / of_place
-        return shares
-
     def fit(
         self,
         xy: ArrayLike,
         counts: ArrayLike,
         exposure_s: ArrayLike,
         spread: ArrayLike | None = None,
-        shared: Array | None = None,
+        uncertain: Array | None = None,
     ) -> PoissonKriging:
         """Replace the samples and factor the kriging matrix.
 
@@ -149,8 +140,9 @@ class PoissonKriging:
         :param exposure_s: effective exposures, shape (n,) [s]
         :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
             :mod:`support`; all points by default
-        :param shared: covariance that the samples have in addition, and the targets have not, shape (n, n)
-            [(counts/s)^2], such as that of a drift; none by default
+        :param uncertain: independent errors that the rates share and the targets have not, one standard deviation
+            of each, shape (n, k) [counts/s], such as those of a drift; none by default. They add to the variance,
+            but leave the weights as they are
         :returns: itself
         :raises ValueError: if there is no sample, or as :class:`Samples`
         :raises IllConditionedError: if the matrix cannot be factored
@@ -159,9 +151,7 @@ class PoissonKriging:
         if not len(records):
             raise ValueError("kriging needs at least one sample; wait for the first record")
         self._take(records)
-        if shared is not None:
-            shared = self.merging @ shared @ self.merging.T
-        self._shared = shared
+        self._uncertain = np.empty((len(records), 0)) if uncertain is None else uncertain
         self._rebuild()
         return self
 
@@ -177,7 +167,7 @@ class PoissonKriging:
         :param counts: raw counts, shape (k,), or a number
         :param exposure_s: effective exposures, shape (k,), or a number [s]
         :param spread: as :meth:`fit`, shape (k, 3), or (3,)
-        :returns: itself
+        :returns: itself; errors that earlier samples share are not in these
         :raises ValueError: as :meth:`fit`; earlier samples stay as they were
         """
         if self._records is None:
@@ -185,10 +175,9 @@ class PoissonKriging:
         new = as_samples(xy, counts, exposure_s, spread)
         if not len(new):
             return self
-        if self._shared is not None:
-            raise ValueError("samples cannot be added to others that share something; fit all of them anew")
         known = len(self._places)
         self._take(self._records.joined(new))
+        self._uncertain = np.concatenate([self._uncertain, np.zeros((len(new), self._uncertain.shape[1]))])
         drift = abs(self._wanted_mean_rate() / self.noise_mean_rate - 1)
         has_drifted = drift > MEAN_RATE_DRIFT and not isinstance(self.mean_rate, LocalRate)
         if has_drifted or not self._refactor(int(self._record_place[-len(new) :].min()), known):
@@ -296,7 +285,8 @@ class PoissonKriging:
         between = self.variogram.modulated(between, places, places)
         if self.prior is not None and at is not None:
             between += self.prior.covariance(at, at)
-        return np.asarray(between - solved.T @ solved + np.outer(mean, mean))
+        shared = self._system.shared(solved.T)
+        return np.asarray(between - solved.T @ solved + np.outer(mean, mean) + shared @ shared.T)
 
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
         rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
@@ -330,10 +320,12 @@ class PoissonKriging:
         amplitude = self.variogram.amplitude_at(places.xy)
         return noise if amplitude is None else noise / amplitude**2
 
-    def _in_units(self, covariance: Array) -> Array:
-        """A covariance of the places, shape (n, n), in units of their amplitudes."""
-        amplitude = self.variogram.amplitude_at(self._places.xy)
-        return covariance if amplitude is None else covariance / np.multiply.outer(amplitude, amplitude)
+    def _uncertain_places(self) -> Array:
+        """The shared errors of the rates of the places, shape (places, k) [counts/s]."""
+        assert self._records is not None
+        shares = self._records.exposure_s[:, None] * self._uncertain
+        totals = [np.bincount(self._record_place, one, len(self._places)) for one in shares.T]
+        return np.array(totals).reshape(len(totals), len(self._places)).T / self._places.exposure_s[:, None]
 
     def _rebuild(self) -> None:
         """Factor the whole matrix, with as little jitter as makes it positive definite."""
@@ -369,8 +361,6 @@ class PoissonKriging:
             features = np.concatenate([features[:first], new]) if first else new
             rows += prior.covariance(new, features)
             rows[np.arange(n - first), np.arange(first, n)] += prior.own_variance(places.xy[first:])
-        if self._shared is not None:
-            rows += self._in_units(self._shared)[first:]
         noise = self.variogram.nugget + self.jitter + self._noise(places)[first:]
         rows[np.arange(n - first), np.arange(first, n)] += noise
         factor = np.zeros((n, n), order="F")
@@ -386,7 +376,8 @@ class PoissonKriging:
         if info:
             return False
         factor[first:, first:] = tail
-        self._system = KrigingSystem.of_factor(self.variogram, places, factor, prior, features)
+        uncertain = self._uncertain_places()
+        self._system = KrigingSystem.of_factor(self.variogram, places, factor, prior, features, uncertain)
         return True
 
 

@@ -35,6 +35,8 @@ class KrigingSystem(NamedTuple):
     :param mean: generalised least-squares mean c [counts/s]
     :param prior: what is known of the field besides; the residual is then about the prior mean too
     :param features: scaled features of the prior at the places, shape (n, p); empty without a prior
+    :param uncertain: errors that the rates share, solved for as the rates are, shape (n, k); none without a drift
+    :param uncertain_mean: their generalised least-squares means, shape (k,) [counts/s]
     """
 
     variogram: Variogram
@@ -45,6 +47,8 @@ class KrigingSystem(NamedTuple):
     mean: float
     prior: FieldPrior | None = None
     features: Array = _NO_FEATURES
+    uncertain: Array = _NO_FEATURES
+    uncertain_mean: Array = np.empty(0)
 
     @classmethod
     def of_factor(
@@ -54,19 +58,34 @@ class KrigingSystem(NamedTuple):
         factor: Array,
         prior: FieldPrior | None = None,
         features: Array = _NO_FEATURES,
+        uncertain: Array | None = None,
     ) -> KrigingSystem:
-        """The system of a Cholesky factor, with its data solved for."""
+        """The system of a Cholesky factor, with its data solved for.
+
+        :param uncertain: errors that the rates share, shape (n, k) [counts/s]
+        """
         from scipy.linalg import solve_triangular
 
-        right = np.column_stack([places.rate_cps, np.ones(len(places))])
+        errors = np.empty((len(places), 0)) if uncertain is None else uncertain
+        right = np.column_stack([places.rate_cps, np.ones(len(places)), errors])
         if prior is not None:
             right[:, 0] -= prior.mean(features)
         amplitude = variogram.amplitude_at(places.xy)
         if amplitude is not None:
             right /= amplitude[:, None]
-        rate, ones = solve_triangular(factor, right, lower=True, check_finite=False).T
+        rate, ones, *shared = solve_triangular(factor, right, lower=True, check_finite=False).T
         mean = float(rate @ ones / (ones @ ones))
-        return cls(variogram, places, factor, ones, rate - mean * ones, mean, prior, features)
+        solved = np.array(shared).reshape(len(shared), len(places)).T
+        means = ones @ solved / (ones @ ones)
+        about = solved - np.multiply.outer(ones, means)
+        return cls(variogram, places, factor, ones, rate - mean * ones, mean, prior, features, about, means)
+
+    def shared(self, solved: Array) -> Array:
+        """Errors of the targets by those that the samples share, shape (g, k) [counts/s].
+
+        :param solved: W^T of the targets, shape (g, places), as :meth:`solved_tiles`, times their amplitude
+        """
+        return np.asarray(self.uncertain_mean + solved @ self.uncertain)
 
     def surfaces(self, targets: Targets, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
         """Rate, and what the samples, the unknown mean and what is known add to the variance of the targets.
@@ -86,6 +105,8 @@ class KrigingSystem(NamedTuple):
             products = solved @ both
             rate[tile] = self.mean + products[:, 0]
             variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
+            if self.uncertain.size:
+                variance[tile] += (self.shared(solved) ** 2).sum(axis=1)
             if progress is not None:
                 progress(tile.stop / len(rate))
         if prior is not None:

@@ -47,15 +47,26 @@ class DrivenPaths:
         return path_spread([share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)])
 
 
-def survey_samples(records: Sequence[CountRecord], radius_m: float, footprint_radius_m: float = 0.0) -> Samples:
+def driven_spreads(records: Sequence[CountRecord]) -> Array:
+    """Spread of each record of a survey along its path, shape (n, 3) [m^2]; parameters as :func:`survey_samples`."""
+    paths = DrivenPaths()
+    return np.array([paths.spread(record) for record in records]).reshape(-1, 3)
+
+
+def survey_samples(
+    records: Sequence[CountRecord],
+    radius_m: float,
+    footprint_radius_m: float = 0.0,
+    spread: Array | None = None,
+) -> Samples:
     """Samples of a whole survey, merged as :func:`merge_records` does: they do not depend on the order of visits.
 
     :param records: all with a place and an exposure > 0, in order of time
     :param radius_m: radius of a stop [m], >= 0
     :param footprint_radius_m: as :class:`SampleMerger`
+    :param spread: :func:`driven_spreads` of the records, if they are known
     """
-    paths = DrivenPaths()
-    spread = np.array([paths.spread(record) for record in records]).reshape(-1, 3)
+    spread = driven_spreads(records) if spread is None else spread
     columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
     table = np.array(columns, float).reshape(-1, 4)
     samples = merge_records(table[:, :2], table[:, 2], table[:, 3], radius_m, spread)

@@ -9,11 +9,13 @@ from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import (
     MAX_SAMPLES,
+    STILL,
     WINDOW_S,
     Change,
     Changing,
-    Drift,
     TimedSamples,
+    _drift,
+    _Evidence,
     find_change,
 )
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
@@ -58,9 +60,25 @@ def test_a_drift_is_found_and_nearly_never_where_there_is_none():
     found = [find_change(survey(seed, 0.1)[0], HOURS * 3600, VARIOGRAM).drift for seed in range(20)]
     false = [find_change(survey(seed)[0], HOURS * 3600, VARIOGRAM).drift for seed in range(40)]
     assert sum(drift is not None for drift in found) >= 18
-    assert sum(drift is not None for drift in false) <= 2
-    # 10 % of 4 counts/s in two hours
-    assert np.median([drift.per_hour for drift in found if drift]) == pytest.approx(0.2, rel=0.5)
+    assert sum(drift is not None and drift.probability > 0.9 for drift in false) <= 2
+    assert np.median([drift.change for drift in found if drift]) == pytest.approx(0.1, abs=0.02)
+    inside = [abs(drift.change - 0.1) < 1.96 * drift.change_sd for drift in found if drift]
+    assert np.mean(inside) >= 0.8
+
+
+def test_a_drift_that_is_not_there_costs_little():
+    errors = []
+    for seed in range(8):
+        timed, truth = survey(seed)
+        maps = []
+        for drift in ("auto", "off"):
+            field_map = FieldMap(GRID, FieldMapSettings(local="off", drift_model=drift))
+            field_map.set_records(records(timed))
+            field_map.update()
+            maps.append(np.mean((field_map.rate - truth) ** 2))
+        errors.append(maps)
+    auto, off = np.sqrt(np.mean(errors, axis=0))
+    assert auto < 1.05 * off
 
 
 @pytest.mark.parametrize("change", [0.1, -0.1, 0.3])
@@ -114,7 +132,7 @@ def test_a_planner_that_is_told_the_drift_has_the_map_of_the_mapper(rain):
     mapper = FieldMap(GRID)
     mapper.set_records(records(timed))
     soil_map = mapper.update()
-    assert (soil_map.change.drift.jump_s is not None) is rain
+    assert soil_map.change.drift.is_jump is rain
     planner, untold = (FieldMap(GRID, FieldMapSettings(for_planning=True)) for _ in range(2))
     planner.set_samples(mapper.samples, soil_map.fit, mapper.changing)
     np.testing.assert_array_equal(planner.update().rate, soil_map.rate)
@@ -172,54 +190,46 @@ def test_rain_is_seen_and_nearly_never_where_there_is_none():
     assert not any(change.rain(4 * 3600) for change in rain)
 
 
-@given(st.lists(st.floats(0, 1e4), min_size=1, max_size=12), st.floats(0, 1e4))
-def test_the_covariance_is_one_and_does_not_concern_the_present(times, later_s):
-    time_s = np.array(times)
-    samples = Samples(np.zeros((len(times), 2)), np.ones(len(times)), np.ones(len(times)))
-    now_s = time_s.max() + later_s
-    covariance = Drift(0.2, 3.0).covariance(TimedSamples(samples, time_s), now_s)
-    assert np.linalg.eigvalsh(covariance).min() >= -1e-9 * max(covariance.max(), 1)
-    np.testing.assert_array_equal(covariance, covariance.T)
-    assert not covariance[time_s == now_s].any()
+@given(st.floats(0.05, 3), st.floats(-3, 3), st.integers(2, 49))
+def test_what_the_counts_do_not_tell_is_as_before_them(information, told, knots):
+    """The posterior of a trend by the counts of its first moment alone, and by none."""
+    times_s = np.linspace(0.0, 7200.0, knots)
+    nothing = _Evidence(times_s, np.zeros((knots, knots)), np.zeros(knots))
+    drift = _drift(nothing)
+    assert drift.probability == pytest.approx(1 - STILL)
+    np.testing.assert_allclose(drift.shares, 0, atol=1e-12)
+    first = np.eye(knots)[0]
+    known = _drift(_Evidence(times_s, 1e4 * information * np.outer(first, first), 1e4 * information * told * 0.1 * first))
+    if known is not None:
+        assert np.sign(known.shares[0]) == np.sign(told) or abs(told) < 1e-9
+        assert abs(known.shares[0]) <= 0.1 * abs(told) + 1e-9
+        assert known.change_sd < drift.change_sd * 10
+        assert known.shares[-1] == pytest.approx(0, abs=1e-12)
 
 
 @settings(max_examples=30)
 @given(st.integers(0, 1000), st.booleans())
-def test_kriging_with_something_shared_solves_the_whole_system(seed, repeated):
+def test_kriging_with_uncertain_rates_is_the_mean_over_them(seed, repeated):
+    """The rates have errors of a known covariance that the counts tell nothing of: the law of total variance."""
     rng = np.random.default_rng(seed)
-    n = 12
-    xy = rng.uniform(0, 50, (n, 2))
+    n, variogram = 12, Variogram("matern32", nugget=0.02, range_m=15.0, sill=0.5)
+    xy, targets = rng.uniform(0, 50, (n, 2)), rng.uniform(0, 50, (5, 2))
     if repeated:
         xy[3] = xy[1]
-    exposure_s = rng.uniform(20, 100, n)
+    exposure_s, uncertain = rng.uniform(20, 100, n), rng.normal(0, 0.1, (n, 2))
     counts = rng.poisson(4 * exposure_s)
-    age = rng.uniform(0, 2, n)
-    if repeated:
-        age[3] = age[1]  # then merging loses nothing
-    shared = 0.3 * np.minimum.outer(age, age)
-    targets = rng.uniform(0, 50, (5, 2))
-    variogram = Variogram("matern32", nugget=0.0, range_m=15.0, sill=0.5)
-    rate, variance = (
-        PoissonKriging(variogram, mean_rate=4.0).fit(xy, counts, exposure_s, shared=shared).predict(targets)
-    )
-
-    def covariance(a, b):
-        away = ((a[:, None] - b) ** 2).sum(axis=2)
-        return 0.5 * variogram.correlation_of_square(away / 15.0**2)
-
-    matrix = np.ones((n + 1, n + 1))
-    matrix[:n, :n] = covariance(xy, xy) + shared + np.diag(4.0 / exposure_s)
-    matrix[n, n] = 0
-    right = np.vstack([covariance(xy, targets), np.ones(5)])
-    weights = np.linalg.solve(matrix, right)
-    np.testing.assert_allclose(rate, (counts / exposure_s) @ weights[:n], rtol=1e-8)
-    np.testing.assert_allclose(variance, 0.5 - (weights * right).sum(axis=0), rtol=1e-6, atol=1e-9)
-
-
-def test_samples_that_share_something_cannot_be_extended():
-    kriging = PoissonKriging(VARIOGRAM).fit([(0, 0), (9, 0)], [30, 40], [10.0, 10.0], shared=np.eye(2))
-    with pytest.raises(ValueError, match="fit all of them anew"):
-        kriging.add((5, 5), 30, 10.0)
+    plain = PoissonKriging(variogram, mean_rate=4.0).fit(xy, counts, exposure_s)
+    kriging = PoissonKriging(variogram, mean_rate=4.0).fit(xy, counts, exposure_s, uncertain=uncertain)
+    rate, variance = kriging.predict(targets)
+    np.testing.assert_allclose(rate, plain.predict(targets)[0])
+    moved = plain.weights(targets)[0].T @ uncertain
+    np.testing.assert_allclose(variance, plain.predict(targets)[1] + (moved**2).sum(axis=1))
+    smooth = kriging.covariance(targets) - plain.covariance(targets)
+    np.testing.assert_allclose(smooth, moved @ moved.T, atol=1e-12)
+    new = ([(1.0, 2.0)], [90], [30.0])
+    extended = kriging.add(*new).predict(targets)[1] - plain.add(*new).predict(targets)[1]
+    moved = plain.weights(targets)[0][:n].T @ uncertain
+    np.testing.assert_allclose(extended, (moved**2).sum(axis=1))
 
 
 def test_records_of_far_times_are_not_merged():
@@ -237,10 +247,16 @@ def test_a_series_at_one_place_has_no_drift_in_space():
     assert find_change(here, HOURS * 3600, VARIOGRAM) == Change()
 
 
-def test_places_that_were_all_visited_alike_before_and_after_tell_no_jump_and_raise_no_warning():
-    """Counts at exactly one place are merged, so the share before a time may be the same everywhere."""
-    xy = np.repeat(GRID.cells[::5], 2, axis=0)
-    time_s = np.tile([0.0, 7000.0], len(xy) // 2)
-    counts = np.tile([200.0, 300.0], len(xy) // 2)
-    timed = TimedSamples(Samples(xy, counts, np.full(len(xy), 60.0)), time_s)
-    assert find_change(timed, 7200.0, VARIOGRAM).jump is None
+def test_visits_of_exactly_one_place_stay_apart():
+    """A robot on a graph comes back to the very same node."""
+    timed = survey(2, 0.1)[0]
+    stops = np.tile(np.round(timed.samples.xy[:30]), (3, 1))
+    nodes = TimedSamples(Samples(stops, timed.samples.counts, timed.samples.exposure_s), timed.time_s)
+    beside = TimedSamples(
+        Samples(stops + 1e-7 * np.arange(90)[:, None], timed.samples.counts, timed.samples.exposure_s), timed.time_s
+    )
+    smooth = Variogram("matern32", nugget=0.0, range_m=20.0, sill=0.4)
+    exact, near = (find_change(one, HOURS * 3600, smooth).drift for one in (nodes, beside))
+    assert exact.probability == pytest.approx(near.probability, rel=1e-4)
+    np.testing.assert_allclose(exact.shares, near.shares, rtol=1e-4, atol=1e-9)
+    assert exact.change == pytest.approx(0.1, abs=0.04)

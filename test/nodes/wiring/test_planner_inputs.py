@@ -17,7 +17,7 @@ SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.
 FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=20.0)
 
 
-@pytest.mark.parametrize("drift", [None, Drift(0.2, 3.0)])
+@pytest.mark.parametrize("drift", [None, Drift(0.9, False, (0.0, 90.0), (-0.1, 0.0), ((0.02, 0.0),))])
 def test_the_drift_of_a_model_reaches_the_control(drift):
     node, control = MagicMock(), MagicMock()
     PlannerInputs(node, control, MagicMock(), map_topic="")

@@ -39,12 +39,12 @@ def test_a_change_during_the_survey_is_noted(make_run, uncalibrated):
 
     rain = Jump(1.78e9, -0.4, 0.08, -0.1)
     assert said(Change(jump=replace(rain, sd_cps=0.2))) == []
-    (note,) = said(Change(jump=rain, drift=Drift(0.4, 5.0, -0.4, 0.08, rain.since_s)))
+    (note,) = said(Change(jump=rain, drift=Drift(0.99, True, (0.0, 1.0), (0.1, 0.0))))
     assert note.code is NoteCode.RAIN_LIKELY
     assert "at about 20:26 UTC: the rate fell by (10 ± 2) %" in note.message
-    (note,) = said(Change(Drift(0.2, 5.0, 0.4, 0.1), replace(rain, change_cps=0.1)))
+    (note,) = said(Change(Drift(0.99, False, (0.0, 1.0), (-0.09, 0.0), ((0.02, 0.0),)), replace(rain, change_cps=0.1)))
     assert note.code is NoteCode.RATE_CHANGED
-    assert "the rate rose by (0.40 ± 0.10) counts/s" in note.message
+    assert "the rate rose by (10 ± 2) %" in note.message
 
 
 def test_few_samples_are_noted_once(make_run, map_of):
