@@ -54,6 +54,8 @@ LATER_REFIT_GROWTH, MANY_SAMPLES = 0.1, 40
 """The same from this number of samples on."""
 SEARCH_GROWTH = 0.5
 """The same for its direction, the start of its search, and whether the variance differs from place to place."""
+CHANGE_GROWTH = 0.02
+"""The same for a drift of the mean rate, which costs less, and until when the map is."""
 RECENT_GROWTH = 1.3
 """Growth of the number of samples up to which a variogram is good enough to judge single records."""
 RECENT = 30
@@ -107,11 +109,11 @@ class MapState:
     :param stamp_s: end of the last of them [s since 1970-01-01 UTC], 0 before the first
     :param samples: the samples
     :param fit_samples: the samples that the variogram is fitted to: as they were when it was last due
-    :param search_samples: the samples by which its direction was found, and whether the variance differs from place
-        to place: as they were when that was last due; ``None`` for ``fit_samples``
+    :param search_samples: the samples by which its direction was found, and whether the variance differs from
+        place to place: as they were when that was last due; ``None`` for ``fit_samples``
     :param given_fit: variogram fitted elsewhere, used instead
     :param timed: the samples by place and time; ``None`` if no drift is looked for
-    :param fit_timed: the same, as they were when a fit was last due, and the time then [s]
+    :param fit_timed: the same, as they were when a drift was last due, and the time then [s]
     :param model_samples: with knowledge, the samples to which what earlier surveys determine too is fitted:
         as they were when that was last due; ``None`` for ``fit_samples``
     :param began_s: end of the first record [s since 1970-01-01 UTC], 0 before
@@ -266,6 +268,16 @@ class FieldMap:
         search = earlier.search_samples
         if search is None or (due and _has_grown(search, samples, growth=SEARCH_GROWTH)):
             search = samples
+        if timed is None:
+            fit_timed = None
+        elif (
+            due
+            or earlier.fit_timed is None
+            or _has_grown(earlier.fit_timed[0].samples, timed.samples, growth=CHANGE_GROWTH)
+        ):
+            fit_timed = timed, record.stamp_s
+        else:
+            fit_timed = earlier.fit_timed
         model, known = earlier.model_samples, 0 if self._joint is None else self._joint.fitted_samples
         self.state = MapState(
             earlier.records + 1,
@@ -274,7 +286,7 @@ class FieldMap:
             samples if due else earlier.fit_samples,
             search,
             timed=timed,
-            fit_timed=earlier.fit_timed if timed is None or not due else (timed, record.stamp_s),
+            fit_timed=fit_timed,
             model_samples=samples if model is None or _has_grown(model, samples, known) else model,
             began_s=earlier.began_s or record.stamp_s,
         )

@@ -106,20 +106,22 @@ def test_an_amplitude_and_its_evidence_come_back_exactly():
     assert model_from_message(String(data=json.dumps(content))).fit.local is None
 
 
-def drifting(jump_s=None):
+def drifting(is_jump=False):
     """A fit, and a drift with its samples."""
     rng = np.random.default_rng(2)
     xy, counts, exposure_s = rng.uniform(0, 50, (12, 2)), rng.poisson(400, 12), rng.uniform(60, 100, 12)
     samples = Samples(xy, counts, exposure_s, np.tile(path_spread((3.0, 1.0)), (12, 1)))
     timed = TimedSamples(samples, 1.78e9 + np.sort(rng.uniform(0, 7200, 12)))
-    drift = Drift(rng.uniform(0.1, 0.3), 2.5, -0.4, 0.1, jump_s)
+    times_s = 1.78e9 + np.linspace(0, 7200, 5)
+    shares, *components = (tuple(one) for one in rng.normal(0, 0.1, (3, 5)).tolist())
+    drift = Drift(0.93, is_jump, tuple(times_s.tolist()), shares, tuple(components))
     fit = estimate_variogram(xy, counts, exposure_s, local_noise=True)
     return fit, Changing(timed, Change(drift), 1.78e9 + 7200)
 
 
-@pytest.mark.parametrize("jump_s", [None, 1.78e9 + 600.25])
-def test_a_drift_and_its_samples_come_back_exactly(jump_s):
-    fit, changing = drifting(jump_s)
+@pytest.mark.parametrize("is_jump", [False, True])
+def test_a_drift_and_its_samples_come_back_exactly(is_jump):
+    fit, changing = drifting(is_jump)
     found = model_from_message(model_to_message(Model(fit, changing.now_s, 2.5, changing)))
     assert (found.changing.change, found.changing.now_s) == (changing.change, changing.now_s)
     np.testing.assert_array_equal(found.changing.timed.time_s, changing.timed.time_s)
@@ -144,9 +146,11 @@ def test_without_a_drift_the_message_is_that_of_earlier_versions():
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({"per_hour": -1.0}, "drift must have finite numbers"),
-        ({"jump_s": float("nan")}, "drift must have finite numbers"),
-        ({"evidence": None}, "a value of another kind"),
+        ({"shares": [float("nan")] * 5}, "drift must have finite numbers"),
+        ({"times_s": [5.0, 4.0, 3.0, 2.0, 1.0]}, "rising times_s"),
+        ({"components": [[0.1]]}, "columns of equal length"),
+        ({"components": None}, "a value of another kind"),
+        ({"probability": None}, "a value of another kind"),
         ({"samples": {}}, "no key 'x'"),
         ({"samples": []}, "a value of another kind"),
         ({"time_s": [1.0]}, "columns of equal length"),

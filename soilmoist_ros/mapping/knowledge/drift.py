@@ -1,16 +1,16 @@
 """Drift: the mean rate changes while the survey lasts, by drying or rain, and must not become a pattern in space.
 
-The rate at place x and time t is ``r(x) (1 + u(t))`` with r the map, and u = 0 at its time: a wet place and a dry one
-change by the same share. Before the counts, u is one of three::
+The rate at place x and time t is ``r(x) (1 + u(t))`` with r the map, and u = 0 at its time: a wet place and a dry
+one change by the same share. Before the counts, u is one of three::
 
     nothing         u = 0
     a trend         cov(u, u') = s^2 (a b + WANDER_H min(a, b)),     ages a and b in hours
     a jump at t0    u = d before t0, variance s^2;  all t0 are equally likely
 
-With the mean of the field projected out, the restricted likelihood is that of independent values in the directions of
-u, so the posterior of u has a closed form for each s and t0. What the map uses is the mean over all of them, weighed by
-their posterior probabilities (Hoeting et al. 1999, Statistical Science 14:382-417): exposures are multiplied by
-``1 + mean(u)``, and the covariance of u adds to that of the map.
+With the mean of the field projected out, the restricted likelihood is that of independent values in the directions
+of u, so the posterior of u has a closed form for each s and t0. What the map uses is the mean over all of them,
+weighed by their posterior probabilities (Hoeting et al. 1999, Statistical Science 14:382-417): exposures are
+multiplied by ``1 + mean(u)``, and the covariance of u adds to that of the map.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ WINDOW_S = 300.0
 """Records of one place become one sample only within this time [s]."""
 STILL, JUMPS = 0.4, 0.1
 """Prior probabilities of no drift, and of a jump; of a trend otherwise."""
-MIN_PROBABILITY = 0.5
-"""Least posterior probability of a drift for a map to allow for it."""
+MIN_PROBABILITY = 0.7
+"""Least posterior probability of a drift for a map to allow for it: more than before the counts."""
 GUESSED_TREND, GUESSED_JUMP = 0.05, 0.06
 """Prior medians of the standard deviations: of a trend in an hour, and of a jump, as shares of the rate."""
 LOG_SD = 0.3
@@ -260,7 +260,7 @@ def find_change(
 def _unmerged(
     samples: Samples, variogram: Variogram, rate: float | LocalRate, prior: FieldPrior | None
 ) -> KrigingSystem:
-    """The kriging system without a drift; samples of exactly one place stay apart, for they are of several times."""
+    """The kriging system without a drift; samples of exactly one place stay apart, being of several times."""
     from scipy.linalg.lapack import dpotrf
 
     xy, n = samples.xy, len(samples)
@@ -270,7 +270,7 @@ def _unmerged(
         lambda points: Points(variogram, xy, points, samples.spread).correlation(slice(0, n)).T
     )
     matrix *= variogram.structured_sill
-    matrix[place[:, None] == place] += variogram.nugget
+    matrix += variogram.nugget * (place[:, None] == place)
     noise = noise_rates(rate, xy) / samples.exposure_s
     features = np.empty((0, 0))
     if prior is not None:
@@ -285,7 +285,7 @@ def _unmerged(
 
 
 def _whitened(system: KrigingSystem, values: Array) -> Array:
-    """Values of the samples, shape (n, k), independent with variance 1 and without the mean, as the residual is."""
+    """Values of the samples, shape (n, k), as the residual is: with variance 1, independent, without the mean."""
     from scipy.linalg import solve_triangular
 
     amplitude = system.variogram.amplitude_at(system.places.xy)
@@ -324,7 +324,7 @@ class _Evidence:
 
     @property
     def jumps(self) -> Array:
-        """u of a jump by 1 between each two knots, shape (k, k - 1)."""
+        """A jump by 1 between each two knots, shape (k, k - 1)."""
         return np.tri(len(self.times_s)).T[:, :-1]
 
     def of(self, parts: Array) -> tuple[Array, Array]:

@@ -48,7 +48,7 @@ class DrivenPaths:
 
 
 def driven_spreads(records: Sequence[CountRecord]) -> Array:
-    """Spread of each record of a survey along its path, shape (n, 3) [m^2]; parameters as :func:`survey_samples`."""
+    """Spread of each record along its path, shape (n, 3) [m^2]; ``records`` as in :func:`survey_samples`."""
     paths = DrivenPaths()
     return np.array([paths.spread(record) for record in records]).reshape(-1, 3)
 

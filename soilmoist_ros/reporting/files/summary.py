@@ -15,6 +15,7 @@ import numpy as np
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.mapping.knowledge.drift import Drift
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
@@ -155,9 +156,15 @@ def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
     certain = change.jump is not None and change.jump.is_certain
     return {
         "text": change.text,
-        "drift": None if change.drift is None else asdict(change.drift),
+        "drift": None if change.drift is None else _drift(change.drift, soil_map.mean_rate),
         "jump": asdict(change.jump) if certain and change.jump is not None else None,
     }
+
+
+def _drift(drift: Drift, mean_rate: float) -> dict[str, Any]:
+    """The drift, and the change from the first sample to the map, as a share and in counts/s."""
+    change = {"change": drift.change, "change_sd": drift.change_sd}
+    return {**change, **{f"{name}_cps": mean_rate * share for name, share in change.items()}, **asdict(drift)}
 
 
 def _local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:

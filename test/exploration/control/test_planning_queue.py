@@ -92,7 +92,11 @@ def test_the_answer_follows_the_map(explorer):
 
 
 def test_the_map_follows_the_drift_that_came_with_the_variogram(explorer):
-    changing = Changing(TimedSamples(SAMPLES, np.array([0.0, 40.0, 80.0])), Change(Drift(1.0, 5.0)), 90.0)
+    changing = Changing(
+        TimedSamples(SAMPLES, np.array([0.0, 40.0, 80.0])),
+        Change(Drift(0.9, False, (0.0, 90.0), (-0.1, 0.0), ((0.1, 0.0),))),
+        90.0,
+    )
     queue = PlanningQueue(20.0)
     for each in (changing, None):
         queue.take_samples("", SAMPLES, 90.0)

@@ -67,7 +67,9 @@ def test_counts_to_come_lower_the_variance_as_if_they_had_come():
 def test_the_drift_of_the_map_is_that_of_what_is_to_come():
     before = field_map()
     timed = TimedSamples(SAMPLES, np.array([0.0, 1800.0, 3600.0]))
-    before.set_samples(SAMPLES, FIT, Changing(timed, Change(Drift(1.0, 5.0)), 3600.0))
+    before.set_samples(
+        SAMPLES, FIT, Changing(timed, Change(Drift(0.9, False, (0.0, 3600.0), (-0.1, 0.0), ((0.1, 0.0),))), 3600.0)
+    )
     before.update()
     after = foreseen(before, [PendingMeasurement(16.25, 6.25, 400.0)])
     assert after.soil_map.change == before.soil_map.change

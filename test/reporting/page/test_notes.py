@@ -42,7 +42,9 @@ def test_a_change_during_the_survey_is_noted(make_run, uncalibrated):
     (note,) = said(Change(jump=rain, drift=Drift(0.99, True, (0.0, 1.0), (0.1, 0.0))))
     assert note.code is NoteCode.RAIN_LIKELY
     assert "at about 20:26 UTC: the rate fell by (10 ± 2) %" in note.message
-    (note,) = said(Change(Drift(0.99, False, (0.0, 1.0), (-0.09, 0.0), ((0.02, 0.0),)), replace(rain, change_cps=0.1)))
+    (note,) = said(
+        Change(Drift(0.99, False, (0.0, 1.0), (-0.09, 0.0), ((0.02, 0.0),)), replace(rain, change_cps=0.1))
+    )
     assert note.code is NoteCode.RATE_CHANGED
     assert "the rate rose by (10 ± 2) %" in note.message
 
