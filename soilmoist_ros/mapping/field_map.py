@@ -508,6 +508,14 @@ class FieldMap:
         self._last_fit = samples, fit
         return fit
 
+    @cached_property
+    def expected_fit(self) -> VariogramFit | None:
+        """Variogram and prior before the first sample, from earlier surveys; ``None`` without any.
+
+        Its mean rate is that of the earlier surveys: the mean of this survey is not known.
+        """
+        return None if self._joint is None else self._joint.expected()
+
     def _fit_alone(self, state: MapState) -> VariogramFit:
         """The variogram of the samples of the survey."""
         samples, search = state.fit_samples, state.search_samples

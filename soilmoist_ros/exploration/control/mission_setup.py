@@ -28,6 +28,7 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
+from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 
@@ -257,15 +258,27 @@ def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float)
     :param settings: how stops are chosen
     :param budget_s: mission time [s]
     """
-    rate_cps = nominal_rate_cps(settings.calibration)
+    expected = _expected_fit(grid, settings.knowledge)
+    rate_cps = nominal_rate_cps(settings.calibration) if expected is None else expected.mean_rate
     slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))
-    return _first_forecast(grid, rate_cps, budget_s, slope)
+    return _first_forecast(grid, rate_cps, budget_s, slope, expected)
 
 
 @lru_cache(maxsize=4)
-def _first_forecast(grid: FieldGrid, rate_cps: float, budget_s: float, slope: float | None) -> Forecast:
+def _first_forecast(
+    grid: FieldGrid,
+    rate_cps: float,
+    budget_s: float,
+    slope: float | None,
+    expected: VariogramFit | None,
+) -> Forecast:
     cells_xy = grid.cells[spread_cells(grid.mask, MAX_CELLS)[grid.mask]]
-    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope)
+    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected)
+
+
+@lru_cache(maxsize=2)
+def _expected_fit(grid: FieldGrid, knowledge: Knowledge) -> VariogramFit | None:
+    return FieldMap(grid, knowledge=knowledge).expected_fit
 
 
 def _inside(stops: tuple[Stop, ...], fence: Fence) -> tuple[Stop, ...]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
@@ -38,7 +39,12 @@ class LeastVariance:
 
 
 def least_variance(
-    variogram: Variogram, cells_xy: Array, weight: Array, rate_cps: Array, time_s: float
+    variogram: Variogram,
+    cells_xy: Array,
+    weight: Array,
+    rate_cps: Array,
+    time_s: float,
+    known: FieldPrior | None = None,
 ) -> LeastVariance:
     """Minimum integrated variance of the smooth rate after a given counting time.
 
@@ -47,6 +53,7 @@ def least_variance(
     :param weight: omega of each cell, shape (g,), summing up to 1 for a map of the rate
     :param rate_cps: rate at each cell times the correction factor, shape (g,) [counts/s]
     :param time_s: counting time, > 0 [s]
+    :param known: what is known of the field besides
     :raises ValueError: if the time or a rate is not positive
     """
     from scipy.linalg import cho_factor, cho_solve
@@ -59,6 +66,9 @@ def least_variance(
 
     scaled = variogram.scaled(cells_xy)
     prior = structured * correlation_model(variogram.model).correlation(cdist(scaled, scaled, "sqeuclidean"))
+    if known is not None:
+        at = known.at(cells_xy)
+        prior += known.covariance(at, at)
     # A mean that nothing is known of is a constant of very large variance.
     prior += _FAR * structured
     dwell_s = np.full(len(cells_xy), time_s / len(cells_xy))

@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.uniformity import CERTAIN, differences
+from soilmoist_ros.mapping.kriging.targets import sample_correlation
 from soilmoist_ros.mapping.variogram.correlation import correlation_model
+from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
@@ -76,9 +78,10 @@ class Forecaster:
             return None
         self._due_s = used_s + max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
         if of.field_map.soil_map is None:
-            rate_cps = self._nominal_rate_cps
+            expected = of.field_map.expected_fit
+            rate_cps = self._nominal_rate_cps if expected is None else expected.mean_rate
             slope = None if of.curve is None else math.sqrt(float(of.curve.weight([rate_cps])[0]))
-            return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope)
+            return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected)
         counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
         share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
         hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
@@ -126,7 +129,12 @@ def map_forecast(
 
 
 def prior_forecast(
-    cells_xy: Array, extent_m: float, rate_cps: float, left_s: float, slope: float | None = None
+    cells_xy: Array,
+    extent_m: float,
+    rate_cps: float,
+    left_s: float,
+    slope: float | None = None,
+    expected: VariogramFit | None = None,
 ) -> Forecast:
     """Forecast before there is a map, for a field that varies as the prior of the variogram guesses.
 
@@ -135,17 +143,24 @@ def prior_forecast(
     :param rate_cps: rate to expect [counts/s]
     :param left_s: mission time left for measuring, > 0 [s]
     :param slope: that of the calibration at this rate, for the moisture [m^3/m^3 per count/s]
+    :param expected: variogram and prior from earlier surveys, instead of the guess
     """
-    from scipy.spatial.distance import cdist
-
-    sill = (_GUESSED_VARIATION * rate_cps) ** 2
-    range_m = extent_m / 3 / correlation_model("matern32").practical
-    variogram = Variogram("matern32", 0.0, range_m, sill)
-    apart = cdist(cells_xy, cells_xy, "sqeuclidean") / range_m**2
-    covariance = sill * (1 + variogram.correlation_of_square(apart))  # the mean is as unknown as the places
+    prior = None if expected is None else expected.prior
+    if expected is None:
+        sill = (_GUESSED_VARIATION * rate_cps) ** 2
+        range_m = extent_m / 3 / correlation_model("matern32").practical
+        variogram = Variogram("matern32", _GUESSED_NUGGET * sill, range_m, (1 + _GUESSED_NUGGET) * sill)
+    else:
+        variogram = expected.variogram
+    covariance = sample_correlation(variogram, cells_xy)
+    covariance += 1  # the mean is as unknown as the places
+    covariance *= variogram.structured_sill
+    if prior is not None:
+        at = prior.at(cells_xy)
+        covariance += prior.covariance(at, at)
     rate = np.full(len(cells_xy), rate_cps)
     weight = np.full(len(rate), 1 / rate_cps**2 if slope is None else slope**2)
-    fixed = _GUESSED_NUGGET * sill * float(weight[0])
+    fixed = variogram.nugget * float(weight[0])
     found = _Curve(covariance, weight / len(rate), rate, fixed, _PRIOR_EXPOSURE_S, 1.0)
     return replace(found.forecast(left_s, rate_cps, slope is not None), is_guess=True)
 

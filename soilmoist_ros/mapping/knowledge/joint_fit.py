@@ -153,6 +153,24 @@ class JointModel:
         mean_rate = places.mean_rate_cps
         return replace(model.fit, prior=prior, local_rate=local_rate, mean_rate=mean_rate, n_samples=len(places))
 
+    def expected(self, stamp_s: float = 0.0) -> VariogramFit | None:
+        """Variogram and prior before the first sample, from the earlier surveys; ``None`` without any.
+
+        :param stamp_s: time of the survey, as in :meth:`fit`
+        """
+        past = self._history.past
+        if not past:
+            return None
+        first, *others = _fitted(past)
+        fit = _stationary(self._estimate(first, others))
+        features = self._features(fit.variogram)
+        unit = _unit(fit.variogram, features, np.zeros(len(self._covariates or ())))
+        state = self._conditioned(past, fit.variogram, features, unit, stamp_s)
+        loading = float(state.prior_of_loading @ LOADINGS)
+        prior = FieldPrior(features, state.scale(loading) * unit, state.excess, state.mean)
+        mean_rate = float(np.mean([one.places.mean_rate_cps for one in past]))
+        return replace(fit, prior=prior, local_rate=None, mean_rate=mean_rate, n_samples=0)
+
     def _model(
         self, places: Samples, stamp_s: float, given: VariogramFit | None, alone: VariogramFit | None
     ) -> _Model:

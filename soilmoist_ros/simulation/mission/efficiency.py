@@ -3,6 +3,9 @@
 Both variances are those of kriging with one variogram, fitted to the truth of the field, with the noise of the
 true rate. They do not depend on the counts, the weather or the variogram that the mission fitted. Missions of
 equal planned time on one field have the same lower bound, so their efficiencies compare their plans alone.
+
+Where the map knows earlier surveys or covariates, both variances allow for them: a plan leaves out what is known
+already. Then the variogram is that of the map.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from soilmoist_ros.exploration.planning.efficiency import least_variance
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS, spread_cells
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.fit import fit_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.simulation.mission.result import MissionResult
@@ -56,7 +60,8 @@ class Efficiency:
 def mission_efficiency(mission: MissionResult) -> Efficiency | None:
     """Efficiency of a mission; ``None`` without a map or mission time, or if several properties have a weight."""
     soil_map = mission.soil_map
-    of_truth = mission.properties[0].known_truth is not None
+    known = None if soil_map is None or soil_map.fit is None else soil_map.fit.prior
+    of_truth = mission.properties[0].known_truth is not None and known is None
     used_s = mission.series[-1].time_s if mission.series else 0.0
     time_s = 3600 * mission.settings.hours if of_truth else used_s
     several = any(mapped.weight > 0 for mapped in mission.properties[1:])
@@ -76,10 +81,10 @@ def mission_efficiency(mission: MissionResult) -> Efficiency | None:
         weight = weight * soil_map.curve.weight(its_rate)
         weight /= weight.sum()
     robots_s = time_s * mission.settings.robots
-    least = _least(variogram, cells.tobytes(), weight.tobytes(), its_rate.tobytes(), robots_s)
+    least = _least(variogram, cells.tobytes(), weight.tobytes(), its_rate.tobytes(), robots_s, known)
     # The weather changes the exposures of the map, and would change the bound.
     live = replace(samples, exposure_s=_correction(mission) * samples.exposure_s)
-    left = weight @ _variance_left(variogram, live, cells, rate[_nearest(grid.cells, samples.xy)])
+    left = weight @ _variance_left(variogram, live, cells, rate[_nearest(grid.cells, samples.xy)], known)
     return Efficiency(least, float(left), moisture, of_truth)
 
 
@@ -99,20 +104,24 @@ def _variogram_of(cells_xy: bytes, rate_cps: bytes, extent_m: float) -> Variogra
 
 
 @lru_cache(maxsize=8)
-def _least(variogram: Variogram, cells_xy: bytes, weight: bytes, rate_cps: bytes, time_s: float) -> float:
+def _least(
+    variogram: Variogram, cells_xy: bytes, weight: bytes, rate_cps: bytes, time_s: float, known: FieldPrior | None
+) -> float:
     """Certain lower bound of the variance; arrays as bytes."""
     xy = np.frombuffer(cells_xy).reshape(-1, 2)
-    found = least_variance(variogram, xy, np.frombuffer(weight), np.frombuffer(rate_cps), time_s)
+    found = least_variance(variogram, xy, np.frombuffer(weight), np.frombuffer(rate_cps), time_s, known)
     return found.integrated_variance * (1 - found.gap)
 
 
-def _variance_left(variogram: Variogram, samples: Samples, cells_xy: Array, rate_cps: Array) -> Array:
+def _variance_left(
+    variogram: Variogram, samples: Samples, cells_xy: Array, rate_cps: Array, known: FieldPrior | None = None
+) -> Array:
     """Kriging variance of the smooth rate at cells, shape (g,).
 
     :param rate_cps: true rate at the samples, shape (n,) [counts/s]
     """
     # The variance depends on the counts only through their noise: rate 1 in time t / rate has that of rate in t.
-    kriging = PoissonKriging(variogram, keep_nugget=False, mean_rate=1.0)
+    kriging = PoissonKriging(variogram, keep_nugget=False, mean_rate=1.0, prior=known)
     kriging.fit(samples.xy, np.zeros(len(samples)), samples.exposure_s / rate_cps, samples.spread)
     return kriging.predict(cells_xy)[1]
 

@@ -12,6 +12,8 @@ from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -102,6 +104,20 @@ def test_before_the_first_map_the_prior_is_a_guess():
     assert found.sd_end < 0.05
     assert prior_forecast(CELLS, GRID.extent_m, 0.05, 7200.0).sd_end > 2 * found.sd_end, "fewer counts say less"
     assert prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0, 0.1).moisture
+
+
+def test_before_the_first_map_earlier_surveys_tell_more_than_the_guess():
+    rate = 4.0 + 0.6 * np.sin(CELLS[:, 0] / 6.0)
+    surveys = [EarlierSurvey(f"{day}", 86400.0 * day, samples_of(rate, day, 200.0, CELLS)) for day in range(4)]
+    some = [FieldMap(GRID, knowledge=Knowledge(tuple(surveys[:count]))) for count in (1, 4)]
+    guess, one, four = (
+        Forecaster(CELLS, GRID.extent_m, 4.0).forecast(Property(field_map), 0.0, 600.0)
+        for field_map in (FieldMap(GRID), *some)
+    )
+    assert guess.is_guess
+    assert four.is_guess
+    assert four.sd_end < 0.85 * one.sd_end
+    assert one.mean_rate_cps == pytest.approx(surveys[0].samples.mean_rate_cps)
 
 
 def test_forecasts_are_not_made_more_often_than_useful():

@@ -70,6 +70,17 @@ def test_the_variance_left_is_that_of_kriging_with_the_noise_of_the_true_rate(pu
     np.testing.assert_allclose(_variance_left(variogram, live, cells, rate), expected, rtol=1e-8)
 
 
+@pytest.mark.slow
+def test_it_allows_for_what_is_known():
+    series = mission(earlier_surveys=2, hours=0.3)
+    found, fit = mission_efficiency(series), series.soil_map.fit
+    assert 0.5 < found.reached <= 1
+    assert not found.of_truth
+    unaware = replace(series.soil_map, fit=replace(fit, prior=None))
+    nothing = replace(series.properties[0], soil_map=unaware, truth_rate=np.full_like(series.truth_rate, np.nan))
+    assert found.left < 0.9 * mission_efficiency(replace(series, properties=[nothing])).left
+
+
 def test_without_a_map_there_is_no_figure():
     short = mission(hours=0.05, strategy="greedy", dwell="fmi:600")
     assert mission_efficiency(replace(short, properties=[replace(short.properties[0], soil_map=None)])) is None
