@@ -46,5 +46,10 @@ def command(
     click.echo(f"patterns   correlation of two surveys {share.share:.2f} +- {share.sd:.2f}")
     for label, survey in zip(season.labels, season.surveys, strict=True):
         click.echo(f"{label:10} {estimate_text(survey)}")
+    for survey in season.surveys:
+        for remark in survey.run.remarks:
+            click.echo(f"remark     {survey.run.survey.name}: {remark}")
+    for note in season.notes:
+        click.echo(f"warning    {note}")
     for path in written:
         click.echo(f"wrote {path}")

@@ -12,8 +12,6 @@ from soilmoist_ros.sensing.records import CountRecord
 EARLIEST_STAMP_S = 946684800.0
 """Stamps before 2000-01-01 UTC come from a clock without a date, such as that of a simulated mission [s]."""
 
-YEAR_S = 365.25 * 86400.0
-
 
 class SurveyTimes:
     """Begin, end and duration of the records of a run."""

@@ -5,24 +5,22 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from datetime import datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from soilmoist_ros.mapping.covariates.reading import coverage
+from soilmoist_ros.reporting.earlier.doubts import MAX_AHEAD_S, doubts, mean_rate
 from soilmoist_ros.reporting.geometry import distances_m, track_xy
 from soilmoist_ros.reporting.moisture_series import at_one_place
 from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S, YEAR_S
+from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 from soilmoist_ros.sensing.problems import reason_text
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
-    from soilmoist_ros.mapping.samples.samples import Samples
-    from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 
 FEW_SAMPLES = 10
 MAX_RATE_ERROR = 0.05
@@ -31,14 +29,8 @@ MAX_FROM_REFERENCE_HPA = 40.0
 """Largest distance of the mean pressure from its reference that needs no note [hPa]: more than any weather."""
 FAR_SHARE = 0.1
 """Share of the records beyond the correlation range above which there is a note."""
-MAX_AHEAD_S = 86_400.0
-"""How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
 MIN_COVERAGE = 0.9
 """Share of the field that a covariate covers from which there is no note."""
-MAX_RATE_RATIO = 2.0
-"""Largest ratio of the mean rates of two surveys that needs no note: dry to saturated soil (Desilets 2010)."""
-MAX_YEARS = 5.0
-"""Longest time between two surveys that needs no note."""
 MIN_UNCLEAR = 0.01
 """Share of the area from which intervals that reach a limit of the soil need a note."""
 _TOO_WET = "N0 or the bulk density is probably too high, or not all tubes were counted"
@@ -175,38 +167,10 @@ def _on_covariates(run: MapRun) -> Iterator[Note]:
 
 def _on_earlier(run: MapRun) -> Iterator[Note]:
     """Notes on earlier surveys whose date or count rate can hardly be right."""
-    rate = _mean_rate(run.soil_map.samples)
+    rate = mean_rate(run.soil_map.samples)
     for one in run.earlier:
-        name = f"The earlier survey {one.survey.name}"
-        if one.date and one.survey.stamp_s - run.created_utc.timestamp() > MAX_AHEAD_S:
-            yield Note(
-                NoteCode.DOUBTFUL_EARLIER,
-                f"{name} is dated {one.date}, in the future: check the clock of its logger, or leave it out.",
-            )
-        elif one.date and run.survey_end_utc and (years := _years(one, run.survey_end_utc)) > MAX_YEARS:
-            yield Note(
-                NoteCode.DOUBTFUL_EARLIER,
-                f"{name} of {one.date} lies {years:.0f} years from this one: the pattern of the field may be "
-                "another. The counts decide how much of it the map uses.",
-            )
-        ratio = _mean_rate(one.survey.samples) / rate if rate > 0 else math.nan
-        if ratio > MAX_RATE_RATIO or ratio < 1 / MAX_RATE_RATIO:
-            yield Note(
-                NoteCode.DOUBTFUL_EARLIER,
-                f"{name} has {ratio:.2g} times the count rate of this one, more than soil moisture can change: "
-                "the sensors differ, or not all tubes were counted. Give each survey a site file with its N0, or "
-                "leave it out: its pattern and the change are wrong.",
-            )
-
-
-def _years(one: EarlierRun, end: datetime) -> float:
-    """Time between an earlier survey and the end of the present one, whichever is first."""
-    return abs(one.survey.stamp_s - end.timestamp()) / YEAR_S
-
-
-def _mean_rate(samples: Samples) -> float:
-    """Mean count rate over equal exposure [counts/s]."""
-    return float(samples.counts.sum() / samples.exposure_s.sum())
+        for doubt in doubts(one, rate, run.created_utc, run.survey_end_utc):
+            yield Note(NoteCode.DOUBTFUL_EARLIER, f"The earlier survey {one.survey.name} {doubt}")
 
 
 def _on_change(soil_map: SoilMap) -> Iterator[Note]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -33,6 +33,7 @@ from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
+from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
 from soilmoist_ros.reporting.earlier.run_records import SUMMARY, find_runs
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
@@ -45,6 +46,8 @@ MAX_SAMPLES = 4000
 """Number of samples from which each survey is mapped with those nearest to it in time."""
 MAX_FITTED = 800
 """Number of samples to which the variogram is fitted: those of the last surveys."""
+MAX_CELLS = 100_000
+"""Cells that a map of a season can have: all maps are in one page."""
 USUAL_CELLS = 2000
 """Cells that a map has at most, unless a cell size is given."""
 
@@ -99,6 +102,7 @@ class Season:
     :param curve: calibration, if any
     :param simulated: whether the counts are simulated
     :param created_utc: when it was made
+    :param notes: what the user should know, in sentences
     """
 
     title: str
@@ -111,6 +115,7 @@ class Season:
     curve: MoistureCurve | None
     simulated: bool
     created_utc: datetime
+    notes: tuple[str, ...] = ()
 
     @property
     def labels(self) -> list[str]:
@@ -164,7 +169,7 @@ def make_season(
     samples = [run.survey.samples for run in runs]
     stamps = [run.survey.stamp_s for run in runs]
     persistence = estimate_persistence(variogram, samples, stamps)
-    surveys: list[SeasonSurvey] = []
+    surveys, now = list[SeasonSurvey](), datetime.now(UTC)
     kriging, used = None, list[int]()
     for number, run in enumerate(runs):
         progress(f"mapping {len(runs)} surveys", number / len(runs))
@@ -186,8 +191,28 @@ def make_season(
         persistence,
         ground.curve,
         ground.simulated,
-        datetime.now(UTC),
+        now,
+        tuple(_notes(runs, now)),
     )
+
+
+def _notes(runs: Sequence[EarlierRun], now: datetime) -> Iterator[str]:
+    """What the user should know of the runs."""
+    typical = float(np.median([mean_rate(run.survey.samples) for run in runs]))
+    for run in runs:
+        for doubt in doubts(run, typical, now):
+            yield f"The survey {run.survey.name} {doubt}"
+    informed = [run.survey.name for run in runs if _has_covariates(run.path)]
+    if informed:
+        yield (
+            f"Covariates inform the maps of {', '.join(informed)}, but not those of the season: it is made from "
+            "counts alone."
+        )
+
+
+def _has_covariates(path: Path) -> bool:
+    summary = path / SUMMARY
+    return summary.is_file() and bool(_json(summary).get("covariates"))
 
 
 def _mapped(
@@ -271,6 +296,9 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
 def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:
     """A grid of at most :data:`USUAL_CELLS`, unless its cell size is given."""
     cells = np.count_nonzero(grid.mask)
+    if cells > MAX_CELLS:
+        message = f"the maps of a season would have {cells} cells of {grid.cell_m:g} m each"
+        raise InputError(message, f"give larger cells with --cell: at most {MAX_CELLS} are possible")
     if given_m is not None or cells <= USUAL_CELLS:
         return grid
     return make(grid.cell_m * math.ceil(math.sqrt(cells / USUAL_CELLS)))

@@ -105,6 +105,7 @@ def summary(season: Season) -> dict[str, Any]:
         "pattern_correlation_sd": persistence.sd,
         "pattern_decay_days": persistence.decay_days if math.isfinite(persistence.decay_days) else None,
         "false_discovery_rate": FALSE_SHARE,
+        "warnings": list(season.notes),
         "surveys": rows(season),
         "outputs": list(NAMES),
     }

@@ -40,6 +40,7 @@ def render_season(season: Season) -> str:
         where=f"{season.field_name} · page made {season.created_utc:%Y-%m-%d %H:%M} UTC",
         simulated=season.simulated,
         lead=_lead(season),
+        notes=season.notes,
         data=season_data(season),
         chart=mean_chart(season),
         rows=list(_rows(season)),

@@ -10,6 +10,8 @@ import pytest
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.season import season as module
 from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
+from soilmoist_ros.reporting.season.season_files import summary
+from soilmoist_ros.reporting.season.season_page import render_season
 
 FIELDS = Path(__file__).parents[3] / "config" / "fields"
 
@@ -73,3 +75,28 @@ def test_a_run_without_a_boundary_needs_a_field_file(runs, tmp_path):
     with pytest.raises(InputError, match="--field"):
         make_season([tmp_path], SeasonSettings())
     assert len(make_season([tmp_path], SeasonSettings(field=FIELDS / "smooth.yaml", cell_m=8.0)).surveys) == 2
+
+
+def test_doubtful_surveys_and_covariates_that_are_left_out_are_named(runs, tmp_path):
+    copy = tmp_path / "tenth"
+    shutil.copytree(runs, copy)
+    header, *rows = (copy / "records.csv").read_text().splitlines()
+    column = header.split(",").index("raw_counts")
+    cells = [row.split(",") for row in rows]
+    for row in cells:
+        row[column] = str(int(row[column]) // 10)
+    (copy / "records.csv").write_text("\n".join([header, *(",".join(row) for row in cells)]) + "\n")
+    about = json.loads((copy / "summary.json").read_text())
+    (copy / "summary.json").write_text(json.dumps({**about, "covariates": [{"name": "relief"}]}))
+    season = make_season([copy, runs / "earlier"], SeasonSettings())
+    low, covariates = season.notes
+    assert low.startswith("The survey tenth has 0.09")
+    assert "times the count rate of the others, more than soil moisture can change" in low
+    assert covariates.startswith("Covariates inform the maps of tenth, but not those of the season")
+    assert summary(season)["warnings"] == [low, covariates]
+    assert "<strong>Please note</strong>" in render_season(season)
+
+
+def test_far_too_many_cells_are_refused(runs):
+    with pytest.raises(InputError, match=r"would have \d+ cells of 0.05 m each -> give larger cells with --cell"):
+        make_season([runs, runs / "earlier"], SeasonSettings(cell_m=0.05))
