@@ -428,6 +428,7 @@ def test_built_graphs_keep_the_radius_that_the_planner_keeps():
     assert margin == next(row.default for row in PARAMETERS if row.name == "robot_radius_m")
 
 
+@pytest.mark.slow
 def test_results_are_not_replaced_without_a_word(tmp_path):
     """The refusal comes before the work, and --overwrite replaces results of this package only."""
     (tmp_path / "summary.json").write_text('{"software": "soilmoist_ros", "title": "Mine"}')

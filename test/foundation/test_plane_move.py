@@ -42,6 +42,7 @@ def test_a_fit_recovers_the_move(move, seed):
     assert np.abs(noisy.places(start) - move.places(start)).max() < 0.5
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.floats(-60, 60), st.floats(-180, 180), metres, metres, st.floats(-math.pi, math.pi))
 def test_a_place_keeps_its_latitude_and_longitude(latitude, longitude, east, north, yaw_rad):

@@ -134,6 +134,7 @@ def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, da
     assert found.variogram == expected.variogram
 
 
+@pytest.mark.slow
 def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
     rng = np.random.default_rng(3)
     the_map = field_map(merge_radius_m=0.0)

@@ -63,6 +63,7 @@ def reference(survey, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_reference_sensor_corrects_the_counts(survey, reference):
     plain = map_logs([survey / "survey.log"], settings(survey))
     run = map_logs([survey / "survey.log"], settings(survey, reference=reference))
@@ -126,6 +127,7 @@ def test_a_file_of_positions_without_a_fix_is_refused(survey, tmp_path):
         map_logs([survey / "survey.log"], settings(survey, nmea=(tmp_path / "none.nmea",)))
 
 
+@pytest.mark.slow
 def test_bad_counts_are_listed_and_not_mapped(survey, tmp_path):
     wild = [{"tube": tube, "nth": 20, "counts": 100_000} for tube in range(1, 13)]
     weather = {"quantity": "pressure_hpa", "value": 300, "at_s": 100, "for_s": 30}

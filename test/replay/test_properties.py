@@ -50,6 +50,7 @@ def run_with(tmp_path):
     return make
 
 
+@pytest.mark.slow
 def test_all_are_mapped_each_as_its_mapper_did(run_with):
     replay = replay_bag(run_with(["salt:0.5"]), ReplaySettings(truths={0: "half-wet", "salt": "half-wet"}))
     moisture, salt = replay.run.properties

@@ -13,6 +13,8 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting import open_run, write_mission, write_outputs
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def result():

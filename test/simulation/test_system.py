@@ -121,6 +121,7 @@ def test_a_seed_determines_everything_and_another_changes_it():
     assert stream(outputs(1), GNSS) != stream(outputs(2), GNSS)
 
 
+@pytest.mark.slow
 def test_the_receiver_follows_the_robot():
     system = VirtualSystem(SETTINGS, START_S)
     target = system.map.graph.names[-1]
@@ -177,6 +178,7 @@ def test_a_receiver_without_a_fix_reports_it():
     assert [fix.stamp_s - START_S for fix in found if fix.quality == 0] == list(range(100, 120))
 
 
+@pytest.mark.slow
 def test_a_receiver_can_be_wrong_without_a_word():
     good, _ = fixes(advance(VirtualSystem(SETTINGS, START_S), 700))
     bad, _ = fixes(advance(VirtualSystem(SETTINGS, START_S, scenario=load_scenario("bad_fixes")), 700))

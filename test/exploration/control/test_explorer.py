@@ -70,6 +70,7 @@ def test_before_the_first_map_the_nominal_rate_is_expected():
     assert new.situation(REQUEST, PLACE).expected_dwell_s == pytest.approx(100 / 2.5, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weather", [False, True])
 def test_the_simulator_plans_with_the_factors_of_its_records(weather):
     settings = MissionSettings(

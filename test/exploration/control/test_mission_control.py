@@ -155,6 +155,7 @@ class Around:
         self.planned()
 
 
+@pytest.mark.slow
 def test_a_whole_mission():
     around = Around(home="r0c0")
     around.begin()
@@ -411,6 +412,7 @@ def test_it_learns_how_fast_the_robot_is():
     assert "per stop, learned from 5 legs" in str(control._learned)
 
 
+@pytest.mark.slow
 def test_the_robot_counts_on_where_the_planner_chooses_its_stop_again():
     around = Around(dwell="optimal", strategy="ivr", stays=True)
     around.begin()

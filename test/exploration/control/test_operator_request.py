@@ -202,6 +202,7 @@ def test_a_requested_stop_comes_next_and_keeps_who_asked():
     assert around.status.phase is Phase.TRAVELLING, "the mission chooses by itself again"
 
 
+@pytest.mark.slow
 def test_no_stop_of_an_area_is_chosen_for_the_rest_of_the_mission():
     around = Around(budget_s=3600.0)
     around.begin()
@@ -270,6 +271,7 @@ def test_changes_take_effect_at_the_next_plan():
     assert around.visits[-1].ended is VisitEnd.ENOUGH
 
 
+@pytest.mark.slow
 def test_a_strategy_goes_on_with_its_plan_when_another_setting_changes():
     around = Around(budget_s=3600.0, strategy="lattice", warm_up_stops=0)
     around.begin()
@@ -281,6 +283,7 @@ def test_a_strategy_goes_on_with_its_plan_when_another_setting_changes():
         measured(around)
 
 
+@pytest.mark.slow
 def test_a_new_strategy_does_not_begin_the_random_stream_again():
     around = Around(budget_s=3600.0, strategy="random", dwell="fmi:20")
     around.begin()
@@ -434,6 +437,7 @@ asked = st.builds(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(asked, st.sampled_from([0.0, 7.5, 400.0])), max_size=12), st.integers(0, 12))
 def test_a_journal_restores_the_mission_bit_for_bit_after_any_requests(steps, kept):
     pages, mission = Pages(), Mission(RULES)

@@ -120,6 +120,7 @@ def test_no_strategy_goes_where_another_robot_is(strategy, kind, targets, exposu
         assert {plan.choice.stop.name, *(stop.name for stop in plan.choice.ahead)} <= free
 
 
+@pytest.mark.slow
 def test_the_static_lattice_passes_over_a_place_that_is_taken():
     alone = explorer("lattice").plan(request(), (2.5, 2.5)).choice
     with_others = explorer("lattice")

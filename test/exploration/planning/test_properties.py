@@ -73,6 +73,7 @@ def test_a_property_without_weight_or_map_changes_nothing(strategy, dwell, seed)
         assert plan(strategy, [unimportant], dwell=dwell, seed=seed) == plan(strategy, dwell=dwell, seed=seed)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(strategy=st.sampled_from(MAPPED), weight=st.floats(0.1, 10), seed=st.integers(0, 99))
 def test_a_property_with_the_same_map_changes_no_choice(strategy, weight, seed):

@@ -72,6 +72,7 @@ def test_a_tour_fits_into_its_pass_and_visits_no_stop_twice(graph, on_way):
     assert ground.legs_s(tour.stops).sum() + len(tour.stops) * tour.dwell_s == pytest.approx(1800.0)
 
 
+@pytest.mark.slow
 def test_passes_end_at_their_shares_of_the_time_and_become_finer():
     strategy = CostBenefitTour()
     made = drive(strategy, 7200.0, 30.0, 200)

@@ -107,6 +107,7 @@ def test_no_tour_is_shorter_than_the_bound(seed, count, dwell_s):
     assert shortest_s / 3 < least_tour_s(now, chosen, dwell_s) <= shortest_s + 1e-6
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=10)
 @given(left=st.floats(1000, 7200), seed=st.integers(0, 100), late_s=st.floats(0, 3))
 def test_a_planned_lattice_is_complete_and_uses_its_budget(left, seed, late_s):

@@ -64,6 +64,7 @@ def test_rasters_of_any_reference_system_and_resolution(tmp_path, epsg, pixel):
     np.testing.assert_allclose(found.layers[0][GRID.mask].std(), 1)
 
 
+@pytest.mark.slow
 def test_small_pixels_are_averaged_over_the_cells(tmp_path):
     rng = np.random.default_rng(1)
     noisy = write_raster(tmp_path / "noisy.tif", pixel=0.1, function=lambda x, y: x + rng.normal(0, 20, x.shape))

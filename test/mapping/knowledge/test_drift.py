@@ -58,6 +58,7 @@ def records(timed):
     ]
 
 
+@pytest.mark.slow
 def test_a_drift_is_found_and_nearly_never_where_there_is_none():
     found = [find_change(survey(seed, 0.1)[0], HOURS * 3600, VARIOGRAM).drift for seed in range(20)]
     false = [find_change(survey(seed)[0], HOURS * 3600, VARIOGRAM).drift for seed in range(30)]
@@ -83,6 +84,7 @@ def test_a_drift_that_is_not_there_costs_little():
     assert auto < 1.05 * off
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [0.1, -0.1, 0.3])
 def test_a_drift_does_not_become_a_pattern(change):
     errors = []
@@ -112,6 +114,7 @@ def test_without_evidence_the_map_is_that_without_drift_bit_for_bit():
     assert maps[0].variance.tobytes() == maps[1].variance.tobytes()
 
 
+@pytest.mark.slow
 def test_the_map_of_a_state_does_not_depend_on_the_maps_before():
     timed, _ = survey(1, 0.3)
     often, once = (FieldMap(GRID, FieldMapSettings(local="off")) for _ in range(2))
@@ -175,6 +178,7 @@ def test_few_samples_one_time_and_many_samples():
     assert find_change(many, HOURS * 3600, VARIOGRAM).drift is not None
 
 
+@pytest.mark.slow
 def test_rain_is_seen_and_nearly_never_where_there_is_none():
     rain, none = [], []
     for seed in range(20):

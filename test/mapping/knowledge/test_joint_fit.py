@@ -207,6 +207,7 @@ def test_earlier_surveys_may_come_in_any_order():
         np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["matern32", "matern52", "gaussian", "spherical", "exponential"])
 def test_condensing_loses_at_most_half_a_percent_of_the_sill(model, monkeypatch):
     monkeypatch.setattr(f"{__name__}.VARIOGRAM", Variogram(model, 0.01, 12.0, 0.25))
@@ -250,6 +251,7 @@ def test_without_knowledge_maps_stay_as_they_are():
     assert (one.variance[GRID.mask] == other.variance[GRID.mask]).all()
 
 
+@pytest.mark.slow
 def test_a_related_survey_helps_and_an_unrelated_one_does_not_hurt():
     errors = {}
     for rho in (0.9, 0.0):
@@ -323,6 +325,7 @@ def surveys_of_a_season(rho, odd=None, days=7.0, count=5):
     return Knowledge(tuple(earlier)), made[-1]
 
 
+@pytest.mark.slow
 def test_one_odd_survey_does_not_spoil_a_season():
     for odd in (0, 2):
         known, now = surveys_of_a_season(0.95, odd)
@@ -331,6 +334,7 @@ def test_one_odd_survey_does_not_spoil_a_season():
         assert min(correlations[:odd] + correlations[odd + 1 :]) > 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "fades"), [(0.98, False), (0.75, True)])
 def test_days_tell_how_fast_a_pattern_fades(share, fades):
     rng = np.random.default_rng(1)

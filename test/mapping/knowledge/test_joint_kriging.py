@@ -65,6 +65,7 @@ def test_a_pattern_that_persists_informs_the_other_survey_and_makes_the_change_s
     assert both.predict(CELLS, 1, 0)[1].mean() < 0.4 * separate.predict(CELLS, 1, 0)[1].mean()
 
 
+@pytest.mark.slow
 def test_intervals_of_maps_changes_and_mean_changes_cover_the_truth():
     inside = np.zeros(4)
     rng, runs = np.random.default_rng(4), 40
@@ -94,6 +95,7 @@ def test_a_mean_is_the_mean_of_the_map():
     assert variance < kriging.predict(CELLS, 1)[1].mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.95])
 def test_the_persistence_is_found(share):
     found = [

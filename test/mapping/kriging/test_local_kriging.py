@@ -113,6 +113,7 @@ def test_a_growing_raster_is_the_same_as_a_fresh_one_bit_for_bit():
     np.testing.assert_array_equal(found, RasterKriging(*AXES, mask, True).update(samples, LOCAL, rate))
 
 
+@pytest.mark.slow
 def test_many_samples_on_a_large_raster_come_from_tiles():
     rng = np.random.default_rng(8)
     xy = rng.uniform(0, (40, 30), (300, 2))

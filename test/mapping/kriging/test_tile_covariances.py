@@ -64,6 +64,7 @@ def cases(draw):
     return variogram, x_m, y_m, mask, samples
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(cases())
 def test_they_are_those_of_the_cells(case):

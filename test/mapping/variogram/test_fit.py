@@ -62,6 +62,7 @@ def test_splitting_records_changes_no_fit(method):
     assert fit_variogram(*split, method=method) == fit_variogram(xy, counts, exposure_s, method=method)
 
 
+@pytest.mark.slow
 def test_soft_l1_finds_an_exact_semivariogram():
     """With enough counts and places to make the classes nearly exact, the fit returns the model."""
     truth = Variogram("gaussian", 0.05, 30.0, 0.4)

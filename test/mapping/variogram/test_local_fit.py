@@ -72,6 +72,7 @@ def test_the_information_is_symmetric_and_positive_definite():
     assert np.linalg.eigvalsh(information).min() >= 1 - 1e-9
 
 
+@pytest.mark.slow
 def test_stationary_fields_keep_their_variogram_bit_for_bit():
     used = 0
     for seed in range(6):
@@ -84,6 +85,7 @@ def test_stationary_fields_keep_their_variogram_bit_for_bit():
     assert used <= 1
 
 
+@pytest.mark.slow
 def test_an_uneven_field_has_an_amplitude_that_follows_it():
     fits = [estimate(survey(UNEVEN, seed)[0]) for seed in range(4)]
     local = [fit.variogram for fit in fits if fit.variogram.amplitude is not None]
@@ -138,6 +140,7 @@ def test_intervals_cover_the_truth_in_each_quarter_by_local_variability():
     assert np.mean(error["local"]) < 0.95 * np.mean(error["stationary"])
 
 
+@pytest.mark.slow
 def test_a_map_can_stay_stationary():
     samples, _ = survey(UNEVEN, 1)
     maps = {}

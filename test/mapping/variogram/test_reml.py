@@ -106,6 +106,7 @@ def test_the_composite_likelihood_recovers_the_truth_too():
     assert found.structured_sill == pytest.approx(0.4, rel=0.35)
 
 
+@pytest.mark.slow
 def test_the_prior_fades_as_samples_come_in():
     truth = Variogram("matern32", 0.02, 40.0, 0.3)
     samples = simulated(truth, 300, 300.0, 600.0, seed=5)

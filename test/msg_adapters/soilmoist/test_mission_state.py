@@ -49,6 +49,7 @@ def sent(status):
     return deserialize_message(serialize_message(message), Mission)
 
 
+@pytest.mark.slow
 @given(statuses)
 def test_a_status_comes_back(status):
     assert mission_state_from_message(sent(status)) == status

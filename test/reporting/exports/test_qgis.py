@@ -25,6 +25,7 @@ def project(written):
         return ET.fromstring(archive.read("soilmoist.qgs"))
 
 
+@pytest.mark.slow
 def test_files(written):
     names = ["soilmoist.gpkg", "map.tif", "map.qml", "map_salt.tif", "map_salt.qml", "soilmoist.qgz"]
     assert [path.name for path in written] == names

@@ -9,6 +9,8 @@ import pytest
 from soilmoist_ros.reporting.page.viewer.packing import unpack, unpack_bits
 from soilmoist_ros.reporting.season.season_page import mean_chart, render_season, season_data
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_page_asks_for_nothing_from_elsewhere_and_names_every_survey(season):
     page = render_season(season)

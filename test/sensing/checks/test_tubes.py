@@ -71,6 +71,7 @@ def test_a_tube_that_was_bad_early_and_for_long_returns(factor):
     assert not any(found[560:])
 
 
+@pytest.mark.slow
 def test_the_share_is_not_poisoned_by_bad_counts():
     counts = draw(600)
     clean, dirty = TubeChecks(12), TubeChecks(12)

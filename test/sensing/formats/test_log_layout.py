@@ -29,6 +29,7 @@ def test_missing_columns_are_all_named() -> None:
     assert len(caught.value.columns) == 3
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(st.text(max_size=12), max_size=30))
 def test_any_header_is_a_layout_or_says_what_is_missing(names) -> None:

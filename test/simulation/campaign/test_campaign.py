@@ -212,6 +212,7 @@ def test_time_grid_ends_with_the_mission():
     assert len(time_grid(2.0, 300)) == 25
 
 
+@pytest.mark.slow
 def test_a_mission_survives_its_file(fake):
     settings = MissionSettings(seed=7, preset="paper")
     result = fake(settings)
@@ -230,6 +231,7 @@ def test_a_mission_survives_its_file(fake):
     assert [visit.robot for visit in team.visits] == [1, 2]
 
 
+@pytest.mark.slow
 def test_an_interrupted_campaign_resumes(campaign, tmp_path, fake):
     first = Counted(fake, interrupt_at=4)
     with pytest.raises(CampaignInterrupted, match=r"4 of 10 missions are stored.*again to resume"):
@@ -460,6 +462,7 @@ def test_old_keys_of_a_property_mean_the_same_missions(tmp_path, caplog):
         assert f"the key {key!r} has become {today!r}" in caplog.text
 
 
+@pytest.mark.slow
 def test_each_further_property_has_its_columns_in_the_tables(tmp_path):
     experiment = "{name: a, hours: 0.05, properties: [[], ['rough:0', smooth]]}"
     text = f"title: t\nruns: 1\nexperiments: [{experiment}]\n"

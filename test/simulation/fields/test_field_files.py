@@ -49,6 +49,7 @@ def test_the_field_file_says_all_but_the_truth(field, tmp_path):
         surrogate_field(str(path))
 
 
+@pytest.mark.slow
 def test_the_truth_file_is_the_same_field_again(field, tmp_path):
     grid = field.field.grid()
     write_truth_file(field, grid, tmp_path / "truth.yaml")

@@ -48,6 +48,7 @@ def test_one_cell_at_the_pole_does_not_decide():
         assert map_errors(rate, ONE, TRUTH, CURVE)[1] == pytest.approx(float(expected))
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(0.1, 50), min_size=1, max_size=20), st.floats(-1, 1), st.randoms())
 def test_the_order_of_the_cells_does_not_matter(truth, error, random):
     truth = np.array(truth)

@@ -36,6 +36,7 @@ def test_useless_covariates_are_the_same_with_and_without_another():
     assert simulated_covariates(FIELD, GRID, MissionSettings()) is None
 
 
+@pytest.mark.slow
 def test_a_mission_with_covariates_is_reproducible():
     settings = MissionSettings(hours=0.2, cell_m=4.0, covariate_correlation=0.9, useless_covariates=1, seed=3)
     first, again = (simulate_mission(settings) for _ in range(2))

@@ -222,6 +222,7 @@ def test_a_field_of_its_own_for_each_seed():
     assert np.nanmax(np.abs(own[0] - same[0])) > 0.5
 
 
+@pytest.mark.slow
 def test_a_planner_learns_how_slow_the_robot_really_is():
     slow = replace(SHORT, strategy="random", dwell="fmi:30", map_from="records", real_speed_mps=0.3)
     learned = simulate_mission(slow).motion[0]
@@ -230,6 +231,7 @@ def test_a_planner_learns_how_slow_the_robot_really_is():
     assert told.motion is told.prior
 
 
+@pytest.mark.slow
 def test_learning_changes_nothing_where_the_settings_are_true():
     usual = replace(SHORT, strategy="random", dwell="fmi:30", map_from="records")
     with_it, without = simulate_mission(usual), simulate_mission(replace(usual, learn_travel=False))

@@ -44,6 +44,7 @@ def quiet(number, **changes):
     return replace(make_case(7, number), faults=Faults(), **{"budget_s": 600.0, **changes})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", range(3), ids=NAVIGATORS)
 def test_a_mission_without_faults_measures_and_ends(rehearsed, turn):
     outcome = rehearsed(quiet(30 + turn, strategy="greedy"))
@@ -53,6 +54,7 @@ def test_a_mission_without_faults_measures_and_ends(rehearsed, turn):
     assert not outcome.refused
 
 
+@pytest.mark.slow
 def test_case_and_outcome_follow_from_seed_and_number(rehearsed):
     case = replace(make_case(7, 4), budget_s=300.0)
     assert str(case) == str(make_case(7, 4))
@@ -60,6 +62,7 @@ def test_case_and_outcome_follow_from_seed_and_number(rehearsed):
     assert rehearsed(case) == rehearsed(case)
 
 
+@pytest.mark.slow
 def test_a_killed_planner_comes_back_with_its_mission(rehearsed):
     kill = Faults([Span(Fault.KILL_PLANNER, 200.0, 1.0, 0.0)])
     outcome = rehearsed(replace(quiet(31, strategy="greedy"), faults=kill))
@@ -119,6 +122,7 @@ def test_rehearsals_without_violations(rehearsed, number):
     assert not outcome.refused
 
 
+@pytest.mark.slow
 def test_the_script_ends_with_the_sum(safety, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["safety", "--fields", "1", "--seed", "5", "--workers", "1"])
     short = lambda seed, number: replace(make_case(seed, number), budget_s=120.0, faults=Faults())  # noqa: E731

@@ -45,6 +45,7 @@ def test_counts_follow_the_drift():
     assert late == pytest.approx(50_000 * rate * 1.375, abs=4 * np.sqrt(late))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("map_from", ["records", "stops"])
 def test_the_truth_of_a_result_is_that_of_its_end(map_from):
     steady, rain = (

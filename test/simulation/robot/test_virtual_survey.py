@@ -21,6 +21,7 @@ def survey(tmp_path_factory):
     return field, log, processed
 
 
+@pytest.mark.slow
 def test_the_log_is_labelled_as_simulated(survey):
     _, log, _ = survey
     assert log.simulated

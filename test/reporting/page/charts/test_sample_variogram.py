@@ -51,6 +51,7 @@ def test_circles_are_those_of_the_semivariogram():
     assert found.pairs.sum() < 150 * 149 / 2
 
 
+@pytest.mark.slow
 def test_without_support_circles_are_expected_on_the_curve():
     (found,) = sample_variogram(survey(ISOTROPIC))
     curve = model_curve(ISOTROPIC, found.lag_m, None, np.zeros(3))
@@ -76,6 +77,7 @@ def test_an_anisotropic_field_differs_along_and_across():
         np.testing.assert_allclose(classes.expected, curve, rtol=0.12)
 
 
+@pytest.mark.slow
 def test_supports_lower_the_curve_and_the_expectation_alike():
     soil_map = survey(ISOTROPIC)
     spread = np.array([12.0, 0.0, 0.0])  # stretches of 12 m from west to east
