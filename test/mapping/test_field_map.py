@@ -221,7 +221,7 @@ def test_between_searches_a_fit_has_the_direction_of_the_last_one():
     for x_m, y_m in rng.uniform((0, 0), (60, 50), (60, 2)).tolist():
         the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(40 + 15 * math.sin(x_m / 5)))))
         variogram = the_map.fit(the_map.state).variogram
-        found = directions.setdefault(id(the_map.state.search_samples), variogram)
+        found = directions.setdefault(the_map.state.search_samples, variogram)
         assert (variogram.anisotropy, variogram.angle_deg) == (found.anisotropy, found.angle_deg)
     assert variogram.anisotropy > 1
     samples = the_map.state.fit_samples

@@ -186,6 +186,7 @@ class Explorer:
         if staying is not None:
             weighed[kept[staying]] = True
         considered = np.flatnonzero(weighed)
+        rows = np.searchsorted(kept, considered)
         place = (float(position_xy[0]), float(position_xy[1]))
         rate = float(counted.rate.mean()) if known_rate else self.nominal_rate_cps
         return Situation(
@@ -212,12 +213,7 @@ class Explorer:
             travel_cost_s=np.where(fits, cost_s, np.inf),
             prospect=cache(
                 lambda: self._prospect(
-                    maps,
-                    considered,
-                    travel_s[np.searchsorted(kept, considered)],
-                    cost_s[np.searchsorted(kept, considered)],
-                    place,
-                    request,
+                    maps, considered, travel_s[rows], cost_s[rows], place, request, of_candidates=rows
                 )
             ),
         )
@@ -250,6 +246,7 @@ class Explorer:
         cost_s: Array,
         position_xy: tuple[float, float],
         request: RequestPlan,
+        of_candidates: NDArray[np.intp] | None = None,
     ) -> Prospect | None:
         """The stops of these numbers, travel times and costs, as a planner weighs them; ``None`` without a map."""
         places, models = self._xy[numbers], []
@@ -286,6 +283,7 @@ class Explorer:
             staying,
             self.min_dwell_s,
             cost_s,
+            of_candidates,
         )
 
     def _trips(

@@ -106,9 +106,13 @@ class PlanningModel:
         return kriging
 
     @cached_property
+    def _posterior(self) -> tuple[Array, Array]:
+        return self._kriging.rate_and_covariance(self._nodes)
+
+    @cached_property
     def covariance(self) -> Array:
         """Posterior covariance of the nodes."""
-        return self._kriging.covariance(self._nodes)
+        return self._posterior[1]
 
     @cached_property
     def nugget(self) -> Array:
@@ -120,7 +124,7 @@ class PlanningModel:
     @cached_property
     def rate(self) -> Array:
         """Rate expected at each node [counts/s]."""
-        return np.maximum(self._kriging.predict(self._nodes)[0], MIN_RATE_CPS)
+        return np.maximum(self._posterior[0], MIN_RATE_CPS)
 
     @property
     def cells_xy(self) -> Array:
@@ -148,8 +152,8 @@ class PlanningModel:
     @cached_property
     def gram(self) -> Array:
         """``sum_g omega_g C(g, a) C(g, b)`` of every two nodes."""
-        to_cells = self.covariance[: self._cells]
-        return np.asarray((to_cells.T * self.weight) @ to_cells)
+        to_cells = self.covariance[: self._cells] * np.sqrt(self.weight)[:, None]
+        return np.asarray(to_cells.T @ to_cells)  # half of the work of a product of two different matrices
 
     @cached_property
     def _tree(self) -> KDTree:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Worth
-from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
-from soilmoist_ros.exploration.travel.travel import TravelModel, polyline_length_m
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import TravelModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -54,6 +54,7 @@ class Prospect:
     :param min_dwell_s: shortest dwell [s]
     :param travel_cost_s: travel times with the costs that an operator adds, shape (k,) [s]; for comparisons of
         stops, never for the clock. The times alone if ``None``
+    :param of_candidates: index of each among all candidates of the situation, shape (k,); all of them if ``None``
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Prospect:
         staying: int | None = None,
         min_dwell_s: float = 0.0,
         travel_cost_s: Array | None = None,
+        of_candidates: Indices | None = None,
     ) -> None:
         self.model = model
         self.stops = stops
@@ -79,6 +81,7 @@ class Prospect:
         self.staying = staying
         self.min_dwell_s = min_dwell_s
         self.travel_cost_s = travel_s if travel_cost_s is None else travel_cost_s
+        self.of_candidates = np.arange(len(stops)) if of_candidates is None else of_candidates
 
     @cached_property
     def reachable(self) -> Indices:
@@ -86,10 +89,10 @@ class Prospect:
         return np.flatnonzero(np.isfinite(self._travel_s) & (self._travel_s < self._budget_s))
 
     @cached_property
-    def _reachable_stops(self) -> Sequence[Stop]:
+    def reachable_stops(self) -> tuple[Stop, ...]:
         """Candidates at :attr:`reachable`."""
         if len(self.reachable) == len(self.stops):
-            return self.stops
+            return tuple(self.stops)
         return tuple(self.stops[number] for number in self.reachable.tolist())
 
     @cached_property
@@ -141,7 +144,7 @@ class Prospect:
 
     def place(self, row: int) -> tuple[float, float]:
         """Place of a :attr:`reachable` candidate [m]."""
-        stop = self._reachable_stops[row]
+        stop = self.reachable_stops[row]
         return stop.x_m, stop.y_m
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
@@ -153,7 +156,8 @@ class Prospect:
         count = min(math.ceil(drive_s / self.counting.cadence_s - _ROUNDING), MAX_PLACES)
         if count <= 0:
             return np.empty(0, np.intp), np.empty(0)
-        places = along(self._travel.route(place, self._reachable_stops[row]), count)
+        shares = (np.arange(count) + 0.5) / count
+        places = self._travel.along(place, (self.reachable_stops[row],), shares[None])[0]
         return self.model.nearest_nodes(places), np.full(count, drive_s / count)
 
     def ways(self, stops: Indices) -> tuple[Indices, Array]:
@@ -163,13 +167,10 @@ class Prospect:
         drive_s = self._travel_s[stops] - self._travel.motion.stop_overhead_s
         counts = np.clip(np.ceil(drive_s / self.counting.cadence_s - _ROUNDING), 0, MAX_PLACES).astype(int)
         most = int(counts.max(initial=0))
-        start, chosen = np.asarray(self.position, float), [self.stops[number] for number in stops.tolist()]
+        start = np.asarray(self.position, float)
         shares = (np.arange(most) + 0.5) / np.maximum(counts, 1)[:, None]
-        places = start + shares[:, :, None] * (stops_xy(chosen) - start)[:, None, :]
-        straight = self._travel.straight(self.position, self.stops)[stops]
-        for row in np.flatnonzero(~straight & (counts > 0)).tolist():
-            route = self._travel.route(self.position, chosen[row])
-            places[row, : counts[row]] = along(route, int(counts[row]))
+        chosen = tuple(self.stops[number] for number in stops.tolist())
+        places = self._travel.along(self.position, chosen, np.minimum(shares, 1.0))
         used = np.arange(most) < counts[:, None]
         exposure_s = np.where(used, (drive_s / np.maximum(counts, 1))[:, None], 0.0)
         places[~used] = start
@@ -202,18 +203,3 @@ class Prospect:
         motion = self._travel.motion
         driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
         return motion.stop_cost_s * len(legs_s) + motion.metre_cost_s * driven_m
-
-
-def along(polyline: Array, count: int) -> Array:
-    """Middles of ``count`` equal pieces of a route, shape (count, 2) [m].
-
-    :param polyline: corners, shape (p, 2) [m]
-    :param count: >= 1
-    """
-    shares = (np.arange(count) + 0.5) / count
-    if len(polyline) == 2:  # fast path: most routes are straight, and every candidate needs this
-        return np.asarray(polyline[0] + shares[:, None] * (polyline[1] - polyline[0]))
-    length_m = polyline_length_m(polyline)
-    reached = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
-    middles = shares * length_m
-    return np.column_stack([np.interp(middles, reached, axis) for axis in polyline.T])

@@ -9,32 +9,52 @@ Array = NDArray[np.float64]
 
 LLOYD_ROUNDS = 50
 """Maximum number of rounds of the k-means."""
+_STILL_M, _STILL = 1e-9, 1e-5
+"""Moves, absolute and relative to the coordinate, at which the rounds end."""
 
 
-def k_means(xy: Array, count: int, rng: np.random.Generator, mass: Array | None = None) -> Array:
-    """Centres of clusters of places, shape (count, 2) [m]; Lloyd's algorithm with a k-means++ start.
+class KMeans:
+    """Centres of clusters of places; Lloyd's algorithm with a k-means++ start.
 
     :param xy: places, shape (g, 2) [m]
-    :param count: number of clusters, >= 1; limited to the number of different places
     :param rng: random numbers for the start
     :param mass: weight of each place, shape (g,), >= 0; equal ones if ``None`` or all are 0
     """
-    if mass is None or not mass.any():
-        mass = np.ones(len(xy))
-        centres = xy[[int(rng.integers(len(xy)))]]
-    else:
-        centres = xy[[int(rng.choice(len(xy), p=mass / mass.sum()))]]
-    square = squares(xy, centres)[:, 0]
-    while len(centres) < count and (share := mass * square).any():
-        centre = xy[int(rng.choice(len(xy), p=share / share.sum()))]
-        centres = np.vstack([centres, centre])
-        square = np.minimum(square, squares(xy, centres[-1:])[:, 0])
-    for _ in range(LLOYD_ROUNDS):
-        moved = lloyd(xy, mass, centres)
-        if np.allclose(moved, centres, atol=1e-9):
-            break
-        centres = moved
-    return np.asarray(centres)
+
+    def __init__(self, xy: Array, rng: np.random.Generator, mass: Array | None = None) -> None:
+        has_mass = mass is not None and bool(mass.any())
+        self._xy, self._rng = xy, rng
+        self._mass = mass if mass is not None and has_mass else np.ones(len(xy))
+        first = _drawn(self._mass, rng) if has_mass else int(rng.integers(len(xy)))
+        self._start = [first]
+        self._square = squares(xy, xy[[first]])[:, 0]
+
+    def centres(self, count: int) -> Array:
+        """Centres, shape (count, 2) [m]; any number begins with the same start.
+
+        :param count: number of clusters, >= 1; limited to the number of different places
+        """
+        while len(self._start) < count and (share := self._mass * self._square).any():
+            self._start.append(_drawn(share, self._rng))
+            self._square = np.minimum(self._square, squares(self._xy, self._xy[self._start[-1:]])[:, 0])
+        centres = self._xy[self._start[:count]]
+        for _ in range(LLOYD_ROUNDS):
+            moved = lloyd(self._xy, self._mass, centres)
+            if (np.abs(moved - centres) <= _STILL_M + _STILL * np.abs(centres)).all():
+                break
+            centres = moved
+        return centres
+
+
+def k_means(xy: Array, count: int, rng: np.random.Generator, mass: Array | None = None) -> Array:
+    """Centres of one number of clusters, as :class:`KMeans`."""
+    return KMeans(xy, rng, mass).centres(count)
+
+
+def _drawn(weight: Array, rng: np.random.Generator) -> int:
+    """An index drawn in proportion to its weight; that of ``rng.choice``, which checks more."""
+    total = np.cumsum(weight / weight.sum())
+    return int(np.searchsorted(total / total[-1], rng.random(), side="right"))
 
 
 def lloyd(xy: Array, mass: Array, centres: Array) -> Array:
@@ -43,9 +63,7 @@ def lloyd(xy: Array, mass: Array, centres: Array) -> Array:
     :param xy: places, shape (g, 2) [m]
     :param mass: weight of each place, shape (g,)
     """
-    from scipy.spatial import KDTree
-
-    _, owner = KDTree(centres).query(xy)
+    owner = squares(xy, centres).argmin(axis=1)
     total = np.bincount(owner, mass, len(centres))
     sums = np.column_stack([np.bincount(owner, mass * axis, len(centres)) for axis in xy.T])
     return np.where(total[:, None] > 0, sums / np.where(total > 0, total, 1.0)[:, None], centres)
@@ -53,4 +71,6 @@ def lloyd(xy: Array, mass: Array, centres: Array) -> Array:
 
 def squares(xy: Array, centres: Array) -> Array:
     """Squared distances of places to centres, shape (g, k) [m^2]."""
-    return np.asarray(((xy[:, None, :] - centres) ** 2).sum(axis=2))
+    from scipy.spatial.distance import cdist
+
+    return np.asarray(cdist(xy, centres, "sqeuclidean"))

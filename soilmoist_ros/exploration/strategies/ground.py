@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal, StopRule
 from soilmoist_ros.exploration.strategies.rules import reachable, whole_records
 from soilmoist_ros.exploration.strategies.strategy import Situation
-from soilmoist_ros.exploration.travel.stop import stops_xy
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
@@ -58,12 +57,11 @@ class Ground:
             self.stops = tuple(situation.candidates[row] for row in self._index.tolist())
         else:
             model = self.prospect.model
-            number = {stop.name: index for index, stop in enumerate(situation.candidates)}
-            self.stops = tuple(self.prospect.stops[row] for row in self.prospect.reachable.tolist())
-            self._index = np.array([number[stop.name] for stop in self.stops], np.intp)
+            self.stops = self.prospect.reachable_stops
+            self._index = self.prospect.of_candidates[self.prospect.reachable]
             self.cells_xy = model.cells_xy
             self.mass = np.asarray(sum(each.weight * each.cell_variance**2 for each in (model, *model.others)))
-        self.xy = stops_xy(self.stops)
+        self.xy = situation.candidates_xy[self._index]
         self.travel_s = situation.travel_s[self._index]
 
     @property

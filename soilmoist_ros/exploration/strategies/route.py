@@ -97,6 +97,12 @@ def nearest_neighbour(from_start_s: Array, between_s: Array) -> Indices:
     return order
 
 
+def can_be_shortened(from_start_s: Array, between_s: Array) -> bool:
+    """Whether :func:`shortened` can do something for these times."""
+    finite = np.isfinite(from_start_s).all() and np.isfinite(between_s).all()
+    return bool(finite and np.allclose(between_s, between_s.T))
+
+
 def shortened(from_start_s: Array, between_s: Array) -> Indices:
     """The order 0, 1, 2 ... of an open route, improved until no 2-opt move and no move of one target helps.
 
@@ -112,7 +118,7 @@ def shortened(from_start_s: Array, between_s: Array) -> Indices:
     times = np.zeros((count + 2, count + 2))
     times[0, 1:-1] = times[1:-1, 0] = from_start_s
     times[1:-1, 1:-1] = between_s
-    if count < 2 or not (np.isfinite(times).all() and np.allclose(between_s, between_s.T)):
+    if count < 2 or not can_be_shortened(from_start_s, between_s):
         return order
     path = np.arange(count + 2)
     for _ in range(4 * count):

@@ -11,9 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.strategies.clusters import k_means, lloyd, squares
+from soilmoist_ros.exploration.strategies.clusters import KMeans, lloyd, squares
 from soilmoist_ros.exploration.strategies.ground import NO_MAP_DWELL_S, Ground
-from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_route, shortened, timed_route
+from soilmoist_ros.exploration.strategies.route import (
+    can_be_shortened,
+    nearest_neighbour,
+    open_route,
+    shortened,
+    timed_route,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -68,10 +74,10 @@ def design(ground: Ground, time_s: float, rng: np.random.Generator, dwell_s: flo
     else:
         possible_s = (ground.cadence_s * records for records in DWELL_RECORDS)
         dwells_s = [one_s for one_s in possible_s if one_s >= ground.min_dwell_s] or [ground.min_dwell_s]
-    seed = int(rng.integers(2**31))
+    clusters = KMeans(ground.cells_xy, np.random.default_rng(int(rng.integers(2**31))), ground.mass)
     found: list[tuple[float, Tour]] = []
     for one_s in dwells_s:
-        tour = _of_dwell(ground, time_s, one_s, seed)
+        tour = _of_dwell(ground, time_s, one_s, clusters)
         if tour is None:
             continue
         if found and len(tour.stops) >= len(found[-1][1].stops):
@@ -89,18 +95,18 @@ def design(ground: Ground, time_s: float, rng: np.random.Generator, dwell_s: flo
 
 def stops_in(ground: Ground, time_s: float) -> int:
     """About how many stops with the dwell of no map fit into a time."""
-    tour = _of_dwell(ground, time_s, ground.fixed_dwell_s or NO_MAP_DWELL_S, 0)
+    clusters = KMeans(ground.cells_xy, np.random.default_rng(0), ground.mass)
+    tour = _of_dwell(ground, time_s, ground.fixed_dwell_s or NO_MAP_DWELL_S, clusters)
     return 0 if tour is None else len(tour.stops)
 
 
-def _of_dwell(ground: Ground, time_s: float, dwell_s: float, seed: int) -> Tour | None:
+def _of_dwell(ground: Ground, time_s: float, dwell_s: float, clusters: KMeans) -> Tour | None:
     """Tour of about as many stops as fit with a dwell, in the order of nearest neighbours."""
     fitting, too_many = 0, min(MAX_STOPS, len(ground.stops)) + 1
     count = int(np.clip(0.5 * time_s / dwell_s, 1, too_many - 1))  # half of the time is spent at stops
     best: Tour | None = None
     for _ in range(_NUMBER_TRIES):
-        centres = k_means(ground.cells_xy, count, np.random.default_rng(seed), ground.mass)
-        rows = np.unique(ground.nearest(centres))
+        rows = np.unique(ground.nearest(clusters.centres(count)))
         between = ground.between_s(rows)
         order = nearest_neighbour(ground.travel_s[rows], between)
         travel_s = timed_route(order, ground.travel_s[rows], between).travel_s
@@ -116,8 +122,15 @@ def _of_dwell(ground: Ground, time_s: float, dwell_s: float, seed: int) -> Tour 
 
 
 def _ordered(ground: Ground, rows: Indices, rng: np.random.Generator) -> Indices:
-    """Stops in the order of the shortest tour from the robot; unreachable ones are left out."""
-    route = open_route(ground.travel_s[rows], ground.between_s(rows), rng)
+    """Stops in the order of a short tour from the robot; unreachable ones are left out.
+
+    Each stop moves the rest of the tour and shortens it (:func:`renewed`), so no more than that is done here.
+    """
+    start_s, between_s = ground.travel_s[rows], ground.between_s(rows)
+    if can_be_shortened(start_s, between_s):
+        order = nearest_neighbour(start_s, between_s)
+        return rows[order[shortened(start_s[order], between_s[np.ix_(order, order)])]]
+    route = open_route(start_s, between_s, rng)
     order = np.array(route.order, np.intp)[np.isfinite(route.arrival_s)]
     return rows[order]
 

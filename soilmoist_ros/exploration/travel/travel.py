@@ -76,6 +76,16 @@ def polyline_length_m(polyline: Array) -> float:
     return float(np.hypot(*np.diff(polyline, axis=0).T).sum())
 
 
+def along(polyline: Array, shares: Array) -> Array:
+    """Places at shares of the length of a route, shape (m, 2) [m].
+
+    :param polyline: corners, shape (p, 2) [m]
+    :param shares: shape (m,)
+    """
+    reached = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
+    return np.column_stack([np.interp(shares * reached[-1], reached, axis) for axis in polyline.T])
+
+
 def polyline_turn_rad(polyline: Array) -> float:
     """Sum of the changes of heading at the inner corners of a route, shape (p, 2) [rad]."""
     legs = np.diff(polyline, axis=0)
@@ -112,8 +122,12 @@ class TravelModel(Protocol):
         """
         ...
 
-    def straight(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> NDArray[np.bool_]:
-        """Whether the route to each stop is known to be a straight line, shape (k,)."""
+    def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
+        """Places on the way to each stop, shape (k, m, 2) [m].
+
+        :param stops: they can be reached
+        :param shares: shares of the length of each route, 0..1, shape (k, m)
+        """
         ...
 
     def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
@@ -161,10 +175,6 @@ class _Model:
         times = np.array(rows, float).reshape(len(chosen), len(chosen))
         np.fill_diagonal(times, 0.0)
         return times
-
-    def straight(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> NDArray[np.bool_]:
-        """See :class:`TravelModel`."""
-        return np.zeros(len(stops), bool)
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
@@ -242,10 +252,17 @@ class FreeTravel(_Model):
         """Whether all routes between places are straight, from whether each is inside the field."""
         return self._area is None or (self._area.is_convex and bool(inside.all()))
 
-    def straight(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> NDArray[np.bool_]:
+    def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
         """See :class:`TravelModel`."""
         start = np.asarray(from_xy, float)
-        places, inside = self._places(stops)
+        ends, inside = self._places(stops)
+        places = start + shares[:, :, None] * (ends - start)[:, None, :]
+        for row in np.flatnonzero(~self._straight(start, ends, inside)).tolist():
+            places[row] = along(self.route(start, stops[row]), shares[row])
+        return np.asarray(places)
+
+    def _straight(self, start: Array, places: Array, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether the route to each place is a straight line, shape (k,)."""
         if self._area is None:
             return np.ones(len(places), bool)
         if self._area.is_convex:
@@ -333,6 +350,31 @@ class GraphTravel(_Model):
         entry = self._entry(from_xy)
         lead = np.hypot(*(self.graph.xy[self.graph.index(entry)] - from_xy))
         return np.asarray(self.graph.distances_from(entry)[[self.graph.index(stop.name) for stop in stops]] + lead)
+
+    def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
+        """See :class:`TravelModel`."""
+        start = np.asarray(from_xy, float)
+        entry = self.graph.index(self._entry(start))
+        lengths, before = self.graph.routes_to_all(entry)
+        ends = np.array([self.graph.index(stop.name) for stop in stops], np.intp)
+        lead_xy = self.graph.xy[entry] - start
+        lead = np.hypot(*lead_xy)
+        wanted = shares * (lead + lengths[ends])[:, None] - lead  # from the entry on
+        node = np.broadcast_to(ends[:, None], wanted.shape).copy()
+        while True:  # back from the stops to the last nodes that are not before the places
+            last = np.where(node == entry, entry, before[node])
+            further = (node != entry) & (lengths[last] > wanted)
+            if not further.any():
+                break
+            node[further] = last[further]
+        step = lengths[node] - lengths[last]
+        share = np.clip((wanted - lengths[last]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
+        xy = self.graph.xy
+        places = xy[last] + share[:, :, None] * (xy[node] - xy[last])
+        if lead > 0:
+            leading = wanted < 0
+            places[leading] = start + ((wanted[leading] + lead) / lead)[:, None] * lead_xy
+        return np.asarray(places)
 
     def _entry(self, place: Array) -> str:
         """Node at which a robot enters the graph."""

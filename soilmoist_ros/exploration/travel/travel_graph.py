@@ -122,6 +122,10 @@ class TravelGraph:
         """
         return self._shortest(self._matrix.T.tocsr() if back else self._matrix, start)
 
+    def routes_to_all(self, start: int) -> tuple[Array, Indices]:
+        """Shortest routes from a node to each, as :meth:`routes_from`; kept, so they must not be changed."""
+        return self._tree(start)
+
     def distance_m(self, start: str, end: str) -> float:
         """Length of the shortest route from one node to another [m]; inf if unreachable."""
         return float(self._tree(self.index(start))[0][self.index(end)])

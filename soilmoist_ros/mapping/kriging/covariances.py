@@ -43,10 +43,11 @@ class Covariances(Protocol):
         """Forget all samples and use another variogram of the latent rate; call this first."""
         ...
 
-    def keep(self, samples: Array, first: int, most: int) -> bool:
-        """Compute the covariances of the samples from ``first`` on; earlier samples are unchanged.
+    def keep(self, samples: Array, changed: NDArray[np.intp], most: int) -> bool:
+        """Compute the covariances of samples that are new or have changed.
 
         :param samples: x, y and the spread, shape (n, 5)
+        :param changed: numbers of these, ascending
         :param most: maximum number of stored values
         :returns: ``False`` if there are too many values; then none are stored
         """
@@ -97,15 +98,16 @@ class PointCovariances:
         self._variogram = variogram
         self._scaled = scaled(variogram, self._x, self._y)
 
-    def keep(self, samples: Array, first: int, most: int) -> bool:
+    def keep(self, samples: Array, changed: NDArray[np.intp], most: int) -> bool:
         """See :class:`Covariances`."""
         if len(samples) * self.size > most:
             return False
-        for start, rows in self._rows.writable(first, len(samples)):
-            some = samples[start : start + len(rows)]
-            SamplePoints(self._variogram, some).covariance(*self._scaled, rows)
-            for row, sample in zip(rows, some, strict=True):
-                self._needles.add(self._variogram.nugget, row, sample)
+        for run in np.split(changed, np.flatnonzero(np.diff(changed) > 1) + 1) if len(changed) else ():
+            for start, rows in self._rows.writable(int(run[0]), int(run[-1]) + 1):
+                some = samples[start : start + len(rows)]
+                SamplePoints(self._variogram, some).covariance(*self._scaled, rows)
+                for row, sample in zip(rows, some, strict=True):
+                    self._needles.add(self._variogram.nugget, row, sample)
         return True
 
     def combine(self, weights: Array) -> Iterator[tuple[slice, Array]]:
@@ -141,8 +143,9 @@ class AxesCovariances:
         self._sample = np.empty(0, int)  # which each point is of
         self._columns, self._rows = np.empty((0, len(self._x))), np.empty((0, len(self._y)))
 
-    def keep(self, samples: Array, first: int, most: int) -> bool:
+    def keep(self, samples: Array, changed: NDArray[np.intp], most: int) -> bool:
         """See :class:`Covariances`."""
+        first = int(changed[0]) if len(changed) else len(samples)
         self._sample = self._sample[: self._sample.searchsorted(first)]
         if first < len(samples):
             self._add(samples, first)

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system, target_variance
-from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, sample_correlation
+from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, coincident, sample_correlation
 from soilmoist_ros.mapping.samples.samples import (
     NO_SAMPLES,
     Samples,
@@ -267,26 +267,41 @@ class PoissonKriging:
             :meth:`predict` gives without nugget and without what the prior knows of no two places
         :raises RuntimeError: before :meth:`fit`
         """
-        from scipy.linalg import solve_triangular
+        return self.rate_and_covariance(xy)[1]
 
-        places = check_xy(xy)
-        structured = self.variogram.structured_sill
-        known = self._targets(places).correlation(slice(0, len(places))) * structured
-        at = None if self.prior is None else self.prior.at(places)
-        if self.prior is not None and at is not None:
-            known += self.prior.covariance(at, self._system.features)
-        factor, ones = self._system.factor, self._system.ones
-        solved = solve_triangular(factor, known.T, lower=True, check_finite=False)
-        amplitude = self.variogram.amplitude_at(places)
+    def rate_and_covariance(self, xy: ArrayLike) -> tuple[Array, Array]:
+        """The rate of :meth:`predict`, shape (m,) [counts/s], and :meth:`covariance`, together."""
+        from scipy.linalg import solve_triangular
+        from scipy.spatial.distance import pdist, squareform
+
+        targets, variogram, system, prior = check_xy(xy), self.variogram, self._system, self.prior
+        structured, ones = variogram.structured_sill, system.ones
+        known = self._targets(targets).correlation(slice(0, len(targets))) * structured
+        at = None if prior is None else prior.at(targets)
+        if prior is not None and at is not None:
+            known += prior.covariance(at, system.features)
+        solved = solve_triangular(system.factor, known.T, lower=True, check_finite=False)
+        weights = solve_triangular(system.factor, system.residual, lower=True, trans="T", check_finite=False)
+        rate = known @ weights
+        if self.keep_nugget:
+            target, place = coincident(targets, self._places.xy)
+            rate[target] += variogram.nugget * weights[place]
+        amplitude = variogram.amplitude_at(targets)
         if amplitude is not None:
             solved *= amplitude
+            rate *= amplitude
+        rate += system.mean
         mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
-        between = Points(self.variogram, places, places).correlation(slice(0, len(places))) * structured
-        between = self.variogram.modulated(between, places, places)
-        if self.prior is not None and at is not None:
-            between += self.prior.covariance(at, at)
-        shared = self._system.shared(solved.T)
-        return np.asarray(between - solved.T @ solved + np.outer(mean, mean) + shared @ shared.T)
+        between = squareform(variogram.correlation_of_square(pdist(variogram.scaled(targets), "sqeuclidean")))
+        np.fill_diagonal(between, 1.0)
+        between = variogram.modulated(between * structured, targets, targets)
+        if prior is not None and at is not None:
+            between += prior.covariance(at, at)
+            rate += prior.mean(at)
+        shared = system.shared(solved.T)
+        between -= solved.T @ solved
+        between += np.outer(mean, mean) + shared @ shared.T
+        return rate, np.asarray(between)
 
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
         rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)

@@ -59,6 +59,7 @@ class KrigingRows:
         self._amplitude: Array | None = None  # of the targets
         self._kept = self._samples[:, :5]  # those whose covariances are
         self._unit = np.zeros((_MIN_ROOM, _MIN_ROOM))  # L^-1, its rows times the diagonal of L
+        self._between = np.empty((_MIN_ROOM, _MIN_ROOM))  # covariances of the samples, below the diagonal
         self._diagonal = np.empty(MAX_ROWS)  # of L
         self._data = np.zeros((2, MAX_ROWS))  # L^-1 rate, L^-1 1
         self._blocks: list[Array] = []  # sums over the rows up to the end of each block, see _add_row
@@ -93,13 +94,14 @@ class KrigingRows:
         first = _first_difference(self._samples, samples)
         self._forget(first, samples)
         room = MAX_ELEMENTS - n // BLOCK * 3 * self._covariances.size
-        known = _first_difference(self._kept, samples[:, :5])
-        if n > MAX_ROWS or not self._covariances.keep(samples[:, :5], known, room):
+        changed = _differences(self._kept, samples[:, :5])
+        if n > MAX_ROWS or not self._covariances.keep(samples[:, :5], changed, room):
             self._kept = self._kept[:0]
             self._forget(0, samples)
             return None
         self._kept = samples[:, :5]
-        if not self._factorise(variogram, first, samples):
+        self._keep_between(variogram, samples, changed)
+        if not self._factorise(first, samples):
             return None
         self._samples = samples
         full = max(0, n - MIN_TAIL) // BLOCK * BLOCK
@@ -131,19 +133,29 @@ class KrigingRows:
 
     # -- L ---------------------------------------------------------------------------------------------
 
-    def _factorise(self, variogram: Variogram, first: int, samples: Array) -> bool:
+    def _keep_between(self, variogram: Variogram, samples: Array, changed: NDArray[np.intp]) -> None:
+        """Compute the covariances of changed samples with all; those of a later with an earlier one are used."""
+        room, table = len(self._unit), self._between
+        if len(samples) > room:
+            more = max(room, len(samples) - room)
+            self._unit, table = np.pad(self._unit, (0, more)), np.pad(table, (0, more))
+            self._between = table
+        if not len(changed):
+            return
+        table[changed, : len(samples)] = _between(variogram, samples[changed], samples)
+        later = np.setdiff1d(np.arange(changed[0] + 1, len(samples)), changed)
+        if len(later):
+            table[later[:, None], changed] = _between(variogram, samples[later], samples[changed])
+
+    def _factorise(self, first: int, samples: Array) -> bool:
         """Rows of the inverse of L from ``first`` on.
 
         :returns: whether the matrix is well-conditioned enough
         """
-        room = len(self._unit)
-        if len(samples) > room:
-            self._unit = np.pad(self._unit, (0, max(room, len(samples) - room)))
         unit, diagonal = self._unit, self._diagonal
         data = np.ascontiguousarray(samples[:, 6:8])
-        covariance = _between(variogram, samples, first) if first < len(samples) else np.empty((0, 0))
         for i in range(first, len(samples)):
-            right = covariance[i - first]
+            right = self._between[i]
             row = np.empty(i)  # of L
             weights = np.zeros(i)
             for start, stop in pairwise([*range(0, i, _PART), i]):
@@ -250,16 +262,16 @@ class KrigingRows:
         return [slice(start, start + _AT_ONCE) for start in range(0, self._covariances.size, _AT_ONCE)]
 
 
-def _between(variogram: Variogram, samples: Array, first: int) -> Array:
-    """Structured covariance of the samples from ``first`` on with all samples, shape (n - first, n)."""
-    every, later = SamplePoints(variogram, samples), Supports(samples[first:, :2], samples[first:, 2:5])
+def _between(variogram: Variogram, later: Array, samples: Array) -> Array:
+    """Structured covariance of some samples with others, shape (m, n)."""
+    points, supports = SamplePoints(variogram, samples), Supports(later[:, :2], later[:, 2:5])
 
     def with_points(xy: Array) -> Array:
         covariance = np.empty((len(samples), len(xy)))
-        every.covariance(*scaled(variogram, *xy.T), covariance)
+        points.covariance(*scaled(variogram, *xy.T), covariance)
         return covariance
 
-    return np.ascontiguousarray(later.average(with_points).T)
+    return np.ascontiguousarray(supports.average(with_points).T)
 
 
 def _first_difference(known: Array, samples: Array) -> int:
@@ -267,3 +279,11 @@ def _first_difference(known: Array, samples: Array) -> int:
     both = min(len(known), len(samples))
     differs = (known[:both] != samples[:both]).any(axis=1)
     return int(differs.argmax()) if differs.any() else both
+
+
+def _differences(known: Array, samples: Array) -> NDArray[np.intp]:
+    """Numbers of the rows of a table that are not as in another one, or not in it."""
+    both = min(len(known), len(samples))
+    differs = np.ones(len(samples), bool)
+    differs[:both] = (known[:both] != samples[:both]).any(axis=1)
+    return np.flatnonzero(differs)

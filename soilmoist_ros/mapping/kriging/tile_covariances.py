@@ -89,8 +89,9 @@ class TileCovariances:
         self._boxes = Boxes(variogram, self._x, self._y)
         self._is_near = np.empty((0, self._tiles), bool)
 
-    def keep(self, samples: Array, first: int, most: int) -> bool:
+    def keep(self, samples: Array, changed: NDArray[np.intp], most: int) -> bool:
         """See :class:`Covariances`."""
+        first = int(changed[0]) if len(changed) else len(samples)
         self._is_near = self._is_near[:first]
         if first < len(samples):
             is_near = self._boxes.are_near(SamplePoints(self._variogram, samples[first:]))

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.samples.samples import Samples, merge_records
-from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread, without_noise
+from soilmoist_ros.mapping.samples.samples import Samples, good_samples, merge_records
+from soilmoist_ros.mapping.samples.spread import footprint_spread, without_noise
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
@@ -44,7 +44,8 @@ class DrivenPaths:
         nearest = min(before, key=lambda one: math.hypot(record.x_m - one.x_m, record.y_m - one.y_m))
         self._last.remove(nearest)
         share = min(exposure_s / (record.stamp_s - nearest.stamp_s), 1.0)
-        return path_spread([share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)])
+        x_m, y_m = share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)
+        return np.array([x_m * x_m, x_m * y_m, y_m * y_m]) / 12  # as path_spread()
 
 
 def driven_spreads(records: Sequence[CountRecord]) -> Array:
@@ -138,8 +139,9 @@ class SampleMerger:
 
         Spreads that the noise of positions may have made count as none.
         """
-        columns = self._columns[:, : self._count]
-        return Samples(columns[:2].T, columns[2], columns[3], without_noise(columns[4:7].T) + self._footprint)
+        columns = self._columns[:, : self._count].copy()
+        xy = np.ascontiguousarray(columns[:2].T) + 0.0  # -0.0 and 0.0 are the same place
+        return good_samples(xy, columns[2], columns[3], without_noise(columns[4:7].T) + self._footprint)
 
     @property
     def time_s(self) -> Array:

@@ -117,6 +117,15 @@ class Samples:
         return float(self.counts.sum() / self.exposure_s.sum()) if len(self) else float("nan")
 
 
+def good_samples(xy: Array, counts: Array, exposure_s: Array, spread: Array) -> Samples:
+    """:class:`Samples` of new arrays that are known to be good: neither copied nor checked."""
+    samples = object.__new__(Samples)
+    for name, values in (("xy", xy), ("counts", counts), ("exposure_s", exposure_s), ("spread", spread)):
+        values.setflags(write=False)
+        object.__setattr__(samples, name, values)
+    return samples
+
+
 def as_samples(
     xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
 ) -> Samples:

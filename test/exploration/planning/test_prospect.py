@@ -3,7 +3,7 @@ import pytest
 
 from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel
-from soilmoist_ros.exploration.planning.prospect import MAX_PLACES, Counting, Prospect, along
+from soilmoist_ros.exploration.planning.prospect import MAX_PLACES, Counting, Prospect
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.mapping import PoissonKriging, Variogram
@@ -67,10 +67,3 @@ def test_the_dwell_of_the_most_valuable_stop_is_its_best():
     other = look.dwell(STOPS[look.reachable[worse]])
     assert 0 <= other.expected_s(4.0) <= MAX_DWELL_S
     assert look.dwell(Stop("elsewhere", 0.0, 0.0)) is None
-
-
-def test_places_along_a_way_are_evenly_spaced():
-    corner = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 10.0]])
-    places = along(corner, 4)
-    np.testing.assert_allclose(places, [[5, 0], [15, 0], [25, 0], [30, 5]])
-    np.testing.assert_allclose(along(corner[[0, 0]], 2), np.zeros((2, 2)))

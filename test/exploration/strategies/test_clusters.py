@@ -1,6 +1,6 @@
 import numpy as np
 
-from soilmoist_ros.exploration.strategies.clusters import k_means, lloyd
+from soilmoist_ros.exploration.strategies.clusters import KMeans, k_means, lloyd
 
 
 def rng(seed=0):
@@ -27,3 +27,10 @@ def test_a_centre_moves_to_the_middle_of_its_mass_and_stays_without_any():
     cells = np.array([[0.0, 0.0], [4.0, 0.0], [100.0, 0.0]])
     moved = lloyd(cells, np.array([3.0, 1.0, 0.0]), np.array([[2.0, 0.0], [90.0, 0.0]]))
     np.testing.assert_allclose(moved, [[1.0, 0.0], [90.0, 0.0]])
+
+
+def test_more_centres_begin_with_the_same_start():
+    cells = rng(3).uniform(0, 50, (300, 2))
+    clusters = KMeans(cells, rng(1))
+    for count in (20, 5, 30):
+        np.testing.assert_array_equal(clusters.centres(count), k_means(cells, count, rng(1)))

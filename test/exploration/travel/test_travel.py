@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, polyline_length_m
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, along, polyline_length_m
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 
 SQUARE = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], float)
 BLOCK = np.array([[4, 2], [6, 2], [6, 8], [4, 8]], float)
 STILL = RobotMotion(1.0, 0.0)
+MIDDLES = (np.arange(4) + 0.5) / 4
 
 
 def stops(*places):
@@ -131,9 +132,19 @@ def test_times_of_tours_are_those_of_single_trips(no_go, turn_s_per_rad):
     assert (travel.between_s(places, route).diagonal() == 0).all()
 
 
-def test_straight_routes_are_known_beforehand():
-    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
-    places = stops((1, 9), (9, 5), (1, 1))
-    found = travel.straight((1, 5), places)
-    assert found.tolist() == [len(travel.route((1, 5), stop)) == 2 for stop in places]
-    assert FreeTravel(STILL).straight((0, 0), places).all()
+def test_places_along_a_way_are_evenly_spaced():
+    corner = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 10.0]])
+    np.testing.assert_allclose(along(corner, MIDDLES), [[5, 0], [15, 0], [25, 0], [30, 5]])
+    np.testing.assert_allclose(along(corner[[0, 0]], MIDDLES), np.zeros((4, 2)))
+
+
+@pytest.mark.parametrize("start", [(1.0, 5.0), (1.3, 8.8), (5.0, 1.0)])
+def test_places_along_many_ways_are_those_of_each_route(start):
+    places = stops((1, 9), (9, 5), (1, 1), (9, 9), (5, 1))
+    edges = [("s0", "s2"), ("s2", "s4"), ("s4", "s1"), ("s1", "s3")]
+    graph = TravelGraph.from_edges(places, edges + [(b, a) for a, b in edges])
+    shares = np.tile(MIDDLES, (len(places), 1))
+    for travel in (FreeTravel(STILL), FreeTravel(STILL, [SQUARE], [BLOCK]), GraphTravel(graph, STILL)):
+        found = travel.along(start, places, shares)
+        expected = [along(travel.route(start, place), MIDDLES) for place in places]
+        np.testing.assert_allclose(found, expected, atol=1e-9)

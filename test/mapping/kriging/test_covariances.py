@@ -16,7 +16,7 @@ WEIGHTS = RNG.normal(size=(4, 9))
 
 def sums(covariances, variogram, samples=SAMPLES, weights=WEIGHTS):
     covariances.begin(variogram)
-    assert covariances.keep(samples, 0, 10**6)
+    assert covariances.keep(samples, np.arange(len(samples)), 10**6)
     total = np.empty((len(weights), covariances.size))
     for some, part in covariances.combine(weights):
         total[:, some] = part
@@ -51,7 +51,7 @@ def test_gaussian_covariances_along_axes_are_products(angle_deg):
 def test_too_much_is_not_kept():
     covariances = PointCovariances(GRID, False)
     covariances.begin(Variogram("matern32", 0.0, 20.0, 0.4))
-    assert not covariances.keep(SAMPLES, 0, 9 * len(GRID) - 1)
+    assert not covariances.keep(SAMPLES, np.arange(len(SAMPLES)), 9 * len(GRID) - 1)
 
 
 def test_rows_are_added_with_their_factors_and_squares():

@@ -389,3 +389,17 @@ def test_predict_refuses_bad_targets():
 def test_no_targets_are_no_answers():
     rate, variance = PoissonKriging(MODEL).fit(*survey()).predict(np.empty((0, 2)))
     assert rate.shape == variance.shape == (0,)
+
+
+@pytest.mark.parametrize("keep_nugget", [True, False])
+def test_rate_and_covariance_together_are_those_of_a_prediction(keep_nugget):
+    rng = np.random.default_rng(4)
+    xy = rng.uniform(0, 50, (30, 2))
+    kriging = PoissonKriging(Variogram("matern32", 0.1, 12.0, 0.8, 2.0, 30.0), keep_nugget)
+    kriging.fit(xy, rng.poisson(400, 30), np.full(30, 100.0), rng.uniform(0, 2, (30, 1)) * [1.0, 0.0, 1.0])
+    places = np.vstack([rng.uniform(0, 50, (20, 2)), xy[:5]])
+    rate, covariance = kriging.rate_and_covariance(places)
+    np.testing.assert_allclose(rate, kriging.predict(places)[0], rtol=1e-12)
+    np.testing.assert_allclose(
+        np.diag(covariance)[:20], kriging.predict(places)[1][:20] - 0.1 * keep_nugget, rtol=1e-9
+    )

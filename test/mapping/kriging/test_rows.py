@@ -46,3 +46,15 @@ def test_an_update_that_fails_leaves_nothing_behind():
         found = rows.update(some(20), VARIOGRAM, 4.0)
     fresh = KrigingRows(PointCovariances(TARGETS, True)).update(some(20), VARIOGRAM, 4.0)
     assert found.tobytes() == fresh.tobytes()
+
+
+def test_a_sample_that_moved_changes_only_its_own_covariances():
+    rows = KrigingRows(PointCovariances(TARGETS, True))
+    rows.update(SAMPLES, VARIOGRAM, 4.0)
+    for number in (N // 2, 3, N - 1):
+        xy, exposure_s = SAMPLES.xy.copy(), SAMPLES.exposure_s.copy()
+        xy[number] += 0.3
+        exposure_s[number] += 10.0
+        moved = Samples(xy, SAMPLES.counts, exposure_s, SAMPLES.spread)
+        fresh = KrigingRows(PointCovariances(TARGETS, True))
+        assert rows.update(moved, VARIOGRAM, 4.0).tobytes() == fresh.update(moved, VARIOGRAM, 4.0).tobytes()

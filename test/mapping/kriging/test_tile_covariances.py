@@ -30,13 +30,13 @@ def of_tiles(variogram, x_m, y_m, mask, nugget=True):
 def both(variogram, x_m, y_m, mask, samples, nugget=True):
     """Covariances with the cells, from tiles and in full, each of shape (samples, cells)."""
     tiles = of_tiles(variogram, x_m, y_m, mask, nugget)
-    assert tiles.keep(samples, 0, MOST)
+    assert tiles.keep(samples, np.arange(len(samples)), MOST)
     found = all_covariances(tiles, len(samples))
     assert found.shape[1] == tiles.size
     x, y = np.meshgrid(x_m, y_m)
     full = PointCovariances(np.column_stack([x[mask], y[mask]]), nugget)
     full.begin(variogram)
-    full.keep(samples, 0, MOST)
+    full.keep(samples, np.arange(len(samples)), MOST)
     return found[:, tiles.position[mask]], all_covariances(full, len(samples)), tiles
 
 
@@ -107,12 +107,12 @@ def test_samples_that_stay_are_not_computed_again():
     samples[:4, :2] = 100.0, 60.0
     mask = np.ones((200, 250), bool)
     again, fresh = (of_tiles(variogram, x_m, y_m, mask) for _ in range(2))
-    again.keep(samples, 0, MOST)
+    again.keep(samples, np.arange(len(samples)), MOST)
     others = samples.copy()
     others[130:, 0] += 5.0
     for first, known in ((130, others), (130, others[:135]), (135, others)):
-        again.keep(known, first, MOST)
-    fresh.keep(others, 0, MOST)
+        again.keep(known, np.arange(first, len(known)), MOST)
+    fresh.keep(others, np.arange(len(others)), MOST)
     weights = rng.standard_normal((1, 140))
     for count in (140, 133, 3):
         pairs = itertools.zip_longest(again.combine(weights[:, :count]), fresh.combine(weights[:, :count]))
@@ -126,8 +126,8 @@ def test_less_than_half_is_kept_of_the_usual_field():
     tiles = of_tiles(variogram, *axes, mask)
     rng = np.random.default_rng(0)
     samples = np.column_stack([rng.uniform(0, 300, (50, 2)), np.zeros((50, 3))])
-    assert tiles.keep(samples, 0, 50 * mask.size * 45 // 100)
-    assert not tiles.keep(samples, 0, 50 * mask.size // 5)
+    assert tiles.keep(samples, np.arange(len(samples)), 50 * mask.size * 45 // 100)
+    assert not tiles.keep(samples, np.arange(len(samples)), 50 * mask.size // 5)
 
 
 def test_small_and_ragged_fields_are_left():
