@@ -1,7 +1,7 @@
 """What earlier surveys and covariates are worth: errors of maps with them, divided by those of maps without.
 
 Random fields of 60 m x 50 m with a mean rate of 3 counts/s, of which a part persists from survey to survey.
-Earlier surveys have 100 random places of 40 s. The survey itself has stops on a lattice: as many as there is time
+Earlier surveys have 100 random places of 70 s: what a robot counts in two hours. The survey itself has stops on a lattice: as many as there is time
 for after 8 min, 30 min and 2 h with 12 s of overhead. All parameters are estimated from the counts. No robot
 drives; missions are compared by campaigns.
 
@@ -41,7 +41,7 @@ GRID = FieldGrid.from_polygon(OUTLINE, cell_m=2.5)
 MEAN_CPS, VARIATION = 3.0, 0.15
 MEAN_SD = 0.1
 """Variation of the mean rate from survey to survey."""
-EARLIER_SAMPLES, EARLIER_S = 100, 40.0
+EARLIER_SAMPLES, EARLIER_S = 100, 70.0
 STAGES = {"8 min": (8, 40.0), "30 min": (28, 44.0), "2 h": (90, 60.0)}
 """Number of stops, and the dwell at each [s]."""
 SETTINGS = FieldMapSettings(local="off")

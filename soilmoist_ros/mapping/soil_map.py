@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.extras import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, Changing
+from soilmoist_ros.mapping.knowledge.pooling import pooled
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
@@ -198,7 +199,7 @@ def make_soil_map(
     """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
 
     With a fit, the rate in the noise is the fit's, mean or local: noise changes only at the next fit. What the fit
-    knows besides the samples is used, and then the map is exact however many samples there are.
+    knows besides the samples is used; then of more samples than ``max_exact_samples`` neighbours are pooled.
 
     :param samples: at least one
     :param grid: the field
@@ -218,8 +219,9 @@ def make_soil_map(
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
     known_rate = None if fit is None else fit.noise_rate
     prior = None if fit is None else fit.prior
+    kriged = samples
     if prior is not None:
-        raster, max_exact_samples = None, sys.maxsize
+        kriged, raster, max_exact_samples = pooled(samples, max_exact_samples), None, sys.maxsize
     kriging: PoissonKriging | TiledKriging | None = None
     rasters = None
     if (
@@ -238,7 +240,7 @@ def make_soil_map(
         else:
             model = model if fit is None else fit.stationary
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
-        _fit(kriging, samples, changing)
+        _fit(kriging, kriged, changing)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
         clipped, mean_rate = kriging.clipped_variances, (fit.mean_rate if fit else 0.0) or kriging.noise_mean_rate
     return SoilMap(

@@ -15,6 +15,7 @@ from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping.knowledge.conditioning import LOADINGS, PatternState, SurveyView
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.knowledge.pattern import PatternFeatures
+from soilmoist_ros.mapping.knowledge.pooling import pooled
 from soilmoist_ros.mapping.knowledge.shrinkage import effect_variances
 from soilmoist_ros.mapping.kriging.targets import sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate
@@ -39,6 +40,8 @@ class Estimate(Protocol):
 
 FIRST_LOADING = 0.98
 """Loading of the first survey. Only products of loadings matter, so this is nearly a choice of unit."""
+MAX_PLACES = 1000
+"""Maximum number of places of a survey from which loading and effects are told; of more, neighbours are pooled."""
 MAX_FITTED = 500
 """Maximum number of earlier samples to which the variogram is fitted; of more, the last surveys are used."""
 DECAYS_DAYS = (math.inf, 365.0, 120.0, 40.0, 14.0)
@@ -337,12 +340,13 @@ def _unit(variogram: Variogram, features: PatternFeatures, effects: Array) -> Ar
 def view_of(
     places: Samples, variogram: Variogram, features: PatternFeatures, unit: Array, rate: float | LocalRate
 ) -> SurveyView:
-    """A survey, ready for conditioning.
+    """A survey, ready for conditioning, from pools of its places if they are more than :data:`MAX_PLACES`.
 
     :param places: samples at distinct places
     :param unit: standard deviation of the coefficient of each feature, shape (r + k,) [counts/s]
     :param rate: rate in the Poisson noise of the samples [counts/s]
     """
+    places = pooled(places, MAX_PLACES)
     covariance = np.ascontiguousarray(sample_correlation(variogram, places.xy, places.spread))
     covariance *= variogram.structured_sill
     noise = noise_rates(rate, places.xy) / places.exposure_s

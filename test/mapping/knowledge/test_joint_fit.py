@@ -317,6 +317,15 @@ def test_where_a_covariate_is_missing_the_map_is_less_certain():
     assert (half.variance[:, 10:] > 0.99 * own[:, 10:]).all()
 
 
+def test_of_very_many_samples_neighbours_are_pooled():
+    (before, now), truth = simulated(2, 120, 0.9)
+    known = Knowledge((EarlierSurvey("may", 0.0, before),))
+    exact, quick = (mapped(now, known, max_exact_samples=most) for most in (120, 60))
+    assert len(quick.kriging.places) <= 60 < len(quick.samples) == len(exact.kriging.places)
+    errors = [np.mean((one.rate[GRID.mask] - truth) ** 2) for one in (exact, quick)]
+    assert errors[1] < 1.3 * errors[0]
+
+
 def surveys_of_a_season(rho, odd=None, days=7.0, count=5):
     made, _ = simulated(count + 1, 40, rho)
     if odd is not None:
