@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
+from soilmoist_ros.mapping.kriging.product_features import ProductFeatures
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, target_variance
 from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
@@ -24,6 +25,8 @@ Mask = NDArray[np.bool_]
 
 MIN_TILED = 50, 16_000
 """Minimum numbers of samples and of cells from which tiles are faster for a factored system."""
+MIN_FEATURES, FEATURES_SHARE = 40, 0.4
+"""Minimum number of samples, and maximum pairs of features per point, from which features are faster."""
 _GROWTH = 1.15
 """Factor for the Chebyshev points along each axis where the surfaces are not resolved."""
 
@@ -147,8 +150,14 @@ class RasterKriging:
 
     def _solved_by_interpolation(self, system: KrigingSystem) -> Array | None:
         variogram, places = system.variogram, system.places
+        features: ProductFeatures | None = None
 
         def evaluate(nodes: ChebyshevNodes) -> Array:
+            nonlocal features
+            if variogram.along_axes and len(places) >= MIN_FEATURES:
+                features = features or ProductFeatures(system, *self._inside[:2])
+                if features.size < FEATURES_SHARE * len(nodes.x_m) * len(nodes.y_m):
+                    return features.surfaces(nodes.x_m, nodes.y_m)
             every = np.ones((len(nodes.y_m), len(nodes.x_m)), bool)
             cells = RasterCells(variogram, places.xy, nodes.x_m, nodes.y_m, every, places.spread)
             return np.array(system.surfaces(cells, False)).reshape(2, *every.shape)

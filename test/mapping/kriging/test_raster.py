@@ -11,7 +11,7 @@ from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram,
 from soilmoist_ros.mapping.kriging import covariances, tile_covariances
 from soilmoist_ros.mapping.kriging import raster as raster_module
 from soilmoist_ros.mapping.kriging import rows as kriging_rows
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.raster import MIN_FEATURES, RasterKriging
 from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances
 from soilmoist_ros.mapping.samples.spread import path_spread
@@ -161,6 +161,19 @@ def test_maps_of_large_fields_are_those_of_kriging(model):
 @given(st.integers(1, 2 * BLOCK), steps, st.integers(0, 99))
 def test_so_are_those_by_interpolation(keep_nugget, first, actions, seed):
     check_mission(FINE, "gaussian", keep_nugget, first, actions, seed)
+
+
+@pytest.mark.parametrize("anisotropy", [(1.0, 0.0), (2.0, 90.0), (2.0, 30.0)])
+@pytest.mark.parametrize("count", [MIN_FEATURES - 1, MIN_FEATURES])
+def test_gaussian_maps_are_those_of_points(anisotropy, count):
+    mission = Mission("gaussian", 5)
+    mission.append(count)
+    mission.variogram, samples = Variogram("gaussian", 0.02, 35.0, 0.5, *anisotropy), mission.samples
+    kriging = PoissonKriging(mission.variogram, True, MEAN_RATE)
+    kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
+    with mock.patch.object(RasterKriging, "_solved_by_tiles", side_effect=AssertionError("not interpolated")):
+        found = np.array(kriging.predict_grid(FINE.x_m, FINE.y_m, FINE.mask))
+    np.testing.assert_allclose(found, kriged(mission, FINE, True), rtol=0, atol=1e-8)
 
 
 def test_a_mission_in_single_steps_fills_blocks():
