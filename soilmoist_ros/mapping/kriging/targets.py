@@ -16,6 +16,9 @@ from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 
+_AT_ONCE = 16384
+"""Correlations computed at a time, so that intermediate results stay in the cache."""
+
 
 class Targets(Protocol):
     """Target places of one prediction; ``xy`` has shape (g, 2) [m]."""
@@ -49,7 +52,13 @@ class Points:
         variogram, scaled = self._variogram, self._scaled[tile]
 
         def with_points(xy: Array) -> Array:
-            return variogram.correlation_of_square(cdist(scaled, variogram.scaled(xy), "sqeuclidean"))
+            points = variogram.scaled(xy)
+            correlation = np.empty((len(scaled), len(points)))
+            step = max(1, _AT_ONCE // max(1, len(points)))
+            for some in (slice(start, start + step) for start in range(0, len(scaled), step)):
+                square = cdist(scaled[some], points, "sqeuclidean")
+                correlation[some] = variogram.correlation_of_square(square)
+            return correlation
 
         return self._places.average(with_points)
 
