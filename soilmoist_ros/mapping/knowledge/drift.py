@@ -35,10 +35,10 @@ DriftModel = Literal["auto", "off"]
 
 WINDOW_S = 300.0
 """Records of one place become one sample only within this time [s]."""
-STILL, JUMPS = 0.4, 0.1
+STILL, JUMPS = 0.3, 0.07
 """Prior probabilities of no drift, and of a jump; of a trend otherwise."""
-MIN_PROBABILITY = 0.7
-"""Least posterior probability of a drift for a map to allow for it: more than before the counts."""
+MIN_PROBABILITY = 0.71
+"""Least posterior probability of a drift for a map to allow for it: the counts must speak for it."""
 GUESSED_TREND, GUESSED_JUMP = 0.05, 0.06
 """Prior medians of the standard deviations: of a trend in an hour, and of a jump, as shares of the rate."""
 LOG_SD = 0.3
