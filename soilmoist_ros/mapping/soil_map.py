@@ -44,7 +44,8 @@ class SoilMap:
     :param grid: the field's grid
     :param rate: corrected count rate [counts/s]
     :param variance: its kriging variance [(counts/s)^2]
-    :param samples: the samples behind the map, as given
+    :param samples: the samples behind the map, as given; with a drift those by place and time, and their exposures
+        make the rates those at the time of the map
     :param variogram: the variogram used
     :param fit: how it was fitted; ``None`` if it was given
     :param mean_rate: mean rate m* of the samples [counts/s]; their noise has it unless the fit has a local rate
@@ -240,7 +241,8 @@ def make_soil_map(
         else:
             model = model if fit is None else fit.stationary
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
-        _fit(kriging, kriged, changing)
+        fitted = _fit(kriging, kriged, changing)
+        samples = samples if fitted is kriged else fitted
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
         clipped, mean_rate = kriging.clipped_variances, (fit.mean_rate if fit else 0.0) or kriging.noise_mean_rate
     return SoilMap(
@@ -259,15 +261,18 @@ def make_soil_map(
     )
 
 
-def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Changing | None) -> None:
-    """Fit a kriging to samples, or to those by place and time."""
+def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Changing | None) -> Samples:
+    """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map.
+
+    :returns: the samples that it was fitted to
+    """
     drift = None if changing is None else changing.change.drift
     if changing is None or drift is None or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
-        return
+        return samples
     samples, time_s = changing.timed.samples, changing.timed.time_s
     exposure_s = samples.exposure_s * drift.factor(time_s)
     known_rate = kriging.mean_rate
     rate = noise_rates(noise_rate(samples) if known_rate is None else known_rate, samples.xy)
     uncertain = drift.uncertain(time_s) * np.broadcast_to(rate, len(samples))[:, None]
-    kriging.fit(samples.xy, samples.counts, exposure_s, samples.spread, uncertain)
+    return kriging.fit(samples.xy, samples.counts, exposure_s, samples.spread, uncertain).places

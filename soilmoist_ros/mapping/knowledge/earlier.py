@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, TimedSamples, find_change
+from soilmoist_ros.mapping.samples.merging import SampleMerger, driven_spreads, survey_samples
+from soilmoist_ros.mapping.samples.samples import Samples, merge_records
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.sensing.records import CountRecord
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,3 +37,37 @@ class EarlierSurvey:
     def days_before(self, stamp_s: float) -> float:
         """Days from this survey to a time, >= 0 whichever is first."""
         return abs(stamp_s - self.stamp_s) / DAY_S
+
+
+def samples_at_end(
+    records: Sequence[CountRecord], radius_m: float, footprint_radius_m: float, extent_m: float
+) -> Samples:
+    """Samples of a whole survey as they would have been counted at its end, if the mean rate changed meanwhile.
+
+    The mean of the drift (:mod:`.drift`) corrects the exposures; its uncertainty is not in the samples.
+
+    :param records: as :func:`survey_samples`, at least one, and so are the radii
+    :param extent_m: extent of the field [m]
+    """
+    spread = driven_spreads(records)
+    samples = survey_samples(records, radius_m, footprint_radius_m, spread)
+    if len(samples) > MAX_SAMPLES:
+        return samples
+    merger = SampleMerger(radius_m, footprint_radius_m, WINDOW_S)
+    for record, path in zip(records, spread, strict=True):
+        middle_s = record.stamp_s - record.exposure_s / 2
+        merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, path, middle_s)
+    timed, one = TimedSamples(merger.samples, merger.time_s), merger.samples
+    fit = estimate_variogram(
+        samples.xy,
+        samples.counts,
+        samples.exposure_s,
+        extent_m=extent_m,
+        spread=samples.spread,
+        local_noise=True,
+    )
+    drift = find_change(timed, records[-1].stamp_s, fit.variogram, fit.noise_rate).drift
+    if drift is None:
+        return samples
+    exposure_s = one.exposure_s * drift.factor(timed.time_s)
+    return merge_records(one.xy, one.counts, exposure_s, radius_m, one.spread)

@@ -16,7 +16,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping.field_map import FieldMapSettings, default_merge_radius_m
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey, samples_at_end
 from soilmoist_ros.mapping.samples.merging import survey_samples
 from soilmoist_ros.reporting.earlier.run_records import RunRecords, find_runs, read_run
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
@@ -171,7 +171,11 @@ def _earlier(run: RunRecords, target: Target) -> EarlierRun:
     radius_m = target.settings.merge_radius_m
     if radius_m is None:
         radius_m = default_merge_radius_m(target.grid, target.settings.margin_m)
-    samples = survey_samples(records, radius_m, target.settings.footprint_radius_m)
+    sizes = radius_m, target.settings.footprint_radius_m
+    if target.settings.drift_model == "off":
+        samples = survey_samples(records, *sizes)
+    else:
+        samples = samples_at_end(records, *sizes, target.grid.extent_m)
     if scale != 1.0:
         samples = replace(samples, exposure_s=samples.exposure_s * scale)
     stamp_s = records[-1].stamp_s

@@ -79,7 +79,7 @@ class Setting:
             return None
         if self.method and callable(getattr(value, self.method, None)):
             return value
-        if self.kind is float and type(value) is int:
+        if self.kind is float and _is_of(value, int):  # a YAML parser may give an int of its own
             value = float(value)
         if self.kind is not tuple and not _is_of(value, self.kind):
             raise ValueError(f"must be {_KINDS[self.kind]}, but it is {given!r}")

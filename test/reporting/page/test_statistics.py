@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
@@ -160,3 +161,15 @@ def test_flat_variogram_has_no_scores(the_map):
         Samples([(0, 0), (5, 5)], [40, 50], [10, 10]), the_map.grid, Variogram("gaussian", 0, 9, 0)
     )
     assert mean_sd(soil, moisture=False) is None
+
+
+def test_the_mean_of_the_field_is_less_certain_after_a_drift(the_map):
+    samples = the_map.samples
+    timed = TimedSamples(samples, np.linspace(0, 3600, len(samples)))
+    drift = Drift(0.99, False, (0.0, 3600.0), (0.0, 0.0), ((0.1, 0.1),))
+    drifted = make_soil_map(
+        samples, the_map.grid, the_map.variogram, changing=Changing(timed, Change(drift), 3600.0)
+    )
+    still = make_soil_map(samples, the_map.grid, the_map.variogram)
+    added = math.sqrt(mean_sd(drifted, moisture=False) ** 2 - mean_sd(still, moisture=False) ** 2)
+    assert added == pytest.approx(0.1 * still.mean_rate, rel=0.01), "all rates may be too high alike"

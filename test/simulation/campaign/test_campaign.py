@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from soilmoist_ros.foundation.configuration import resource_names
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign import mission_store
 from soilmoist_ros.simulation.campaign.campaign import (
@@ -471,3 +472,8 @@ def test_each_further_property_has_its_columns_in_the_tables(tmp_path):
     assert list(final.index) == ["none", "rough:0 smooth"]
     assert {"mse_rough", "coverage95_rough", "mse_smooth", "coverage95_smooth"} < set(final.columns)
     assert final.loc["none", ["mse_rough", "mse_smooth"]].isna().all()
+
+
+@pytest.mark.parametrize("name", resource_names("campaigns"))
+def test_every_shipped_campaign_has_missions(name):
+    assert len(missions(load_campaign(name))) > 1

@@ -6,6 +6,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation import MissionSettings
+from soilmoist_ros.simulation.mission.settings import SETTINGS
 
 
 @pytest.mark.parametrize(
@@ -28,3 +29,12 @@ from soilmoist_ros.simulation import MissionSettings
 def test_a_value_that_is_not_allowed_is_named(name, value, message):
     with pytest.raises(InputError, match=f"{name}: .*{message}"):
         MissionSettings(**{name: value}).check()
+
+
+def test_a_whole_number_of_a_parser_is_a_number():
+    """As ruamel reads ``0`` in a campaign file."""
+
+    class Number(int):
+        pass
+
+    assert type(SETTINGS["drift"].checked(Number(0))) is float
