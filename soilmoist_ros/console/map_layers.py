@@ -85,7 +85,7 @@ class MapLayers:
                     "unit": layer.unit,
                     "limits": [float(f"{value:.3g}") for value in self._limits(layer)],
                     "colours": [_hex(colour) for colour in layer.colours],
-                    "mean": float(f"{np.nanmean(self._cells[layer.key]):.4g}"),
+                    "mean": float(f"{np.nanmean(self._cells[layer.key]):.3g}"),
                 }
                 for layer in shown
             ],

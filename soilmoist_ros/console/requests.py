@@ -15,6 +15,7 @@ MAX_ITEMS: Final = 500
 _NUMBERS: Final = ("place", "geographic_place")
 _TEXTS: Final = ("verb", "who", "dwell", "strategy", "target", "home")
 _NUMBER: Final = ("hours", "until_sd", "until_gain")
+_OF_THE_PAGE: Final = frozenset({"robot", "client"})
 _KNOWN: Final = frozenset(field.name for field in fields(OperatorRequest))
 
 
@@ -30,11 +31,11 @@ def request_from_json(content: Any, robots: Mapping[str, Any] | list[str]) -> tu
     robot = content.get("robot", "")
     if robot not in robots:
         raise InputError(f"there is no robot {robot!r:.50}", f"the robots are: {', '.join(robots) or '(one)'}")
-    unknown = sorted(str(name) for name in content.keys() - _KNOWN - {"robot"})
+    unknown = sorted(str(name) for name in content.keys() - _KNOWN - _OF_THE_PAGE)
     if unknown:
         raise InputError(f"a request has no {unknown[0]:.50}", "reload the page")
     return str(robot), OperatorRequest(**{
-        name: _value(name, value) for name, value in content.items() if name != "robot"
+        name: _value(name, value) for name, value in content.items() if name not in _OF_THE_PAGE
     } | {"verb": _text("verb", content.get("verb"))})  # fmt: skip
 
 

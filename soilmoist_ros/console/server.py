@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from soilmoist_ros.console.access import COOKIE, Access, Visitor
 from soilmoist_ros.console.board import Board, changes
+from soilmoist_ros.console.controls import Controls
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.requests import request_from_json
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
@@ -34,6 +35,7 @@ REPLY_LIMIT_S: Final = 5.0
 STOP_LIMIT_S: Final = 3.0
 """Longest wait for a planner that says that its emergency stop is pressed [s]."""
 MAX_BODY: Final = 64 * 1024
+MAX_CLIENT: Final = 64
 MAX_VIEWERS: Final = 50
 _KINDS: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 _HEADERS: Final = {
@@ -79,6 +81,7 @@ class ConsoleServer:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
         self._viewers: set[web.WebSocketResponse] = set()
+        self._controls = Controls()
         self._runner: web.AppRunner | None = None
 
     def start(self, host: str, port: int) -> int:
@@ -121,12 +124,10 @@ class ConsoleServer:
         app.router.add_get("/map/{layer}.png", self._on_map)
         app.router.add_get("/at", self._on_at)
         app.router.add_get("/live", self._on_live)
-        for name, handler in (
-            ("command", self._on_command),
-            ("stop", self._on_stop),
-            ("release", self._on_release),
-        ):
+        for name, handler in (("stop", self._on_stop), ("take", self._on_take)):
             app.router.add_post(f"/{name}", self._operators(handler))
+        for name, handler in (("command", self._on_command), ("release", self._on_release)):
+            app.router.add_post(f"/{name}", self._operators(handler, holder=True))
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
         site = web.TCPSite(self._runner, host, port)
@@ -154,8 +155,11 @@ class ConsoleServer:
 
         return self._web.middleware(guard)
 
-    def _operators(self, handler: Handler) -> Handler:
-        """A handler that answers operators only, with JSON."""
+    def _operators(self, handler: Handler, holder: bool = False) -> Handler:
+        """A handler that answers operators only, with JSON.
+
+        :param holder: whether it answers only who has the controls; who asks first gets them
+        """
 
         async def answer(request: Any) -> Any:
             if request.content_type != "application/json":  # other sites can send forms, but not JSON
@@ -163,7 +167,11 @@ class ConsoleServer:
             if not self._access.may_steer(_visitor(request)):
                 return self._web.json_response({"error": _READ_ONLY}, status=403)
             try:
-                return self._web.json_response(await handler(await request.json()))
+                content = await request.json()
+                if holder and not self._controls.take(_client(content), _who(content)):
+                    error = f"{self._controls.who or 'nobody'} has the controls: take over first"
+                    return self._web.json_response({"error": error}, status=409)
+                return self._web.json_response(await handler(content))
             except InputError as error:
                 return self._web.json_response({"error": str(error)}, status=400)
             except (ValueError, RecursionError):
@@ -225,21 +233,25 @@ class ConsoleServer:
         socket = self._web.WebSocketResponse(heartbeat=10.0, compress=True, max_msg_size=1024)
         await socket.prepare(request)
         self._viewers.add(socket)
-        sender = asyncio.create_task(self._send(socket, self._access.may_steer(_visitor(request))))
+        client = request.query.get("client", "")[:MAX_CLIENT]
+        self._controls.connect(client)
+        sender = asyncio.create_task(self._send(socket, client, self._access.may_steer(_visitor(request))))
         try:
             async for _ in socket:  # what a viewer sends is ignored; the loop ends with the connection
                 pass
         finally:
             self._viewers.discard(socket)
+            self._controls.disconnect(client)
             sender.cancel()
         return socket
 
-    async def _send(self, socket: Any, may_steer: bool) -> None:
+    async def _send(self, socket: Any, client: str, may_steer: bool) -> None:
         """Send what has changed, until the viewer is gone."""
         sent: dict[str, Any] = {}
         while True:
             version, sent_s = self._board.version, self._board.now_s()
-            now = {**self._board.snapshot(), "viewer": {"may_steer": may_steer}}
+            viewer = {"may_steer": may_steer, "holds": self._controls.holds(client), "holder": self._controls.who}
+            now = {**self._board.snapshot(), "viewer": viewer}
             message = {**changes(sent, now), "now": round(sent_s, 2)}
             await socket.send_str(json.dumps(message, separators=(",", ":"), allow_nan=False))
             sent = now
@@ -260,6 +272,9 @@ class ConsoleServer:
             )
             return {"accepted": False, "code": "no_answer", "message": text}
         return {"accepted": reply.accepted, "code": str(reply.code), "message": reply.message}
+
+    async def _on_take(self, content: Any) -> dict[str, Any]:
+        return {"holds": self._controls.take(_client(content), _who(content), over=True)}
 
     async def _on_stop(self, content: Any) -> dict[str, Any]:
         asked_s = self._board.now_s()
@@ -291,6 +306,11 @@ class ConsoleServer:
 def _who(content: Any) -> str:
     who = content.get("who", "") if isinstance(content, dict) else ""
     return who[:60] if isinstance(who, str) and who.isprintable() else ""
+
+
+def _client(content: Any) -> str:
+    client = content.get("client", "") if isinstance(content, dict) else ""
+    return client[:MAX_CLIENT] if isinstance(client, str) else ""
 
 
 def _visitor(request: Any) -> Visitor:

@@ -132,18 +132,32 @@ def test_a_token_becomes_a_cookie(served):
 
 
 def test_commands_are_passed_on_with_their_reply(served, monkeypatch):
-    status, reply = served.post("/command", {"robot": "r1", "verb": "start", "who": "Ada"})
+    status, reply = served.post("/command", {"robot": "r1", "verb": "start", "who": "Ada", "client": "a"})
     assert (status, reply) == (200, {"accepted": False, "code": "refused", "message": "not now"})
     assert served.robots.asked == [("r1", "start", "Ada")]
-    assert served.post("/command", {"robot": "r2", "verb": "start"})[0] == 400
+    assert served.post("/command", {"robot": "r2", "verb": "start", "client": "a"})[0] == 400
     monkeypatch.setattr(module, "REPLY_LIMIT_S", 0.05)
     served.robots.answers = False
-    assert served.post("/command", {"robot": "r1", "verb": "start"})[1]["code"] == "no_answer"
+    assert served.post("/command", {"robot": "r1", "verb": "start", "client": "a"})[1]["code"] == "no_answer"
+
+
+def test_one_operator_has_the_controls_and_stop_is_for_all(served):
+    start = {"robot": "r1", "verb": "start"}
+    assert served.post("/command", {**start, "client": "a", "who": "Ada"})[0] == 200
+    status, answer = served.post("/command", {**start, "client": "b", "who": "Bo"})
+    assert status == 409
+    assert "Ada has the controls" in answer
+    assert served.post("/command", start)[0] == 409, "a page without a number has no controls"
+    assert served.post("/release", {"client": "b"})[0] == 409
+    assert served.post("/stop", {"client": "b"})[1]["acknowledged"]
+    assert served.post("/take", {"client": "b", "who": "Bo"})[1] == {"holds": True}
+    assert served.post("/release", {"client": "b"})[1]["acknowledged"]
+    assert served.post("/command", {**start, "client": "a"})[0] == 409
 
 
 def test_a_stop_is_acknowledged_by_the_robot_and_by_nobody_else(served, monkeypatch):
     assert served.post("/stop", {"who": "Ada"})[1] == {"acknowledged": True, "missing": []}
-    assert served.post("/release", {"who": "Ada"})[1]["acknowledged"]
+    assert served.post("/release", {"who": "Ada", "client": "a"})[1]["acknowledged"]
     monkeypatch.setattr(module, "STOP_LIMIT_S", 0.1)
     served.robots.answers = False
     served.board.put("mission/r1", {"emergency": True})  # of an earlier stop
@@ -178,7 +192,7 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
         return messages, np.diff(times)
 
     messages, gaps = asyncio.run(look())
-    assert messages[0]["set"]["viewer"] == {"may_steer": True}
+    assert messages[0]["set"]["viewer"] == {"may_steer": True, "holds": False, "holder": ""}
     assert messages[0]["set"]["robots"] == ["r1"]
     assert messages[1]["set"] == {"a": [0, 99]}
     assert [message["extend"] for message in messages[2:]] == [{"a": [1, [1, 99]]}, {"a": [2, [2, 99]]}]

@@ -1,6 +1,9 @@
 // The connection to the console: sections that stay up to date, commands, and the emergency stop.
 
 export const sections = {};
+// A number that only this page knows: who has the controls.
+const client = sessionStorage.getItem("client") || Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
+sessionStorage.setItem("client", client);
 const listeners = new Set();
 const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, STOP_MS = 6000;
 let socket = null, heardAt = null, offset = 0, fresh = false;
@@ -27,7 +30,7 @@ function apply(message) {
 
 export function connect() {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  const mine = new WebSocket(`${scheme}//${location.host}${location.pathname.replace(/[^/]*$/, "")}live`);
+  const mine = new WebSocket(`${scheme}//${location.host}${location.pathname.replace(/[^/]*$/, "")}live?client=${client}`);
   socket = mine;
   let first = true;
   mine.onmessage = (event) => {
@@ -54,7 +57,7 @@ setInterval(() => {  // a connection that is only silent is lost as well
 
 async function post(path, content, limitMs) {
   const response = await fetch(path, {
-    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content),
+    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ ...content, client }),
     signal: AbortSignal.timeout(limitMs), cache: "no-store",
   });
   return response.json();
@@ -69,6 +72,14 @@ export async function command(robot, verb, details = {}) {
     return reply.error ? { accepted: false, message: reply.error } : reply;
   } catch {
     return { accepted: false, message: "The console did not answer. It is not known whether the command is used." };
+  }
+}
+
+export async function takeControls() {
+  try {
+    return (await post("take", { who: who() || "console" }, COMMAND_MS)).holds === true;
+  } catch {
+    return false;
   }
 }
 

@@ -1,10 +1,10 @@
 // The survey: what the mission does, and what an operator may ask for.
 
-import { command, connect, connected, emergency, listen, nowS, sections, silentS, valuesAt } from "./link.js";
+import { command, connect, connected, emergency, listen, nowS, sections, silentS, takeControls, valuesAt } from "./link.js";
 import { draw, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
 
-const OLD_S = 10, SNAP_M = 12, RETRY_MS = 1000;
+const OLD_S = 10, GONE_S = 30, SNAP_M = 12, RETRY_MS = 1000;
 const SETTINGS = [
   ["hours", "Time of the mission from its start [h]", { type: "number", step: "0.1", min: "0.1" }],
   ["dwell", "Dwell: fmi:SECONDS, ami:THRESHOLD or optimal", { type: "text" }],
@@ -14,7 +14,10 @@ const SETTINGS = [
 let robot = "", place = null, stopping = null, noticeTimer = 0;
 
 const mission = () => sections[`mission/${robot}`];
-const maySteer = () => sections.viewer?.may_steer ?? false;
+const mayAsk = () => sections.viewer?.may_steer ?? false;  // has the controls, or may have them
+const taken = () => mayAsk() && Boolean(sections.viewer.holder) && !sections.viewer.holds;
+const maySteer = () => mayAsk() && !taken();
+const heardAgo = () => nowS() - (sections.heard?.[`mission/${robot}`] ?? -Infinity);
 const anyEmergency = () => (sections.robots ?? []).some((one) => sections[`mission/${one}`]?.emergency);
 
 // Commands -----------------------------------------------------------------------------------------------------------
@@ -49,6 +52,10 @@ async function stop() {
     await new Promise((resolve) => { setTimeout(resolve, RETRY_MS); });
   }
   render();
+}
+
+async function takeOver() {
+  notice(await takeControls() ? "You have the controls." : "The console did not answer.");
 }
 
 async function release() {
@@ -135,12 +142,15 @@ function renderState() {
     $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
     spark(sections[`count/${robot}`] ?? []);
   }
-  const shown = now && [now.running, now.paused, now.phase, now.emergency, maySteer(), sections.pressed, robot];
+  const shown = now && [now.running, now.paused, now.phase, now.emergency, sections.viewer, robot, heardAgo() > GONE_S];
   fill("actions", shown, () => actions(now));
 }
 
 function actions(now) {
-  if (!now || !maySteer()) return maySteer() || !connected() ? [] : [element("p", {}, "Read-only: open the address with the token from the robot's log.")];
+  if (!now || !connected()) return [];
+  if (!mayAsk()) return [element("p", {}, "Read-only: open the address with the token from the robot's log.")];
+  if (taken()) return [element("p", {}, `${sections.viewer.holder} has the controls. STOP works for everybody.`), slide("Slide to take over the controls", takeOver)];
+  if (heardAgo() > GONE_S) return [element("p", {}, "The planner is not heard any more: it has ended, or the link to it is lost.")];
   if (now.emergency) return [slide("Slide to release STOP", release, "danger")];
   const end = slide("Slide to end the mission", () => ask("abort"), "danger");
   if (!now.running) return [slide("Slide to start", () => ask("start"))];
