@@ -98,6 +98,7 @@ setup(
             "colcon-python-setup-py",
             "colcon-ros",
             "playwright>=1.40",  # the operator's page in a real browser
+            "axe-playwright-python>=0.1",
             "mypy>=1.10",
             "ruff>=0.6",
             "wheel",  # builds the example plug-in

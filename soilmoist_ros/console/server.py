@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import json
 import threading
+import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
 from functools import cache
@@ -16,8 +17,10 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from soilmoist_ros.console.access import COOKIE, Access, Visitor
 from soilmoist_ros.console.board import Board, changes
 from soilmoist_ros.console.controls import Controls
+from soilmoist_ros.console.jobs import Jobs
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.requests import request_from_json
+from soilmoist_ros.console.run_routes import RunRoutes
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.extras import optional_module
@@ -34,7 +37,10 @@ REPLY_LIMIT_S: Final = 5.0
 """Longest wait for the answer of a planner [s]."""
 STOP_LIMIT_S: Final = 3.0
 """Longest wait for a planner that says that its emergency stop is pressed [s]."""
-MAX_BODY: Final = 64 * 1024
+PLAN_LIMIT_S: Final = 180.0
+"""Longest wait for a forecast [s]."""
+MAX_BODY: Final = 3 * 1024 * 1024
+"""Longest request: a file with a boundary [bytes]."""
 MAX_CLIENT: Final = 64
 MAX_VIEWERS: Final = 50
 _KINDS: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
@@ -71,10 +77,11 @@ class ConsoleServer:
     :param steering: receives the commands
     :param access: who may
     :param picture: the latest map
+    :param runs: folder of the runs on this computer
     """
 
     def __init__(
-        self, board: Board, steering: Steering, access: Access, picture: Callable[[], MapLayers | None]
+        self, board: Board, steering: Steering, access: Access, picture: Callable[[], MapLayers | None], runs: Path
     ) -> None:
         self._web = optional_module("aiohttp.web", "console")
         self._board, self._steering, self._access, self._picture = board, steering, access, picture
@@ -82,6 +89,8 @@ class ConsoleServer:
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
         self._viewers: set[web.WebSocketResponse] = set()
         self._controls = Controls()
+        self._runs = runs
+        self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
     def start(self, host: str, port: int) -> int:
@@ -124,7 +133,9 @@ class ConsoleServer:
         app.router.add_get("/map/{layer}.png", self._on_map)
         app.router.add_get("/at", self._on_at)
         app.router.add_get("/live", self._on_live)
-        for name, handler in (("stop", self._on_stop), ("take", self._on_take)):
+        self._jobs = Jobs(self._board)
+        RunRoutes(web, self._runs, self._jobs).add(app, self._operators)
+        for name, handler in (("plan", self._on_plan), ("stop", self._on_stop), ("take", self._on_take)):
             app.router.add_post(f"/{name}", self._operators(handler))
         for name, handler in (("command", self._on_command), ("release", self._on_release)):
             app.router.add_post(f"/{name}", self._operators(handler, holder=True))
@@ -135,6 +146,8 @@ class ConsoleServer:
         return int(self._runner.addresses[0][1])
 
     async def _shut(self) -> None:
+        if self._jobs is not None:
+            await self._jobs.close()
         for viewer in tuple(self._viewers):
             await viewer.close(code=1001, message=b"the console ends")
         if self._runner is not None:
@@ -150,7 +163,8 @@ class ConsoleServer:
                 return self._web.Response(status=403, text=f"refused: {refusal}\n")
             response = await handler(request)
             if not response.prepared:
-                response.headers.update(_HEADERS)
+                for name, value in _HEADERS.items():
+                    response.headers.setdefault(name, value)
             return response
 
         return self._web.middleware(guard)
@@ -252,12 +266,24 @@ class ConsoleServer:
             version, sent_s = self._board.version, self._board.now_s()
             viewer = {"may_steer": may_steer, "holds": self._controls.holds(client), "holder": self._controls.who}
             now = {**self._board.snapshot(), "viewer": viewer}
-            message = {**changes(sent, now), "now": round(sent_s, 2)}
+            message = {**changes(sent, now), "now": round(sent_s, 2), "utc": round(time.time(), 1)}
             await socket.send_str(json.dumps(message, separators=(",", ":"), allow_nan=False))
             sent = now
             await asyncio.sleep(UPDATE_S)
             while self._board.version == version and self._board.now_s() < sent_s + IDLE_S:
                 await asyncio.sleep(UPDATE_S / 5)
+
+    async def _on_plan(self, content: Any) -> Any:
+        """A forecast, or a field from what was drawn or from a file; made in another process."""
+        assert self._jobs is not None
+        given = json.dumps(content).encode()
+        try:
+            code, said = await self._jobs.answer(("-m", "soilmoist_ros.console.plan_work"), given, PLAN_LIMIT_S)
+        except TimeoutError:
+            raise InputError(f"not done after {PLAN_LIMIT_S:g} s", "plan a shorter mission") from None
+        if code:
+            raise InputError("this cannot be made", "look at the log of the console")
+        return json.loads(said.splitlines()[-1])
 
     # What is asked -------------------------------------------------------------------------------------------
 

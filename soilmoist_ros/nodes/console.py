@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import socket
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -66,7 +67,9 @@ class Console(Node):
         access = Access(
             (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names")), self._show_token
         )
-        self._server = ConsoleServer(self._board, self._steering, access, lambda: self._picture)
+        self._server = ConsoleServer(
+            self._board, self._steering, access, lambda: self._picture, Path(values.text("runs")).expanduser()
+        )
         self._port = self._server.start(self._host, values.whole("port"))
         self.get_logger().info(f"console: http://{_link(self._host)}:{self._port}/")
         self._show_token(access.token)

@@ -7,6 +7,7 @@ import json
 import urllib.error
 import urllib.request
 from concurrent.futures import Future
+from pathlib import Path
 
 import aiohttp
 import numpy as np
@@ -43,16 +44,16 @@ class Robots:
     def _say(self, pressed, who):
         self.asked.append((pressed, who))
         if self.answers:
-            self.board.put("mission/r1", {"emergency": pressed})
+            self.board.put("mission/r1", {**self.board.get("mission/r1", {}), "emergency": pressed})
             self.board.hear("mission/r1")
 
 
 class Served:
-    def __init__(self, access):
+    def __init__(self, access, folder):
         self.board = Board()
         self.board.put("robots", ["r1"])
         self.robots, self.map = Robots(self.board), None
-        self.server = ConsoleServer(self.board, self.robots, access, lambda: self.map)
+        self.server = ConsoleServer(self.board, self.robots, access, lambda: self.map, folder)
         self.port = self.server.start("127.0.0.1", 0)
 
     def get(self, path, **headers):
@@ -76,8 +77,8 @@ class Served:
 
 
 @pytest.fixture
-def served():
-    made = Served(Access())
+def served(tmp_path):
+    made = Served(Access(), tmp_path)
     yield made
     made.server.close()
 
@@ -102,7 +103,7 @@ def test_other_sites_get_nothing(served):
     assert served.post("/stop", {}, Origin="http://evil.example")[0] == 403
     assert served.post("/stop", b"{}", "text/plain")[0] == 415
     assert served.post("/stop", b"{")[0] == 400
-    assert served.post("/command", {"verb": "start", "who": "x" * 100_000})[0] in (400, 413)
+    assert served.post("/command", {"verb": "start", "who": "x" * 5_000_000})[0] in (400, 413)
     assert served.robots.asked == []
 
 
@@ -200,6 +201,6 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
 
 
 def test_a_port_in_use_is_said(served):
-    other = ConsoleServer(served.board, served.robots, Access(), lambda: None)
+    other = ConsoleServer(served.board, served.robots, Access(), lambda: None, Path())
     with pytest.raises(InputError, match="cannot listen on 127"):
         other.start("127.0.0.1", served.port)

@@ -1,6 +1,7 @@
 // The connection to the console: sections that stay up to date, commands, and the emergency stop.
 
 export const sections = {};
+export let clockOffS = null;  // clock of the robot's computer, less that of this one [s]
 // A number that only this page knows: who has the controls.
 const client = sessionStorage.getItem("client") || Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
 sessionStorage.setItem("client", client);
@@ -21,6 +22,7 @@ function apply(message) {
   }
   offset = message.now - performance.now() / 1000;
   heardAt = performance.now();
+  clockOffS = message.utc - Date.now() / 1000;
   for (const [name, value] of Object.entries(message.set ?? {})) sections[name] = value;
   for (const [name, [kept, items]] of Object.entries(message.extend ?? {})) {
     sections[name] = (sections[name] ?? []).slice(0, kept).concat(items);
@@ -72,6 +74,15 @@ export async function command(robot, verb, details = {}) {
     return reply.error ? { accepted: false, message: reply.error } : reply;
   } catch {
     return { accepted: false, message: "The console did not answer. It is not known whether the command is used." };
+  }
+}
+
+// Answer of the console, or {error}.
+export async function request(path, content, limitMs = 200000) {
+  try {
+    return await post(path, content, limitMs);
+  } catch {
+    return { error: "The console did not answer." };
   }
 }
 

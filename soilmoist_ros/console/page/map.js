@@ -7,6 +7,7 @@ const pen = canvas.getContext("2d");
 const view = { x: 0, y: 0, scale: 1, fitted: false };  // centre [m], pixels per metre
 const picture = { image: null, version: -1, key: "", extent: null, loading: false };
 const pointers = new Map();
+export const draft = { boundary: [], areas: [], drawing: null, shown: false };  // what is drawn on the page Plan
 let chosen = null, area = null, onChoose = () => {}, moved = 0, asked = false, layer = "";
 
 export const onPlace = (call) => { onChoose = call; };
@@ -91,6 +92,7 @@ function paint() {
   path(field.boundary); line("#fff", 5); line("#10151b", 2.5);
   nodes(); samples(); visits();
   (sections.robots ?? []).forEach(robotLayer);
+  if (draft.shown) drafts();
   if (area) hatch(area, "#6a3a00");
   if (chosen) cross(pixel(chosen));
   if (document.activeElement === canvas && canvas.matches(":focus-visible")) cross([width / 2, height / 2], "#ffb000");
@@ -117,6 +119,12 @@ function hatch(corners, colour) {
   for (let x = left - (bottom - top); x < right; x += step) { pen.moveTo(x, bottom); pen.lineTo(x + bottom - top, top); }
   line(colour, 1);
   pen.restore();
+}
+
+function drafts() {
+  if (draft.boundary.length) { path(draft.boundary, draft.drawing !== draft.boundary); line("#fff", 6); line("#5a1a8a", 3.5, [10, 5]); }
+  for (const one of draft.areas) if (one.length > 2) hatch(one, "#a80018"); else if (one.length) { path(one, false); line("#a80018", 3); }
+  for (const corner of [...draft.boundary, ...draft.areas.flat()]) disc(corner, 6, "#5a1a8a");
 }
 
 function nodes() {

@@ -1,7 +1,9 @@
 // The survey: what the mission does, and what an operator may ask for.
 
 import { command, connect, connected, emergency, listen, nowS, sections, silentS, takeControls, valuesAt } from "./link.js";
-import { draw, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
+import { draft, draw, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
+import { addCorner, renderPlan, startPlan } from "./plan.js";
+import { renderResults, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
 
 const OLD_S = 10, GONE_S = 30, SNAP_M = 12, RETRY_MS = 1000;
@@ -11,7 +13,8 @@ const SETTINGS = [
   ["strategy", "Strategy, such as gcb", { type: "text" }],
   ["target", "Which map is to be good: vwc or rate", { type: "text" }],
 ];
-let robot = "", place = null, stopping = null, noticeTimer = 0;
+const TABS = [["plan", "Plan"], ["survey", "Survey"], ["results", "Results"]];
+let tab = "survey", robot = "", place = null, stopping = null, noticeTimer = 0;
 
 const mission = () => sections[`mission/${robot}`];
 const mayAsk = () => sections.viewer?.may_steer ?? false;  // has the controls, or may have them
@@ -271,7 +274,25 @@ function renderFrame() {
   }));
 }
 
-function render() { renderFrame(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderPlace(); }
+function showTab(name) {
+  tab = TABS.some(([one]) => one === name) ? name : "survey";
+  document.querySelector("main").dataset.tab = tab;
+  $("plan").hidden = tab !== "plan"; $("results").hidden = tab !== "results"; $("panel").hidden = tab !== "survey";
+  draft.shown = tab === "plan";
+  if (location.hash !== `#${tab}`) history.replaceState(null, "", `#${tab}`);
+  if (tab === "results") showRuns();
+  render();
+}
+
+function renderTabs() {
+  fill("tabs", tab, () => TABS.map(([name, text]) => {
+    const node = button(text, () => showTab(name));
+    node.setAttribute("aria-pressed", String(name === tab));
+    return node;
+  }));
+}
+
+function render() { renderTabs(); renderFrame(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderPlace(); }
 
 $("stop").addEventListener("click", stop);
 $("place-close").addEventListener("click", leave);
@@ -281,7 +302,11 @@ $("zoom-fit").addEventListener("click", fit);
 $("who").value = localStorage.getItem("who") || "";
 $("who").addEventListener("change", () => localStorage.setItem("who", $("who").value));
 settingsForm();
-onPlace(choose);
+onPlace((where) => { if (tab === "plan") addCorner(where); else choose(where); });
+startPlan({ ask, notice, mayAsk: maySteer, mission, render, robot: () => robot });
+startResults({ notice, maySteer });
+addEventListener("hashchange", () => showTab(location.hash.slice(1)));
+showTab(location.hash.slice(1));
 listen(render);
 setInterval(renderAges, 1000);
 connect();

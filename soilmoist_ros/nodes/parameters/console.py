@@ -26,5 +26,10 @@ PARAMETERS: Final = (
         default=[],
         description="namespaces of the robots on the field; that of this node if empty",
     ),
+    Parameter(
+        name="runs",
+        default="recordings",
+        description="folder whose runs the page shows, and where comparisons are written",
+    ),
     Parameter(name="map_topic", default="/topological_map_2", description="topic of the navigation's map"),
 )

@@ -126,7 +126,12 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         **{node_name(robot, "sensor_driver"): {**files, **simulated} for robot in robots},
     }
     if settings.console_port:
-        page = {"field": files["field"], "port": settings.console_port, **({"robots": several} if several else {})}
+        page = {
+            "field": files["field"],
+            "port": settings.console_port,
+            "runs": str(out.parent),
+            **({"robots": several} if several else {}),
+        }
         nodes = {"console": page, **nodes}
     return {name: write_parameters(out, name, values) for name, values in nodes.items()}
 

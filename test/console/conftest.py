@@ -1,0 +1,7 @@
+"""Modules that tests of the console share."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "nodes")]
