@@ -2,8 +2,9 @@
 
 * time from a published record to the map with it, on 3,000 and on 70,000 cells
 * time from the start of each node's process to its first response, compared with a bare node of rclpy
-* CPU share and memory of the whole system on a simulated mission, in real time (a record every 10 s) and 60 times
-  as fast
+* CPU share and memory of the robot's nodes while it drives and counts, in real time: a record every 10 s, 10 fixes
+  per second, strategy gcb, dwell optimal; with simulated time (a clock of 50 Hz) and without
+* time from a request to abort to its answer, while stops are chosen and large maps computed and published
 
 usage: .venv/bin/python scripts/bench_ros.py [--out bench] [--quick]
 """
@@ -24,7 +25,10 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 # Set as in the other scripts, before numpy is imported; the nodes inherit it.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -33,7 +37,9 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 import numpy as np
 import psutil
 
+from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
+from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
 from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.records import CountRecord
@@ -46,7 +52,8 @@ RECORDS_PER_STOP = 4
 FIELDS_M = {"3,000 cells": (60.0, 50.0), "70,000 cells": (280.0, 250.0)}
 """Width and height; cells are 1 m wide."""
 BARE_NODE = "import rclpy; rclpy.init(); rclpy.spin(rclpy.create_node('bare'))"
-NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
+NODES = ("recorder", "mapper", "planner", "sensor_driver")
+"""Nodes of the robot, in the order of their start."""
 
 
 class Observer:
@@ -231,7 +238,107 @@ def start_up_rows(folder: Path, repeats: int) -> list[Row]:
     ]
 
 
-# The whole system ------------------------------------------------------------------------------------------------
+# The robot's nodes -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What runs: the nodes of the robot, and the simulator that they talk to.
+
+    :param what: its name in the tables
+    :param simulated_time: whether the nodes use ``/clock``
+    :param speed: simulated time per real time
+    :param field: name or file of the field; the default of missions if empty
+    :param fix_hz: fixes per second of simulated time
+    """
+
+    what: str
+    simulated_time: bool = True
+    speed: float = 1.0
+    field: str = ""
+    fix_hz: float = 10.0
+
+
+LOADS = (
+    Setting("simulated time"),
+    Setting("real time", simulated_time=False),
+)
+BIG_FIELD = """name: Big
+datum: {latitude_deg: 53.0, longitude_deg: 0.0}
+polygon: [[0, 0], [280, 0], [280, 250], [0, 250]]
+cell_m: 1
+truth:
+  formula: {family: exponential, mean: 4.0, sd: 0.5, range_m: 12, seed: 1}
+"""
+
+
+@dataclass
+class Robot:
+    """The nodes of a robot on a mission.
+
+    :param observer: node of this process
+    :param processes: processes of the nodes
+    :param status: newest status of the mission, and phases in which it was
+    """
+
+    observer: Observer
+    processes: dict[str, psutil.Process]
+    status: list[Any]
+
+    @property
+    def phase(self) -> str:
+        """What the mission does; empty before its first status."""
+        return str(self.status[-1].phase) if self.status else ""
+
+
+@contextlib.contextmanager
+def robot(setting: Setting, folder: Path, autostart: bool = True) -> Iterator[Robot]:
+    """A robot and its simulator, each node a process."""
+    from soilmoist_ros.simulation.mission.channel import mission_fields
+    from soilmoist_ros.simulation.mission.settings import MissionSettings
+
+    mission = MissionSettings(strategy="gcb", dwell="optimal", hours=4.0)
+    if setting.field:
+        mission = replace(mission, field=setting.field)
+    settings = DemoSettings(folder, mission, setting.speed, autostart=autostart, exit_when_finished=False)
+    files = write_configuration(settings, mission_fields(mission)[0], folder)
+    with files["field_simulator"].open("a") as file:
+        file.write(f"    gnss_period_s: {1 / setting.fix_hz}\n")
+        if not setting.simulated_time:
+            file.write(f"    start_time: '{datetime.now(UTC).isoformat()}'\n    start_when_connected: false\n")
+    if not setting.simulated_time:
+        for path in files.values():
+            path.write_text(path.read_text().replace("use_sim_time: true", "use_sim_time: false"))
+    with ros_domain() as (domain, environment):
+        from diagnostic_msgs.msg import DiagnosticStatus
+
+        from msg_adapters.mission import mission_from_message
+        from soilmoist_ros.nodes.runtime.qos import LATCHED
+
+        with ProcessGroup(environment, folder / "log") as group, Observer(domain) as observer:
+            for name in ("field_simulator", *NODES):
+                if name == "sensor_driver":
+                    wait_for((folder / "log" / "ports.json").is_file, "the simulator")
+                    ports = json.loads((folder / "log" / "ports.json").read_text())
+                    with files[name].open("a") as file:
+                        for device in ("logger", "gnss"):
+                            file.write("    {}_uri: tcp://{host}:{port}\n".format(device, **ports[device]))
+                group.start(name, files[name])
+            status: list[Any] = []
+            observer.node.create_subscription(
+                DiagnosticStatus,
+                "mission",
+                lambda message: status.append(mission_from_message(message)),
+                LATCHED,
+            )
+
+            def nodes() -> dict[str, psutil.Process]:
+                return {node_of(child): child for child in psutil.Process().children()}
+
+            wait_for(lambda: set(NODES) <= set(nodes()), "all nodes")
+            yield Robot(observer, {name: nodes()[name] for name in NODES}, status)
+            if group.ended():
+                raise SystemExit(f"ended too early: {group.ended()}, see the logs")
 
 
 def node_of(process: psutil.Process) -> str:
@@ -243,80 +350,98 @@ def node_of(process: psutil.Process) -> str:
     return ""
 
 
-def whole_system(folder: Path, speed: float, settle_s: float, seconds: float) -> list[Row]:
-    """CPU share and memory of each node during a mission.
+def load(setting: Setting, folder: Path, seconds: float) -> list[Row]:
+    """CPU share and memory of each node of the robot while it drives and counts.
 
-    :param settle_s: time after the start of the last node before CPU time counts [s]
-    :param seconds: time during which it counts [s]
+    :param seconds: time during which CPU time counts, from the first record on [s]
     """
-    command = [
-        sys.executable,
-        "-m",
-        "soilmoist_ros.cli.main",
-        "demo",
-        "--out",
-        str(folder / "run"),
-        "--hours",
-        "4",
+    with robot(setting, folder) as its:
+        wait_for(lambda: its.status and its.status[-1].raw_counts > 0, "the first counts", 120)
+        first = its.status[-1]
+        began, before = time.perf_counter(), {name: cpu_s(process) for name, process in its.processes.items()}
+        memory: dict[str, tuple[float, float]] = {}
+        while time.perf_counter() < began + seconds:
+            time.sleep(min(10.0, seconds))
+            for name, process in its.processes.items():
+                memory[name] = tuple(map(max, memory.get(name, (0.0, 0.0)), memory_mb(process)))
+        elapsed_s = time.perf_counter() - began
+        used_s = {name: cpu_s(process) - before[name] for name, process in its.processes.items()}
+        last = its.status[-1]
+    if last.distance_m <= first.distance_m or last.counting_s <= first.counting_s:
+        raise SystemExit(f"{setting.what}: the robot did not drive and count: {first} {last}")
+    rows: list[Row] = [
+        {"what": setting.what, "node": name, "cpu_percent": 100 * used_s[name] / elapsed_s}
+        | dict(zip(("rss_mb", "pss_mb"), memory[name], strict=True))
+        for name in NODES
     ]
-    command += ["--time-factor", f"{speed:g}", "--strategy", "gcb", "--dwell", "optimal"]
-    folder.mkdir()
-    with (folder / "demo.log").open("wb") as log:
-        demo = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
-        try:
-            shell = psutil.Process(demo.pid)
-
-            def nodes() -> dict[str, psutil.Process]:
-                if demo.poll() is not None:
-                    raise SystemExit(f"the demo has ended:\n{(folder / 'demo.log').read_text()}")
-                return {name: child for child in shell.children() if (name := node_of(child))}
-
-            wait_for(lambda: set(nodes()) == set(NODES), "all nodes")
-            time.sleep(settle_s)
-            processes = nodes()
-            began, before = time.perf_counter(), {name: cpu_s(process) for name, process in processes.items()}
-            private_mb: dict[str, float] = dict.fromkeys(processes, 0.0)
-            while time.perf_counter() < began + seconds:
-                for name, process in processes.items():
-                    private_mb[name] = max(private_mb[name], process.memory_full_info().pss / 1e6)
-                time.sleep(1.0)
-                nodes()
-            elapsed_s = time.perf_counter() - began
-            rows: list[Row] = [
-                {
-                    "speed": speed,
-                    "node": name,
-                    "cpu_percent": 100 * (cpu_s(processes[name]) - before[name]) / elapsed_s,
-                    "memory_mb": private_mb[name],
-                    "peak_resident_mb": peak_resident_mb(processes[name]),
-                }
-                for name in NODES
-            ]
-        finally:
-            if demo.poll() is None:
-                demo.send_signal(signal.SIGINT)  # shuts down its nodes cleanly
-            try:
-                demo.wait(LIMIT_S)
-            except subprocess.TimeoutExpired:
-                os.killpg(demo.pid, signal.SIGKILL)
-                demo.wait()
-    total: Row = {"speed": speed, "node": "all"}
-    for column in ("cpu_percent", "memory_mb", "peak_resident_mb"):
+    total: Row = {"what": setting.what, "node": "all four"}
+    for column in ("cpu_percent", "rss_mb", "pss_mb"):
         total[column] = sum(float(str(row[column])) for row in rows)
     return [*rows, total]
+
+
+def aborts(folder: Path, tries: int) -> list[Row]:
+    """Time from a request to abort to its answer, at random moments of missions on 70,000 cells, 60 times as fast.
+
+    At this speed the mapper maps all the time. Every other request comes while a stop is being chosen.
+    """
+    rng = np.random.default_rng(3)
+    folder.mkdir()
+    (folder / "field.yaml").write_text(BIG_FIELD)
+    setting = Setting("70,000 cells", speed=60.0, field=str(folder / "field.yaml"), fix_hz=1.0)
+    with robot(setting, folder, autostart=False) as its:
+        from std_srvs.srv import Trigger
+
+        clients = {
+            verb: its.observer.node.create_client(Trigger, f"planner/{verb}") for verb in ("start", "abort")
+        }
+
+        def ask(verb: str) -> tuple[bool, float]:
+            came = threading.Event()
+            began = time.perf_counter()
+            answer = clients[verb].call_async(Trigger.Request())
+            answer.add_done_callback(lambda _: came.set())
+            if not came.wait(LIMIT_S):
+                raise SystemExit(f"no answer to {verb}")
+            return answer.result().success, time.perf_counter() - began
+
+        wait_for(lambda: all(client.service_is_ready() for client in clients.values()), "the planner")
+        wait_for(lambda: ask("start")[0], "the mission to start")
+        wait_for(lambda: its.status[-1].samples >= 10, "ten samples", 600)
+        delays_ms: dict[bool, list[float]] = {True: [], False: []}
+        while sum(map(len, delays_ms.values())) < tries:
+            planning = len(delays_ms[True]) <= len(delays_ms[False])
+            if planning:
+                wait_for(lambda: its.phase == Phase.PLANNING, "a plan", 600)
+            else:
+                wait_for(
+                    lambda: its.phase in (Phase.TRAVELLING, Phase.COUNTING), "the robot to drive or count", 600
+                )
+            time.sleep(rng.uniform(0.0, 0.05 if planning else 1.0))
+            delays_ms[its.phase == Phase.PLANNING].append(1e3 * ask("abort")[1])
+            wait_for(lambda: ask("start")[0], "the mission to start again")
+    both = [delay for delays in delays_ms.values() for delay in delays]
+    return [
+        {
+            "asked": what,
+            "tries": len(delays),
+            "median_ms": statistics.median(delays),
+            "longest_ms": max(delays),
+        }
+        for what, delays in (("while planning", delays_ms[True]), ("else", delays_ms[False]), ("all", both))
+        if delays
+    ]
+
+
+def memory_mb(process: psutil.Process) -> tuple[float, float]:
+    """Resident memory of a process, and its share of it: pages that several processes use count in part."""
+    used = process.memory_full_info()
+    return used.rss / 1e6, used.pss / 1e6
 
 
 def cpu_s(process: psutil.Process) -> float:
     times = process.cpu_times()
     return float(times.user + times.system)
-
-
-def peak_resident_mb(process: psutil.Process) -> float:
-    """Highest resident memory since the start, including shared libraries; Linux only."""
-    for line in Path(f"/proc/{process.pid}/status").read_text().splitlines():
-        if line.startswith("VmHWM:"):
-            return int(line.split()[1]) * 1024 / 1e6
-    return math.nan
 
 
 # -----------------------------------------------------------------------------------------------------------------
@@ -344,9 +469,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("bench"), help="folder for ros.json")
     parser.add_argument("--quick", action="store_true", help="fewer records and repeats, shorter missions")
-    parser.add_argument("--only", choices=("latency", "start-up", "system"), help="one part")
+    parser.add_argument("--only", choices=("latency", "start-up", "load", "abort"), help="one part")
     given = parser.parse_args()
-    records, repeats, seconds = (60, 2, 15.0) if given.quick else (240, 7, 120.0)
+    records, repeats, seconds = (60, 2, 60.0) if given.quick else (240, 7, 120.0)
     results: dict[str, object] = {
         "machine": {
             "cpus": os.cpu_count(),
@@ -364,14 +489,13 @@ def main() -> None:
         if given.only in (None, "start-up"):
             results["start-up"] = rows = start_up_rows(folder, repeats)
             show("from the start of a process to its node's first answer", rows)
-        if given.only in (None, "system"):
-            rows = [
-                row
-                for speed, settle_s in ((1.0, 20.0), (60.0, 10.0))
-                for row in whole_system(folder / f"speed{speed:g}", speed, settle_s, seconds)
-            ]
-            results["whole system"] = rows
-            show("CPU and memory of a mission (100 % is one CPU)", rows)
+        if given.only in (None, "load"):
+            rows = [row for each in LOADS for row in load(each, folder / each.what.partition(" ")[0], seconds)]
+            results["load"] = rows
+            show("CPU and memory of the robot's nodes on a mission (100 % is one CPU)", rows)
+        if given.only in (None, "abort"):
+            results["abort"] = rows = aborts(folder / "abort", 10 if given.quick else 40)
+            show("from a request to abort to its answer, 70,000 cells, 60 times as fast as real time", rows)
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / "ros.json"
     path.write_text(json.dumps(results, indent=2) + "\n")

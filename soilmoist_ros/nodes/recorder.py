@@ -29,7 +29,7 @@ from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.bag.definitions import find_definition
 from soilmoist_ros.recording.bag.metadata import Qos, Request, Topic, request_for
 from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
-from soilmoist_ros.recording.bag.recorder_health import recorder_health
+from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 from soilmoist_ros.recording.run_configuration import RunConfiguration
 
@@ -37,8 +37,8 @@ __all__ = ["PARAMETERS", "Recorder", "main"]
 
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
 """Nodes whose parameters are stored with the bag, in addition to the parameters of the property mappers."""
-_TAKE_S: Final = 0.025
-"""Time between two looks for messages [s]; subscriptions keep a hundred messages or more each."""
+_TAKE_S: Final = 0.1
+"""Time between two looks for messages [s]; each subscription keeps 500 messages or more."""
 _DISCOVERY_S: Final = 0.2
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
@@ -66,6 +66,8 @@ class Recorder(Node):
             int(number("queue_mb") * 1e6),
         )
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
+        self._publisher_counts: dict[str, int] = {}
+        self._gaps = SequenceGaps()
         self._skipped: set[str] = set()
         self._mixed: set[str] = set()
         self._listener = quiet_node(self, "listener")  # an executor would cost more than the recording
@@ -101,10 +103,14 @@ class Recorder(Node):
     def _record_arrived(self) -> int:
         """Record the messages that arrived; returns their number."""
         count = 0
-        for topic, _, subscription in self._topics.values():
+        for topic, request, subscription in self._topics.values():
+            # Of the others only the latest matters, or several publishers number their messages.
+            numbered = request.reliable and not request.latched and self._publisher_counts[topic.name] == 1
             with subscription.handle:
                 while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
                     data, info = taken
+                    if numbered:
+                        self._gaps.take(topic.name, info["publication_sequence_number"])
                     self._recorder.put(topic, info["received_timestamp"], info["source_timestamp"], data)
                     count += 1
         return count
@@ -124,7 +130,8 @@ class Recorder(Node):
 
     def _diagnose(self) -> None:
         low_bytes = self._settings.number("low_disk_mb") * 1e6
-        health = recorder_health(self._recorder.state, free_bytes(self._out), low_bytes, len(self._skipped))
+        state, free = self._recorder.state, free_bytes(self._out)
+        health = recorder_health(state, free, low_bytes, len(self._skipped), self._gaps.lost)
         now_s = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
 
@@ -155,6 +162,10 @@ class Recorder(Node):
         for name, types in self.get_topic_names_and_types():
             if name in self._skipped or not self._choice.wanted(name):
                 continue
+            publishers = self.count_publishers(name)
+            if publishers == self._publisher_counts.get(name, 0):
+                continue
+            self._publisher_counts[name] = publishers
             offered = tuple(offered_qos(info.qos_profile) for info in self.get_publishers_info_by_topic(name))
             if not offered:
                 continue

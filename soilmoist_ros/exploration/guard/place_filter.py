@@ -201,14 +201,14 @@ class PlaceFilter:
 
     def _within_reach(self, fix: PlaceFix, track: Iterable[PlaceFix]) -> bool:
         """Whether the robot can have come from all these places to another one."""
-        limits = self.limits
-        return all(
-            math.dist(other.xy, fix.xy)
-            <= limits.max_jump_m
-            + _noise_m(other, fix)
-            + TOLERANCE * limits.max_speed_mps * min(self._time_s(other, fix), limits.max_gap_s)
-            for other in track
-        )
+        return all(self._reaches(other, fix) for other in track)
+
+    def _reaches(self, first: PlaceFix, last: PlaceFix) -> bool:
+        limits, away_m = self.limits, math.dist(first.xy, last.xy)
+        if away_m <= limits.max_jump_m:  # mostly: ten fixes a second are compared with fifty places each
+            return True
+        drive_m = TOLERANCE * limits.max_speed_mps * min(self._time_s(first, last), limits.max_gap_s)
+        return away_m <= limits.max_jump_m + _noise_m(first, last) + drive_m
 
     def _time_s(self, first: PlaceFix, last: PlaceFix) -> float:
         """Time between two places [s].

@@ -19,6 +19,8 @@ USUAL_FACTOR = 1.2
 """The robot is seldom faster than this multiple of its expected speed."""
 KEPT_S = 60.0
 """Time for which places are kept [s]."""
+SPACING_S = 0.5
+"""Places that come faster are thinned to this spacing, except for the newest [s]."""
 STILL_S = 2.0
 """Shortest standstill of a robot that is at a stop [s]."""
 STILL_SHARE = 1 / 3
@@ -66,7 +68,8 @@ class Track:
             if plausible and now_s - last_s > MAX_AGE_S:
                 reach_m = USUAL_FACTOR * self._speed_mps * (now_s - last_s) + self._noise_m
                 self.resumed_s, self.leaped = now_s, math.dist(last, place) > reach_m
-            self._places.extend([self._newest[-1]] if plausible else [])
+            if plausible:
+                self._keep(self._newest[-1])
             self._verdicts.append(plausible)
         elif len(self._newest) == MIN_AGREEING and all(self._agree(at, self._newest[-1]) for at in self._newest):
             self._places.extend(self._newest)
@@ -117,6 +120,12 @@ class Track:
         here = self.place
         near = here is not None and math.dist(here, (stop.x_m, stop.y_m)) <= within_m
         return near and self.stands(STILL_S)
+
+    def _keep(self, at: tuple[float, Place]) -> None:
+        places = self._places
+        if len(places) > MIN_AGREEING and places[-1][0] - places[-2][0] < SPACING_S:
+            places.pop()
+        places.append(at)
 
     def _agree(self, one: tuple[float, Place], other: tuple[float, Place]) -> bool:
         reach_m = self._max_speed_mps * abs(other[0] - one[0]) + self._noise_m

@@ -17,7 +17,8 @@ INFINITE_NS: Final = 2**63 - 1
 
 _VERSION: Final = 9
 _GIGA: Final = 1_000_000_000
-_KEEP_AT_LEAST: Final = 100
+_KEEP_AT_LEAST: Final = 500
+"""Messages of a topic that wait for the recorder, which takes them ten times a second."""
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.recording.bag.recorder import RecorderState
 
 
 def recorder_health(
-    state: RecorderState, free_bytes: int | None, low_disk_bytes: float, skipped: int = 0
+    state: RecorderState,
+    free_bytes: int | None,
+    low_disk_bytes: float,
+    skipped: int = 0,
+    lost: Mapping[str, int] = MappingProxyType({}),
 ) -> Health:
     """Health of the recorder.
 
@@ -15,6 +22,7 @@ def recorder_health(
     :param free_bytes: space left on its disk [bytes], ``None`` if unknown
     :param low_disk_bytes: free space below which the recorder warns [bytes]
     :param skipped: topics that are not recorded because their type is not installed
+    :param lost: messages that did not reach the recorder, by topic
     """
     if state.problem:
         level, message = Level.ERROR, state.problem
@@ -24,12 +32,16 @@ def recorder_health(
         level, message = Level.WARN, f"only {free_bytes / 1e6:.0f} MB left on the disk"
     elif state.dropped:
         level, message = Level.WARN, f"{state.dropped} messages lost: the disk is too slow"
+    elif lost:
+        topics = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
+        level, message = Level.WARN, f"messages lost on the way to the recorder: {topics}"
     else:
         level, message = Level.OK, "recording"
     values = {
         "bag": str(state.bag or ""),
         "messages": str(state.messages),
         "dropped": str(state.dropped),
+        "lost": str(sum(lost.values())),
         "topics": str(state.topics),
         "topics skipped": str(skipped),
         "size [MB]": f"{state.size_bytes / 1e6:.3f}",
@@ -37,3 +49,36 @@ def recorder_health(
         "disk free [MB]": "unknown" if free_bytes is None else f"{free_bytes / 1e6:.0f}",
     }
     return Health("bag", level, message, values)
+
+
+class SequenceGaps:
+    """Counts messages that a publisher numbered and that never came, on topics with one publisher.
+
+    Attributes
+    ----------
+    lost : dict[str, int]
+        missing messages by topic, without topics that miss none
+    """
+
+    def __init__(self) -> None:
+        self.lost: dict[str, int] = {}
+        self._last: dict[str, int] = {}
+
+    def take(self, topic: str, number: int | None) -> None:
+        """A message has come.
+
+        >>> gaps = SequenceGaps()
+        >>> for number in (7, 8, 11, 1, 2):  # the publisher starts again after 11
+        ...     gaps.take("/counts", number)
+        >>> gaps.lost
+        {'/counts': 2}
+
+        :param topic: its topic
+        :param number: its number, which grows by 1 with each message of the publisher; ``None`` if unknown
+        """
+        if number is None:
+            return
+        missing = number - self._last.get(topic, number) - 1
+        if missing > 0:
+            self.lost[topic] = self.lost.get(topic, 0) + missing
+        self._last[topic] = number

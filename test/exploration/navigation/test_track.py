@@ -2,7 +2,7 @@
 
 import math
 
-from soilmoist_ros.exploration.navigation.track import MAX_AGE_S, Track
+from soilmoist_ros.exploration.navigation.track import KEPT_S, MAX_AGE_S, SPACING_S, Track
 from soilmoist_ros.exploration.travel.stop import Stop
 
 
@@ -61,3 +61,14 @@ def test_standing_and_heading():
     assert not made.stands(3.0, since_s=6.0)
     assert made.standing_at(Stop("a", 0.0, 7.0), 1.0)
     assert not made.standing_at(Stop("a", 0.0, 8.0), 1.0)
+
+
+def test_a_fast_receiver_gives_the_same_place_and_is_kept_thinned():
+    made = Track(0.6, 3.0)
+    for number in range(1200):
+        assert made.moved((0.06 * number, 0.0), 0.1 * number) is (number >= 2)
+    assert made.place == (0.06 * 1199, 0.0)
+    assert made.heading_rad == 0.0
+    assert not made.stands(2.0)
+    assert not made.moved((500.0, 0.0), 120.0)
+    assert len(made._places) <= KEPT_S / SPACING_S + 3

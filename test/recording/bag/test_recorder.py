@@ -12,7 +12,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.recording.bag.mcap_scan import McapScan
 from soilmoist_ros.recording.bag.recorder import BagRecorder, RecorderState, check_name, free_bytes, next_bag
-from soilmoist_ros.recording.bag.recorder_health import recorder_health
+from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 
 DATA = text_message("x" * 90)
@@ -255,6 +255,16 @@ def test_health_tells_the_worst(state, free, level, message):
     health = recorder_health(state, free, 5e6)
     assert health.level is level
     assert message in health.message
+
+
+def test_health_names_what_never_came():
+    gaps = SequenceGaps()
+    for number in (7, 8, 11, 1, 2, None, 3):  # the publisher starts again after 11
+        gaps.take("/counts", number)
+    gaps.take("/raw", 5)
+    health = recorder_health(RecorderState(recording=True), None, 5e6, lost=gaps.lost)
+    assert health.level is Level.WARN
+    assert health.message == "messages lost on the way to the recorder: 2 of /counts"
 
 
 @pytest.mark.parametrize(
