@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
@@ -111,6 +113,8 @@ class Registry(Generic[T]):
     def _found(self) -> dict[str, list[EntryPoint]]:
         """Entry points by name; several for a name that several packages add."""
         if self._plug_ins is None:
+            from importlib.metadata import entry_points  # slow to import, and needed for other names only
+
             self._plug_ins = {}
             for point in entry_points(group=self._group):
                 alike = self._plug_ins.setdefault(point.name, [])

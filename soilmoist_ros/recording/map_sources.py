@@ -9,13 +9,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.exploration.mission.journal import is_under_way, noted_records
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.recovery import mcap_files
 from soilmoist_ros.recording.journal import ENTRIES, LoadedJournal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.record_log import RecordLog, RecordTail, logs_below
-from soilmoist_ros.recording.stored_counts import stored_counts
+from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail, logs_below
 from soilmoist_ros.recording.whole_file import write_whole
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -23,8 +20,6 @@ SESSION: Final = "session.json"
 """File that marks the folder of a session: one map, from the first launch to the end of its mission."""
 OWN: Final = "mapper"
 """Name of the mapper's log in the folder of a session."""
-DRIVER: Final = "sensor_driver"
-"""Name of the driver's log in the folder of a session."""
 _CATCH_UP_S: Final = (0.0, 5.0, 20.0)
 """Ages of the process at which journals and bags are read [s]; later records arrive as messages."""
 
@@ -39,6 +34,8 @@ def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
     :param fresh: whether the interrupted mission is forgotten
     :raises InputError: if the journal cannot be read, or the folder cannot be made
     """
+    from soilmoist_ros.exploration.mission.journal import is_under_way
+
     found = load_journal(journal, whole=True) if journal is not None else LoadedJournal(None, (), ())
     earlier = sorted(path.parent for path in root.glob(f"*/{SESSION}"))
     if earlier and not fresh and is_under_way(found.snapshot, (entry.payload for entry in found.entries)):
@@ -136,6 +133,9 @@ class MapSources:
         """
         if self._folder is None or not self._catch_ups or age_s < self._catch_ups[0]:
             return []
+        from soilmoist_ros.exploration.mission.journal import noted_records  # slow to import
+        from soilmoist_ros.recording.stored_counts import stored_counts
+
         self._catch_ups.pop(0)
         topics = self._topics[1:] if (self._folder / DRIVER).is_dir() else self._topics
         found = []
@@ -193,5 +193,7 @@ def _bags(path: Path, session: Path) -> list[Path]:
     """Bags in a folder that were written since the session began."""
     started = session / SESSION
     since_s = started.stat().st_mtime if started.is_file() else 0.0
+    from soilmoist_ros.recording.bag.recovery import mcap_files
+
     bags = [path] if any(path.glob("*.mcap")) else sorted({file.parent for file in path.glob("*/*.mcap")})
     return [bag for bag in bags if max(file.stat().st_mtime for file in mcap_files(bag)) >= since_s]

@@ -8,11 +8,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from soilmoist_ros.exploration.mission.stored import nan_as_text
+from soilmoist_ros.foundation.plain_values import nan_as_text
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.journal_lines import decode
 from soilmoist_ros.sensing.records import CountRecord
 
+DRIVER: Final = "sensor_driver"
+"""Name of the driver's log in the folder of a session."""
 RECORD: Final = "record"
 """Kind of the entries that hold a record."""
 RESET: Final = "reset"

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from soilmoist_ros.foundation import registry as registry_module
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
 
@@ -49,7 +48,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
 def test_built_in_names_are_found_without_a_look_at_installed_packages(
     shapes: Registry[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(registry_module, "entry_points", lambda **_: pytest.fail("entry points were read"))
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: pytest.fail("entry points were read"))
     assert shapes.get("square") == 4
 
 

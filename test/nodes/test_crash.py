@@ -28,8 +28,7 @@ from soilmoist_ros.recording.bag.mcap_scan import McapScan
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.journal_lines import decode
-from soilmoist_ros.recording.map_sources import DRIVER
-from soilmoist_ros.recording.record_log import RecordLog
+from soilmoist_ros.recording.record_log import DRIVER, RecordLog
 from soilmoist_ros.replay import replay_bag
 from soilmoist_ros.reporting.field_survey import open_survey
 

@@ -26,8 +26,7 @@ from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.recording.map_sources import DRIVER
-from soilmoist_ros.recording.record_log import RecordTail
+from soilmoist_ros.recording.record_log import DRIVER, RecordTail
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position

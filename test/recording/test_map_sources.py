@@ -26,8 +26,8 @@ from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.map_sources import DRIVER, OWN, MapSources, open_session
-from soilmoist_ros.recording.record_log import RecordLog, RecordTail
+from soilmoist_ros.recording.map_sources import OWN, MapSources, open_session
+from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
 from soilmoist_ros.recording.stored_counts import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 

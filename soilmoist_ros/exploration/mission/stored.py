@@ -6,7 +6,6 @@ A journal stores them, replays the events, or continues from a stored state.
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import fields
 from functools import cache
 from typing import Any, get_args
@@ -17,6 +16,7 @@ from soilmoist_ros.exploration.mission.events import Event
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plain_values import nan_as_text
 
 
 def state_to_dict(state: MissionState) -> dict[str, Any]:
@@ -92,15 +92,6 @@ def _plain(value: Any) -> dict[str, Any]:
     content = nan_as_text(_adapter(type(value).__name__).dump_python(value, mode="json"))
     assert isinstance(content, dict)
     return content
-
-
-def nan_as_text(value: Any) -> Any:
-    """The value with NaN and infinity as text, which reads back as a number: JSON has no word for them."""
-    if isinstance(value, dict):
-        return {key: nan_as_text(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [nan_as_text(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _read(name: str, content: object, what: str) -> Any:

@@ -22,7 +22,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.map_health import MAP_PART, RAIN
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission, LiveRobot
-from soilmoist_ros.sensing.survey.driver_health import logger_fault
+from soilmoist_ros.sensing.survey.logger_fault import logger_fault
 from soilmoist_ros.simulation.robot.waiting_clock import CLOCK_PART, WAITS_FOR
 
 

@@ -15,8 +15,7 @@ from msg_adapters.raw_line import line_to_message
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.recording.bag.point_cloud import QUARANTINED
-from soilmoist_ros.recording.map_sources import DRIVER
-from soilmoist_ros.recording.record_log import RecordLog
+from soilmoist_ros.recording.record_log import DRIVER, RecordLog
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.driver import Batch
 

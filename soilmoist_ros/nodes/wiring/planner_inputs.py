@@ -29,7 +29,7 @@ from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_records import PlannerRecords
 from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.survey.driver_health import logger_fault
+from soilmoist_ros.sensing.survey.logger_fault import logger_fault
 
 
 class PlannerInputs:

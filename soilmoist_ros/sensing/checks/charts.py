@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -99,6 +98,8 @@ class Run:
     def add(self, value: float, stamp_s: float) -> None:
         """Continue with the next count; ``surprise`` is minus the logarithm of the run's highest probability."""
         if value == self.value:
+            from scipy.special import gammaln  # slow to import, and needed with the first records only
+
             likeliest = value * math.log(value) - value - float(gammaln(value + 1)) if value > 0 else 0.0
             self.surprise += max(-likeliest - math.log(max(self.step, 1)), 0.0)
             return

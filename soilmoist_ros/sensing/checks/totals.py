@@ -11,8 +11,6 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from scipy.special import bdtr, bdtrc, chdtrc, pdtr, pdtrc
-
 from soilmoist_ros.sensing.checks.alarms import alarm_probability
 from soilmoist_ros.sensing.checks.finding import Finding
 from soilmoist_ros.sensing.problems import Kind
@@ -72,6 +70,8 @@ class Dispersion:
     @property
     def is_high(self) -> bool:
         """Whether the scatter is higher than counting statistics, clearly and significantly."""
+        from scipy.special import chdtrc  # slow to import, and needed with the first records only
+
         known = self.pairs >= MIN_PAIRS and self.index > HIGH_DISPERSION
         return known and bool(chdtrc(self.pairs, self._sum) < SIGNIFICANCE)
 
@@ -110,6 +110,8 @@ class TotalChecks:
         :param record: the corrected record, with its place if known
         :param recorded: the same record with the counts of all tubes, bad ones included; ``None`` if none was bad
         """
+        from scipy.special import pdtrc  # see above
+
         self.recorded.add(record if recorded is None else recorded)
         if record.quarantine or not (record.effective_exposure_s > 0 and record.exposure_s > 0):
             return []
@@ -149,6 +151,8 @@ class TotalChecks:
 
     def _chance(self, counted: _Counted, near: list[_Counted], change: tuple[float, float]) -> tuple[float, float]:
         """Expected rate [counts/s], and the probability of a count so far from it if the rate is possible."""
+        from scipy.special import bdtr, bdtrc, pdtr, pdtrc  # see above
+
         fall, rise = change
         if not near:
             mean = self.typical_cps * counted.exposure_s

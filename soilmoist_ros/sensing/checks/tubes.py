@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc, ndtri
 
 from soilmoist_ros.sensing.checks.alarms import alarm_probability, alarm_threshold
 from soilmoist_ros.sensing.checks.charts import FACTORS, Run, ShareCharts, share_ratios
@@ -213,6 +212,8 @@ class TubeChecks:
 
     def _p_values(self, counts: Array, weights: Array, tubes: NDArray[np.intp], level: float) -> Array:
         """Two-sided binomial p-values of some tubes given their total."""
+        from scipy.special import betainc, ndtri  # slow to import, and needed with the first records only
+
         total, share = counts[tubes].sum(), weights[tubes] / weights[tubes].sum()
         behind = self._good.counts[tubes]
         sd = np.sqrt(1 / behind + 1 / (behind.sum() - behind))

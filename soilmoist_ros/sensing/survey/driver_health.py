@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
 
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
@@ -151,25 +150,6 @@ def _faults(stream: SensorStream) -> str:
     if not faulty.lost:
         return ""
     return f"{faulty.reasons} in {faulty.lines} lines; {faulty.remedy(stream.parser.format)}"
-
-
-def logger_fault(parts: Iterable[Health], namespace: str) -> str | None:
-    """What a driver reports about its logger, as one line; empty if nothing is wrong.
-
-    :param parts: states of health with the full names of their nodes
-    :param namespace: namespace of the driver
-    :returns: ``None`` if no part is of a driver in this namespace
-    """
-    wanted = [
-        part
-        for part in parts
-        if part.name.endswith((": records", ": logger link"))
-        and (part.name.rpartition(": ")[0].rpartition("/")[0] or "/") == namespace
-    ]
-    if not wanted:
-        return None
-    worst_part = max(wanted, key=lambda part: (part.level is Level.ERROR, part.level))
-    return worst_part.message if worst_part.level is not Level.OK else ""
 
 
 def fix_health(stream: SensorStream, now_s: float) -> Health:

@@ -8,7 +8,6 @@ import numpy as np
 import pydantic
 import pytest
 
-from soilmoist_ros.foundation import registry
 from soilmoist_ros.mapping import Samples, Variogram
 from soilmoist_ros.mapping.variogram import correlation
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN, VARIOGRAM_MODELS, CorrelationModel, ModelName
@@ -31,7 +30,7 @@ NOT_ONE = dataclasses.replace(CAUCHY, correlation=lambda q: 0 * q)
 def plug_in():
     def install(name):
         point = EntryPoint("cauchy", f"{__name__}:{name}", "soilmoist_ros.variogram_models")
-        patch = mock.patch.object(registry, "entry_points", return_value=[point])
+        patch = mock.patch("importlib.metadata.entry_points", return_value=[point])
         patch.start()
         VARIOGRAM_MODELS.refresh()
 
