@@ -115,9 +115,10 @@ def _variance_without_noise(places: Samples, mean_rate: float) -> float:
     """
     size = 1
     while True:
-        pools = spatial_blocks(places.xy, 0, size) if size > 1 else [np.array([i]) for i in range(len(places))]
-        exposure_s = np.array([places.exposure_s[pool].sum() for pool in pools])
-        rate = np.array([places.counts[pool].sum() for pool in pools]) / exposure_s
+        pools = spatial_blocks(places.xy, 0, size) if size > 1 else list(np.arange(len(places))[:, None])
+        order, starts = np.concatenate(pools), np.cumsum([0, *map(len, pools[:-1])])
+        exposure_s = np.add.reduceat(places.exposure_s[order], starts)
+        rate = np.add.reduceat(places.counts[order], starts) / exposure_s
         noise = float(np.mean(mean_rate / exposure_s))
         corrected = max(float(rate.var(ddof=1)) - noise, 0.0) if len(pools) > 1 else 0.0
         if corrected > noise or len(pools) < 2 * _MIN_POOLS:

@@ -56,7 +56,7 @@ class Supports:
         self.layers: list[tuple[slice | Indices, Array, Array | float | None]] = [(slice(None), xy, None)]
         if spread is None or not spread.any():
             return
-        variance, axes = np.linalg.eigh(spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2))
+        variance, axes = _principal_axes(spread)
         arms = np.sqrt(np.maximum(variance, 0.0))[:, None] * axes  # of one standard deviation, in the columns
         area = variance[:, 0] >= _MIN_WIDTH_M2
         line = ~area & (variance[:, 1] > 0)
@@ -98,6 +98,16 @@ class Supports:
             else:
                 result[..., samples] += values
         return result
+
+
+def _principal_axes(spread: Array) -> tuple[Array, Array]:
+    """Variances along the principal axes, the smaller one first, shape (n, 2), and the axes in columns, (n, 2, 2)."""
+    xx, xy, yy = spread.T
+    middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    angle = np.arctan2(2 * xy, xx - yy) / 2  # of the longer axis
+    x, y = np.cos(angle), np.sin(angle)
+    axes = np.array([[-y, x], [x, y]]).transpose(2, 0, 1)
+    return np.column_stack([middle - half, middle + half]), axes
 
 
 class SupportCorrelation:
