@@ -346,6 +346,24 @@ class GraphTravel(_Model):
             return corners
         return np.vstack([start, corners])
 
+    def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """See :class:`TravelModel`."""
+        if self.motion.turn_s_per_rad > 0:
+            return super().between_s(stops, indices)
+        nodes = [self.graph.index(stops[int(index)].name) for index in indices]
+        lengths = np.array([self.graph.routes_to_all(node)[0][nodes] for node in nodes])
+        times = self.motion.travel_s(lengths.reshape(len(nodes), len(nodes)))
+        np.fill_diagonal(times, 0.0)
+        return times
+
+    def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
+        """See :class:`TravelModel`."""
+        if self.motion.turn_s_per_rad > 0:
+            return super().legs_s(stops, indices)
+        nodes = [self.graph.index(stops[int(index)].name) for index in indices]
+        lengths = [self.graph.routes_to_all(start)[0][end] for start, end in pairwise(nodes)]
+        return self.motion.travel_s(np.array(lengths, float))
+
     def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
         entry = self._entry(from_xy)
         lead = np.hypot(*(self.graph.xy[self.graph.index(entry)] - from_xy))

@@ -101,7 +101,7 @@ class Supports:
 
 
 def _principal_axes(spread: Array) -> tuple[Array, Array]:
-    """Variances along the principal axes, the smaller one first, shape (n, 2), and the axes in columns, (n, 2, 2)."""
+    """Variances along the principal axes, the smaller one first, shape (n, 2), and the axes, shape (n, 2, 2)."""
     xx, xy, yy = spread.T
     middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     angle = np.arctan2(2 * xy, xx - yy) / 2  # of the longer axis

@@ -122,14 +122,17 @@ def test_an_operators_costs_count_in_comparisons_only():
 @pytest.mark.parametrize("no_go", [[], [BLOCK]])
 @pytest.mark.parametrize("turn_s_per_rad", [0.0, 2.0])
 def test_times_of_tours_are_those_of_single_trips(no_go, turn_s_per_rad):
-    travel = FreeTravel(RobotMotion(1.0, 3.0, turn_s_per_rad), [SQUARE], no_go)
+    motion = RobotMotion(1.0, 3.0, turn_s_per_rad)
     places = stops((1, 1), (9, 9), (1, 9), (9, 2), (3, 5))
+    edges = [("s0", "s2"), ("s2", "s4"), ("s4", "s1"), ("s1", "s3")]
+    graph = TravelGraph.from_edges(places, edges + [(b, a) for a, b in edges])
     route = np.array([4, 0, 3, 1])
     chosen = [places[index] for index in route]
-    single = [travel.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(chosen)]
-    np.testing.assert_allclose(travel.legs_s(places, route), single)
-    np.testing.assert_allclose(travel.between_s(places, route).diagonal(1), single)
-    assert (travel.between_s(places, route).diagonal() == 0).all()
+    for travel in (FreeTravel(motion, [SQUARE], no_go), GraphTravel(graph, motion)):
+        single = [travel.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(chosen)]
+        np.testing.assert_allclose(travel.legs_s(places, route), single)
+        np.testing.assert_allclose(travel.between_s(places, route).diagonal(1), single)
+        assert (travel.between_s(places, route).diagonal() == 0).all()
 
 
 def test_places_along_a_way_are_evenly_spaced():
