@@ -126,7 +126,7 @@ def _estimate(xy: Array, values: Array, variogram: Variogram, places: Array) -> 
     mean = of_values.sum() / ones.sum()
     weights = of_values - mean * ones
     blocks = np.array_split(places, -(-len(places) * len(xy) // NUMBERS_AT_ONCE))
-    return mean + np.concatenate([covariance(block) @ weights for block in blocks])
+    return np.asarray(mean + np.concatenate([covariance(block) @ weights for block in blocks]))
 
 
 def _reproduced(values: Array, estimates: Array) -> bool:
