@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -63,7 +64,11 @@ class RouteFeedback:
             self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
             return
         profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
-        self._subscription = self._node.create_subscription(message_class, self._topic, self._on_topic, profile)
+        # The executor may crash when a subscription with callbacks for its events is destroyed.
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+        self._subscription = self._node.create_subscription(
+            message_class, self._topic, self._on_topic, profile, event_callbacks=quiet
+        )
 
     def _message_class(self, name: str) -> Any:
         package, folder, kind = name.split("/")

@@ -24,6 +24,15 @@ def run(make_node: Callable[[], Node]) -> None:
     each message: with the messages of a simulated clock that costs more than the callbacks. Longer work has
     threads of its own (:class:`.Aside`).
 
+    The executor is experimental. Tests cover what nodes rely on: errors in callbacks and timers, a simulated clock
+    that goes back, cancelled goals, and signals during a callback. Nodes must not do what it cannot:
+
+    * guard conditions are refused; :class:`.Soon` takes their place
+    * coroutines fail as callbacks of services and subscriptions (ros2/rclpy#1473)
+    * a publisher or subscription with callbacks for its events must not be destroyed while the executor spins: the
+      process may crash (ros2/rclpy#1644)
+    * a signal ends the process after the present callback, or after half a second without one
+
     A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 

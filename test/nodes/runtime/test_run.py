@@ -8,7 +8,11 @@ import sys
 import pytest
 
 pytest.importorskip("rclpy")
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Empty, Trigger
+
+from msg_adapters.stamps import to_time
+from soilmoist_ros.nodes.runtime.qos import CLOCK
 
 NODE = """
 import sys, threading, time
@@ -25,6 +29,13 @@ class Example(Node):
         super().__init__("example")
         self.create_service(Trigger, "break", self.on_break)
         self.create_service(Trigger, "end", self.on_end)
+        self.stepped, self.failed = [], False
+        if MODE == "timers":
+            self.create_timer(0.05, self.fail_once)
+            self.create_timer(0.05, lambda: self.stepped.append(self.get_clock().now().nanoseconds))
+            self.create_service(Trigger, "stepped", self.on_stepped)
+        if MODE == "long":
+            self.create_service(Trigger, "work", self.on_work)
         if MODE == "busy":
             for _ in range(4):
                 self.create_timer(0.001, lambda: time.sleep(0.05))
@@ -37,6 +48,20 @@ class Example(Node):
         self.create_service(Trigger, "release", self.release)
         self.soon = Soon(self, lambda: print("soon in", threading.current_thread().name))
         print("ready")
+    def fail_once(self):
+        if not self.failed:
+            self.failed = True
+            raise RuntimeError("a mistake at first")
+        self.get_logger().info("again", once=True)
+    def on_stepped(self, request, response):
+        response.message = " ".join(map(str, self.stepped))
+        self.stepped.clear()
+        return response
+    def on_work(self, request, response):
+        print("works")
+        time.sleep(1.0)
+        print("has worked")
+        return response
     def on_break(self, request, response):
         if MODE == "fails": raise RuntimeError("a mistake")
         return response
@@ -72,11 +97,11 @@ run(refuse if MODE == "refuses" else Example)
 
 @pytest.fixture
 def example(ros, tmp_path):
-    def start(mode):
+    def start(mode, **params):
         script = tmp_path / "example"
         script.write_text(f"#!{sys.executable}\n{NODE}".replace("MODE = sys.argv.pop(1)", f"MODE = {mode!r}"))
         script.chmod(0o755)
-        return ros.start(str(script))
+        return ros.start(str(script), params=params)
 
     return start
 
@@ -100,6 +125,39 @@ def test_a_failing_callback_does_not_end_it(ros, example):
     end.call_async(Trigger.Request())  # the process may end before its answer is out
     assert process.wait() == 0
     assert "RuntimeError: a mistake" in process.output()
+
+
+def test_a_signal_waits_for_the_callback(ros, example):
+    process = example("long")
+    client = ros.node.create_client(Trigger, "work")
+    ros.wait_for(client.service_is_ready)
+    client.call_async(Trigger.Request())
+    ros.wait_for(lambda: "works" in process.output())
+    assert process.stop(signal.SIGINT) == 0
+    assert process.output().split("\n")[-3:] == ["has worked", "closed", ""]
+
+
+def test_timers_survive_errors_and_a_simulated_clock_that_goes_back(ros, example):
+    clock = ros.node.create_publisher(Clock, "/clock", CLOCK)
+    process = example("timers", use_sim_time=True)
+    ros.wait_for(lambda: "ready" in process.output() and clock.get_subscription_count())
+
+    def stepped(now_s):
+        """Times at which the timer was called, after simulated time has passed from a time on."""
+        calls = []
+        times = iter(range(10_000))
+        while len(calls) < 5:
+            clock.publish(Clock(clock=to_time(now_s + 0.1 * next(times))))
+            calls += map(int, ros.call(Trigger, "stepped").message.split())
+        return [call * 1e-9 for call in calls]
+
+    late = stepped(5000.0)
+    assert "a mistake at first" in process.output()
+    ros.wait_for(lambda: "again" in process.output(), message="the timer that failed")
+    assert min(late) >= 5000.0
+    early = stepped(100.0)
+    assert 100.0 <= early[-1] < 5000.0
+    assert process.stop(signal.SIGINT) == 0
 
 
 def test_long_work_of_a_service_does_not_delay_others(ros, example):
