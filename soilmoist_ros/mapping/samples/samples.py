@@ -243,27 +243,23 @@ class _Buckets:
     """Places in square cells as wide as a radius: all within the radius of one are in its cell or the next."""
 
     def __init__(self, xy: Array, radius_m: float) -> None:
-        self._cell = np.floor(xy / (radius_m * (1 + 1e-9))).tolist()
-        self._members: dict[tuple[float, float], list[int]] = {}
-        for number, (column, row) in enumerate(self._cell):
-            self._members.setdefault((column, row), []).append(number)
-        self._around: dict[tuple[float, float], NDArray[np.intp]] = {}
+        self._cell = np.floor(xy / (radius_m * (1 + 1e-9)))
+        order = np.lexsort(self._cell.T)
+        ends = np.flatnonzero((np.diff(self._cell[order], axis=0) != 0).any(axis=1)) + 1
+        self._members = {tuple(self._cell[cell[0]].tolist()): cell for cell in np.split(order, ends)}
 
     def around(self, number: int) -> NDArray[np.intp]:
         """Numbers of the places in and next to the cell of a place, in order."""
-        column, row = self._cell[number]
-        if (column, row) not in self._around:
-            cells = [(column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-            near = [number for cell in cells for number in self._members.get(cell, ())]
-            self._around[column, row] = np.array(sorted(near))
-        return self._around[column, row]
+        column, row = self._cell[number].tolist()
+        cells = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        return np.sort(np.concatenate([self._members[cell] for cell in cells if cell in self._members]))
 
     def cells(self) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Places of each cell, some at a time, and those around them."""
         for members in self._members.values():
             around = self.around(members[0])
             for rows in _row_blocks(len(members), len(around)):
-                yield np.array(members[rows]), around
+                yield members[rows], around
 
 
 def _centres(places: Samples, buckets: _Buckets, radius_m: float) -> NDArray[np.intp]:
