@@ -22,7 +22,7 @@ NAMES = {
     "fit": "fit {}",
     "noise": "{} noise",
     "local": "local variance: {}",
-    "drift_model": "drift: {}",
+    "drift_model": "drift model {}",
     "preset": "constants: {}",
     "map_from": "map from {}",
     "travel": "travel {}",
@@ -40,8 +40,8 @@ NAMES = {
     "footprint_m": "footprint {} m",
     "position_sd_m": "GNSS ± {} m",
     "weather": "weather: {}",
-    "drift": "rate drifts by the share {}",
-    "drift_hour": "drift at {} h",
+    "drift": "true rate changes by the share {}",
+    "drift_hour": "at {} h",
     "robots": "robots: {}",
     "random_field": "a field per seed: {}",
     "properties": "further properties: {}",
@@ -99,7 +99,8 @@ class CampaignData:
         for row in first.to_dict("records"):
             siblings = first[first["field"] == row["field"]]
             differing = [name for name in CASE if siblings[name].nunique(dropna=False) > 1]
-            extra = [NAMES.get(name, name + ": {}").format(_plain(row[name])) for name in differing]
+            given = [name for name in differing if row[name] == row[name]]  # defaults are NaN, and need no words
+            extra = [NAMES.get(name, name + ": {}").format(_plain(row[name])) for name in given]
             namesakes = first[first["field_title"] == row["field_title"]]["field"].nunique() > 1
             name = f"{row['field_title']} ({row['field']})" if namesakes else str(row["field_title"])
             found.append(Case(int(row["case"]), str(row["field"]), ", ".join([name, *extra]), float(row["hours"])))
@@ -172,5 +173,5 @@ def _plain(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return "default" if value != value else f"{value:g}"
+        return f"{value:g}"
     return str(value)

@@ -427,3 +427,11 @@ def test_the_best_lattice_in_hindsight_is_named_and_all_others_are_compared_with
     assert "best lattice in hindsight: FMI 20 s" in page
     assert re.search(r"0\.75 ± 0\.00</td><td class=\"n\">1\.00<", page)
     assert "best lattice" not in render_campaign_report(data(plain))
+
+
+def test_a_case_with_a_default_is_named_by_the_others():
+    """A field that dries, and one in which it rains at some hour."""
+    choices = CAMPAIGN.defaults.model_copy(update={"drift": (-0.1,), "drift_hour": (None, 0.5)})
+    titles = [case.title for case in data(CAMPAIGN.model_copy(update={"defaults": choices})).cases]
+    assert not any("default" in title or "nan" in title for title in titles)
+    assert any(title.endswith("at 0.5 h") for title in titles)
