@@ -124,7 +124,7 @@ def command(
     try:
         with ExitStack() as stack:
             stack.enter_context(reported_failure(out))
-            with _live_view() as show:
+            with live_view() as show:
                 started = partial(click.echo, address)
                 replay = stack.enter_context(run_demo(settings, show, started))
             written = write_outputs(out, replay.run)
@@ -166,7 +166,7 @@ def _prepare(out: Path, overwrite: bool) -> None:
 
 
 @contextmanager
-def _live_view() -> Iterator[Callable[[LiveMission], None]]:
+def live_view() -> Iterator[Callable[[LiveMission], None]]:
     """Show a mission: a live picture on a terminal, otherwise a line per change of state."""
     from rich.console import Console
 

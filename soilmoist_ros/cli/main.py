@@ -16,6 +16,7 @@ COMMANDS = {
     "map": "Map soil moisture from neutron LOGS.",
     "simulate": "Explore a surrogate field with a simulated robot, without ROS.",
     "demo": "Run the whole ROS system on a simulated field: all nodes as processes, with a live view.",
+    "watch": "Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.",
     "campaign": "Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).",
     "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.",
     "bag": "Inspect recordings, play them, and recover interrupted ones.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
+import sys
 from itertools import groupby
 
 import numpy as np
@@ -13,6 +14,7 @@ pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from browser import DESK, PHONE, chromium, slide
 from playwright.sync_api import expect
+from ros_system import NodeProcess
 from sensor_msgs.msg import PointCloud2
 from test_commands import Commanded
 from virtual_navigation import START_S, VirtualNavigation, World
@@ -129,6 +131,25 @@ def test_a_mission_is_started_redirected_stopped_and_resumed_on_a_phone(ros, tmp
     assert [command for command, _ in groupby(planning.journalled())] == [
         (verb, "Ada") for verb in ("start", "measure", "pause", "resume", "pause")
     ]
+
+
+def test_a_terminal_watches_too(ros, tmp_path):
+    with World(ros, rate=4.0) as world, VirtualNavigation(ros, world):
+        planning = Commanded(ros, tmp_path)
+        command = [
+            sys.executable,
+            "-m",
+            "soilmoist_ros.cli.main",
+            "watch",
+            "--field",
+            str(tmp_path / "field.yaml"),
+        ]
+        watching = NodeProcess(command, ros.environment, tmp_path / "watch.txt")
+        ros.processes.append(watching)
+        ros.wait_for(lambda: "idle: waiting for start" in watching.output())
+        planning.accepted("start")
+        ros.wait_for(lambda: "travelling: " in watching.output())
+    assert watching.stop() == 0
 
 
 def test_a_stop_that_is_not_acknowledged_is_said_loudly_and_tried_until_it_is(ros, tmp_path, browser):

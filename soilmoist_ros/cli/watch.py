@@ -1,0 +1,48 @@
+"""``soilmoist watch``: the live view of a running survey in a terminal."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import time
+
+import click
+
+from soilmoist_ros.cli.console import report_errors
+from soilmoist_ros.cli.demo import live_view
+from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
+
+_POLL_S = 0.2
+
+
+@click.command("watch")
+@click.option("--field", required=True, help="Field file of the nodes, or the name of a shipped one.")
+@click.option("--robot", "robots", multiple=True, help="Namespace of a robot, repeatable. Default: none.")
+@click.option("--property", "properties", multiple=True, help="Further property to show, repeatable.")
+@report_errors
+def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...]) -> None:
+    """Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.
+
+    It listens on the ROS domain of the shell, and changes nothing.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
+    place = load_field(resource("fields", field))
+    names = [name.strip("/") for name in robots] or [""]
+    live = LiveMission(f" {place.name} ", [LiveMap(name) for name in ("", *properties)], names)
+    from soilmoist_ros.nodes.system.monitor import monitored
+
+    try:
+        domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
+    except ValueError:
+        raise InputError("ROS_DOMAIN_ID is no number", "export ROS_DOMAIN_ID=0") from None
+    try:
+        with monitored(live, place.frame, domain), live_view() as show:
+            while True:
+                show(live)
+                time.sleep(_POLL_S)
+    except KeyboardInterrupt:
+        return
