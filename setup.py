@@ -83,7 +83,7 @@ setup(
         # Vector files of soilmoist export: GeoPackage, shapefiles, QGIS projects.
         "gis": ["pyogrio>=0.8", "shapely>=2.1"],
         # The operator's page.
-        "console": ["aiohttp>=3.9"],
+        "console": ["aiohttp>=3.9", "segno>=1.5"],
         "test": [
             "pytest>=8",
             "pytest-xdist>=3.5",

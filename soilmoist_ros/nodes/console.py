@@ -23,6 +23,7 @@ from msg_adapters.samples import samples_from_message
 from msg_adapters.soil_map import soil_map_from_message
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
+from soilmoist_ros.console.invitation import LOOPBACK, invitation, reachable
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.robot_history import RobotHistory
 from soilmoist_ros.console.server import ConsoleServer
@@ -71,7 +72,7 @@ class Console(Node):
             self._board, self._steering, access, lambda: self._picture, Path(values.text("runs")).expanduser()
         )
         self._port = self._server.start(self._host, values.whole("port"))
-        self.get_logger().info(f"console: http://{_link(self._host)}:{self._port}/")
+        self.get_logger().info(f"console: http://{reachable(self._host)}:{self._port}/")
         self._show_token(access.token)
         self.create_timer(SHOW_S, self._show_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -188,23 +189,14 @@ class Console(Node):
 
     def _show_token(self, token: str) -> None:
         """Log the address that lets one visitor from another machine steer."""
-        if self._host not in ("127.0.0.1", "::1", "localhost"):
-            self.get_logger().info(
-                f"to steer from another machine, open http://{_link(self._host)}:{self._port}/?token={token}"
-            )
+        if self._host not in LOOPBACK:
+            self.get_logger().info(invitation(self._host, self._port, token))
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()
         if self._faults.get(what) != str(error):  # a faulty publisher repeats the fault
             self._faults[what] = str(error)
             self.get_logger().error(f"{what} cannot be used: {error}")
-
-
-def _link(host: str) -> str:
-    """A host for an address to open; the name of this machine where the console listens on all networks."""
-    if host in ("0.0.0.0", "::"):
-        return socket.gethostname()
-    return f"[{host}]" if ":" in host else host
 
 
 def main() -> None:

@@ -1,0 +1,43 @@
+"""How a phone gets to the page: an address with a token, as text and as a QR code."""
+
+from __future__ import annotations
+
+import io
+import socket
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.extras import optional_module
+
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+_EVERYWHERE = ("0.0.0.0", "::", "")
+_ELSEWHERE = ("192.0.2.1", 9)
+"""An address that nobody has (RFC 5737): the way there shows this computer's own address, and nothing is sent."""
+
+
+def reachable(host: str) -> str:
+    """Host for an address to open; where the console listens on all networks, the address of this computer.
+
+    >>> reachable("127.0.0.1"), reachable("fd00::1")
+    ('127.0.0.1', '[fd00::1]')
+    """
+    if host not in _EVERYWHERE:
+        return f"[{host}]" if ":" in host else host
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
+            way.connect(_ELSEWHERE)
+            return str(way.getsockname()[0])
+    except OSError:  # without a network
+        return socket.gethostname()
+
+
+def invitation(host: str, port: int, token: str) -> str:
+    """Text with the address that lets one browser steer from another machine, and its QR code if possible."""
+    address = f"http://{reachable(host)}:{port}/?token={token}"
+    text = f"to steer from another machine, open {address} (once)"
+    try:
+        code = optional_module("segno", "console").make(address, error="l")
+    except InputError:
+        return text
+    picture = io.StringIO()
+    code.terminal(out=picture, compact=True)
+    return f"{text}\n{picture.getvalue()}"
