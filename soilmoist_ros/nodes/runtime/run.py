@@ -7,6 +7,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from types import FrameType
+from typing import Final
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -15,6 +16,10 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
+
+_SWITCH_S: Final = 5e-4
+"""Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
+Python's own 5 ms would add up to a late abort."""
 
 
 def run(make_node: Callable[[], Node]) -> None:
@@ -38,6 +43,7 @@ def run(make_node: Callable[[], Node]) -> None:
 
     :param make_node: makes the node
     """
+    sys.setswitchinterval(_SWITCH_S)
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     executor = EventsExecutor()
     stopping = False
