@@ -7,13 +7,9 @@ from io import StringIO
 from pathlib import Path
 from typing import Final
 
-from ruamel.yaml import YAML
-
-from soilmoist_ros.foundation.configuration import read_yaml, resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.run_folder import BAG, CONFIGURATION, write_parameters
 from soilmoist_ros.recording.whole_file import write_whole
-from soilmoist_ros.sensing.formats.logger_format import logger_path
 
 _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_format": "loggers"}
 """Parameters that name a file, and the folders of the shipped files."""
@@ -74,6 +70,9 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
     """
     if parameter not in _KINDS or not isinstance(value, str) or not value:
         return value
+    from soilmoist_ros.foundation.configuration import resource  # the recorder is up before it needs these
+    from soilmoist_ros.sensing.formats.logger_format import logger_path
+
     try:
         source = logger_path(value) if parameter == "logger_format" else resource(_KINDS[parameter], value)
     except InputError:  # not a file, or a file of another computer
@@ -98,6 +97,10 @@ def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
 
     :raises InputError: if the file cannot be read
     """
+    from ruamel.yaml import YAML
+
+    from soilmoist_ros.foundation.configuration import read_yaml
+
     content = _content(source)
     if content is None:
         raise InputError("cannot be read any more", "check the path and its permissions", source)
