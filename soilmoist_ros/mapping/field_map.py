@@ -208,6 +208,7 @@ class FieldMap:
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
         self._last_change: tuple[TimedSamples, Change] | None = None
         self._finds_drift = settings.drift_model == "auto" and settings.fit == "reml"
+        self._takes_times = self._finds_drift or knowledge.reference is not None
         self._raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
         self._computing = threading.Lock()
         self.reset()
@@ -260,7 +261,7 @@ class FieldMap:
 
     def _merge(self, record: CountRecord, spread: Array) -> None:
         self._merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread)
-        if self._finds_drift:
+        if self._takes_times:
             self._add_timed(record, spread)
         timed = self._timed_samples
         samples, earlier = self._merger.samples, self.state
@@ -298,8 +299,8 @@ class FieldMap:
 
     @property
     def _timed_samples(self) -> TimedSamples | None:
-        """The samples by place and time; ``None`` if no drift is looked for."""
-        return TimedSamples(self._timed.samples, self._timed.time_s) if self._finds_drift else None
+        """The samples by place and time; ``None`` if no time matters."""
+        return TimedSamples(self._timed.samples, self._timed.time_s) if self._takes_times else None
 
     def _release(self, held: Held[_Where]) -> None:
         """Use a record that was quarantined until another one confirmed it."""
@@ -345,7 +346,7 @@ class FieldMap:
         began_s, end_s = (records[0].stamp_s, records[-1].stamp_s) if records else (0.0, 0.0)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m, WINDOW_S)
         timed = None
-        if self._finds_drift and len(samples) <= self.settings.max_exact_samples:
+        if self._takes_times and len(samples) <= self.settings.max_exact_samples:
             for record, spread in zip(records, spreads, strict=True):
                 self._add_timed(record, spread)
             timed = self._timed_samples
@@ -570,8 +571,10 @@ class FieldMap:
         timed, now_s = state.fit_timed
         known = self._last_change
         if known is None or known[0] is not timed:
-            change = find_change(timed, now_s, fit.variogram, fit.noise_rate, fit.prior)
-            known = self._last_change = timed, change
+            found = NO_CHANGE
+            if self._finds_drift:
+                found = find_change(timed, now_s, fit.variogram, fit.noise_rate, fit.prior)
+            known = self._last_change = timed, replace(found, error=self.knowledge.reference)
         return known[1]
 
     @cached_property

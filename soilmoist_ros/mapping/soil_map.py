@@ -228,7 +228,7 @@ def make_soil_map(
     if (
         raster is not None
         and 0 < len(samples) <= max_exact_samples
-        and (changing is None or changing.change.drift is None)
+        and (changing is None or not changing.change.parts)
     ):
         mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
         rasters = raster.update(samples, model, known_rate or mean_rate)
@@ -266,13 +266,12 @@ def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Cha
 
     :returns: the samples that it was fitted to
     """
-    drift = None if changing is None else changing.change.drift
-    if changing is None or drift is None or isinstance(kriging, TiledKriging):
+    if changing is None or not changing.change.parts or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         return samples
     samples, time_s = changing.timed.samples, changing.timed.time_s
-    exposure_s = samples.exposure_s * drift.factor(time_s)
+    exposure_s = samples.exposure_s * changing.change.factor(time_s)
     known_rate = kriging.mean_rate
     rate = noise_rates(noise_rate(samples) if known_rate is None else known_rate, samples.xy)
-    uncertain = drift.uncertain(time_s) * np.broadcast_to(rate, len(samples))[:, None]
+    uncertain = changing.change.uncertain(time_s) * np.broadcast_to(rate, len(samples))[:, None]
     return kriging.fit(samples.xy, samples.counts, exposure_s, samples.spread, uncertain).places

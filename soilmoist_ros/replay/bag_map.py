@@ -10,7 +10,7 @@ from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
-from soilmoist_ros.replay.log_map import loss_rows, read_reference, with_reference
+from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference
 from soilmoist_ros.replay.mission import RobotMission, replay_mission
 from soilmoist_ros.replay.no_map import no_map
 from soilmoist_ros.replay.properties import (
@@ -56,8 +56,12 @@ class Replay:
 
 @dataclass(frozen=True, eq=False)
 class _Content:
-    """The data that the replay reads from the bag."""
+    """The data that the replay reads from the bag.
 
+    The survey is that of the robot's own records.
+    """
+
+    survey: FieldSurvey
     raw: RawSurvey | None
     several: bool
     missions: Sequence[RobotMission]
@@ -85,6 +89,7 @@ def replay_bag(
         survey, remarks = robot_survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
         content = _read(reader, survey, chosen, configuration, remarks)
+    survey = content.survey
     first, raw, reference = content.properties[0], content.raw, content.reference
     lost = loss_rows(raw.problems if raw else ())
     about = (bag, _files(bag), first, content.missions, configuration)
@@ -175,6 +180,7 @@ def _read(
     if chosen.reference is not None and (good := [record for record in records if not record.quarantine]):
         reference = read_reference(chosen.reference, survey.site, good, survey.field.frame)
         records = reference.corrected(records)
+        survey = survey.with_reference_error(reference_error(reference))
         counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
     found = team_properties(robots, configuration)
     wanted = chosen_properties(found, chosen.properties, reader.path)
@@ -207,7 +213,7 @@ def _read(
         if statuses := last_mission(read_statuses(robot)):
             visits = places.visits(mission_visits(statuses, read_visits(robot, number), its))
             missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
-    return _Content(raw, len(robots) > 1, missions, simulated, properties, reference)
+    return _Content(survey, raw, len(robots) > 1, missions, simulated, properties, reference)
 
 
 def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:

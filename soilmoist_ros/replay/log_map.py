@@ -21,7 +21,7 @@ from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.knowledge.drift import DriftModel
+from soilmoist_ros.mapping.knowledge.drift import Drift, DriftModel
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.placement import PositionSource, require_near
@@ -57,6 +57,8 @@ MAX_MOVED_M = 100.0
 """Distance from its usual place within which nine in ten positions of a stationary sensor lie [m]."""
 MAX_AWAY_M = 10_000.0
 """Greatest distance of a reference sensor from the survey [m]."""
+REFERENCE_KNOTS = 25
+"""Times at which the error of a reference sensor is known; it is linear between them."""
 MAX_EXTENT_M = 300_000.0
 """Extent of a track beyond which some of its positions are wrong [m]."""
 Progress = Callable[[str, float], None]
@@ -165,12 +167,12 @@ def map_logs(
         require_other(earlier, survey.records)
     sources = (*(field.covariates if field else ()), *settings.covariates)
     covariates = read_covariates(sources, survey.frame, grid)
-    field_map = FieldMap(grid, map_settings, Knowledge(tuple(run.survey for run in earlier), covariates))
     records = survey.records
-    reference = None
+    reference = error = None
     if settings.reference is not None:
         reference = read_reference(settings.reference, site, records, survey.frame)
-        records = tuple(reference.corrected(records))
+        records, error = tuple(reference.corrected(records)), reference_error(reference)
+    field_map = FieldMap(grid, map_settings, Knowledge(tuple(run.survey for run in earlier), covariates, error))
     field_map.set_records(records)
     progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
     kriging = f"kriging {np.count_nonzero(field_map.grid.mask)} cells"
@@ -257,6 +259,12 @@ def require_standing(log: LogFile, frame: LocalFrame, records: Sequence[CountRec
     if not away_m <= MAX_AWAY_M:
         message = f"is of a sensor that stood {distance_text(away_m)} from the survey"
         raise InputError(message, "give the log of a sensor in or next to the field", log.path)
+
+
+def reference_error(reference: Reference) -> Drift:
+    """The error of the correction by a reference sensor, which all samples of a time share."""
+    times_s = np.linspace(reference.start_s, reference.end_s, REFERENCE_KNOTS)
+    return Drift.of_error(times_s, reference.factor_covariance(times_s))
 
 
 def with_reference(run: MapRun, reference: Reference) -> MapRun:

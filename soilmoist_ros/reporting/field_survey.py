@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
-from soilmoist_ros.mapping.knowledge.drift import DriftModel
+from soilmoist_ros.mapping.knowledge.drift import Drift, DriftModel
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
@@ -42,6 +42,11 @@ class FieldSurvey:
     files: tuple[tuple[str, Path], ...] = ()
     simulated: bool = False
     earlier: tuple[EarlierRun, ...] = ()
+
+    def with_reference_error(self, error: Drift) -> FieldSurvey:
+        """The same, without records, for records that a reference sensor corrects."""
+        knowledge = replace(self.map.knowledge, reference=error)
+        return replace(self, map=FieldMap(self.map.grid, self.map.settings, knowledge))
 
     def run(self, snapshot: Snapshot) -> MapRun:
         """The run of a snapshot, for its outputs.

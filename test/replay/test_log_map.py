@@ -13,10 +13,12 @@ from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.replay import MapSettings, map_logs
 from soilmoist_ros.replay.log_map import loss_rows, require_standing
 from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.page.notes import notes
+from soilmoist_ros.reporting.page.statistics import mean_sd
 from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import Position
@@ -76,6 +78,25 @@ def test_a_reference_sensor_corrects_the_counts(survey, reference):
     ]
     assert (min(factors), max(factors)) == pytest.approx((row.min_factor, row.max_factor), rel=0.01)
     np.testing.assert_allclose(run.soil_map.rate, plain.soil_map.rate, rtol=0.1)
+
+
+def test_the_error_of_a_reference_sensor_is_in_the_map(survey, reference):
+    chosen = settings(survey, reference=reference, drift_model="off")
+    run = map_logs([survey / "survey.log"], chosen)
+    error = run.soil_map.change.error
+    assert run.soil_map.change.drift is None
+    assert not run.soil_map.change.text
+    share = error.change_sd
+    assert 100 * share == pytest.approx(run.corrections[-1].parameters["standard deviation [%]"], abs=0.05)
+    exact = run.soil_map.made_by
+    plain = PoissonKriging(exact.variogram, exact.keep_nugget, exact.mean_rate).fit(
+        *(getattr(run.soil_map.samples, name) for name in ("xy", "counts", "exposure_s", "spread"))
+    )
+    cells = run.soil_map.grid.cells
+    assert exact.predict(cells)[1].mean() > plain.predict(cells)[1].mean()
+    added = np.sqrt(exact.covariance(cells).mean() - plain.covariance(cells).mean())
+    assert 0.2 * share < added / exact.noise_mean_rate < share
+    assert mean_sd(run.soil_map, moisture=False) > added
 
 
 def test_a_reference_of_another_time_is_refused(survey, reference, tmp_path):

@@ -148,6 +148,16 @@ class Drift:
     shares: tuple[float, ...]
     components: tuple[tuple[float, ...], ...] = ()
 
+    @classmethod
+    def of_error(cls, times_s: Array, covariance: Array) -> Drift:
+        """The error of a correction that is right on average.
+
+        :param times_s: knots, shape (k,) [s]
+        :param covariance: of its error as a share of the rate, shape (k, k)
+        """
+        components = tuple(tuple(one) for one in _components(covariance).tolist())
+        return cls(1.0, False, tuple(times_s.tolist()), (0.0,) * len(times_s), components)
+
     @property
     def change(self) -> float:
         """Change of the rate from the first sample to the map, as a share of the rate then."""
@@ -178,10 +188,25 @@ class Change:
 
     :param drift: what the map allows for; ``None`` if the counts do not ask for a drift
     :param jump: the likeliest jump, certain or not; ``None`` if the survey is too short for one
+    :param error: error of the correction by a reference sensor; ``None`` without one
     """
 
     drift: Drift | None = None
     jump: Jump | None = None
+    error: Drift | None = None
+
+    @property
+    def parts(self) -> tuple[Drift, ...]:
+        """What the map allows for."""
+        return tuple(one for one in (self.drift, self.error) if one is not None)
+
+    def factor(self, time_s: Array) -> Array:
+        """What the exposures of samples of some times are to be multiplied by, shape (n,)."""
+        return np.ones(len(time_s)) if self.drift is None else self.drift.factor(time_s)
+
+    def uncertain(self, time_s: Array) -> Array:
+        """Independent parts of the uncertainty at some times, as shares of the rate, shape (n, components)."""
+        return np.hstack([np.empty((len(time_s), 0)), *(one.uncertain(time_s) for one in self.parts)])
 
     def rain(self, now_s: float) -> str:
         """Why rain is likely at a time [s], and what to do; empty if it is not."""
@@ -351,9 +376,7 @@ def _drift(evidence: _Evidence) -> Drift | None:
     within = np.diag(of_trend @ variance) + (amount.T * of_trend) @ amount
     square = trend @ within @ trend.T
     square += (jumps * (of_jumps * (jump_variance + jump**2)).sum(axis=0)) @ jumps.T
-    values, vectors = np.linalg.eigh(square - np.multiply.outer(mean, mean))
-    kept = values > _KEPT * values[-1]
-    components = (vectors[:, kept] * np.sqrt(values[kept])).T
+    components = _components(square - np.multiply.outer(mean, mean))
     return Drift(
         float(1 - still / total),
         bool(of_jumps.sum() > of_trend.sum()),
@@ -361,6 +384,13 @@ def _drift(evidence: _Evidence) -> Drift | None:
         tuple(mean.tolist()),
         tuple(tuple(one) for one in components.tolist()),
     )
+
+
+def _components(covariance: Array) -> Array:
+    """Independent parts of an uncertainty, one standard deviation of each, shape (components, k)."""
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > _KEPT * values[-1]
+    return np.asarray((vectors[:, kept] * np.sqrt(values[kept])).T)
 
 
 def _normal(information: Array, told: Array, variance: Array) -> tuple[Array, Array, Array]:

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
+from soilmoist_ros.mapping.knowledge.drift import Drift
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 
 
@@ -15,11 +16,13 @@ class Knowledge:
 
     :param earlier: earlier surveys of the field, in any order
     :param covariates: covariates over the field; ``None`` for none
+    :param reference: error of the correction by a reference sensor that the records have; ``None`` without one
     :raises ValueError: if two earlier surveys have one name
     """
 
     earlier: tuple[EarlierSurvey, ...] = ()
     covariates: Covariates | None = None
+    reference: Drift | None = None
 
     def __post_init__(self) -> None:
         repeated = [name for name, count in Counter(one.name for one in self.earlier).items() if count > 1]
@@ -28,7 +31,7 @@ class Knowledge:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing is known, and the map is that of the survey alone."""
+        """Whether no other survey and no covariate is known, and the fit is that of the survey alone."""
         return not self.earlier and not self.covariates
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
 
 if TYPE_CHECKING:
@@ -217,7 +218,7 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     """Standard deviation of the *field mean* of the rate [counts/s] or of VWC [m^3/m^3].
 
     Block kriging over at most ``MAX_CELLS`` cells, since errors of neighbouring cells are correlated; for VWC
-    with the curve's slope as weight. The error of N0 is not included.
+    with the curve's slope as weight. What is not known of a drift is included, the error of N0 is not.
 
     :returns: ``None`` if there are too many samples, or nothing to average
     """
@@ -233,6 +234,8 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     if not len(cells):
         return None
     weight = weight / len(weight)
+    if soil_map.change.parts and isinstance(soil_map.made_by, PoissonKriging):
+        return math.sqrt(max(float(weight @ soil_map.made_by.covariance(cells) @ weight), 0.0))
     towards = kriging.towards(cells) @ weight
     block = weight @ kriging.covariance(cells, cells) @ weight
     gap = weight.sum() - kriging.ones @ towards

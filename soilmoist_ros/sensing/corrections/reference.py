@@ -2,9 +2,9 @@
 
 The reference counts at one place of the field, or next to it, while the survey goes on. Its rate rises and falls
 with drying and rain, as that of the field does. The logarithm of its rate is a trend plus a random walk, whose
-sizes the restricted likelihood chooses; the counts have Poisson noise (local-level model; Durbin & Koopman 2012,
-Time Series Analysis by State Space Methods, chapter 2). The counts of the survey are then corrected to its end
-through the effective exposure, as for the incoming neutrons.
+variances are their posterior means by the restricted likelihood; the counts have Poisson noise (local-level model;
+Durbin & Koopman 2012, Time Series Analysis by State Space Methods, chapter 2). The counts of the survey are then
+corrected to its end through the effective exposure, as for the incoming neutrons.
 """
 
 from __future__ import annotations
@@ -63,15 +63,19 @@ class Reference:
 
     def factor_sd(self, stamp_s: Array) -> Array:
         """Standard deviation of the logarithm of :meth:`factor`, shape (m,) [-]."""
-        end = np.array([self.end_s])
-        between = self._kernel(stamp_s) - self._kernel(end)
-        prior = _shape(stamp_s, stamp_s, self._begin_s, self.trend, self.walk)
-        prior = prior.diagonal() + _shape(end, end, self._begin_s, self.trend, self.walk)[0, 0]
-        prior = prior - 2 * _shape(stamp_s, end, self._begin_s, self.trend, self.walk)[:, 0]
-        known = np.linalg.solve(self.covariance, between.T)
+        return np.asarray(np.sqrt(np.maximum(self.factor_covariance(stamp_s).diagonal(), 0.0)))
+
+    def factor_covariance(self, stamp_s: Array) -> Array:
+        """Covariance of the logarithm of :meth:`factor`, shape (m, m) [-]."""
+        times_s = np.append(stamp_s, self.end_s)
+        kernel = self._kernel(times_s)
+        prior = _shape(times_s, times_s, self._begin_s, self.trend, self.walk)
         ones = np.linalg.solve(self.covariance, np.ones(len(self.middle_s)))
-        mean = (between @ ones) ** 2 / ones.sum()
-        return np.asarray(np.sqrt(np.maximum(prior - (between.T * known).sum(axis=0) + mean, 0.0)))
+        square = prior - kernel @ np.linalg.solve(self.covariance, kernel.T)
+        mean = 1 - kernel @ ones
+        square += np.multiply.outer(mean, mean) / ones.sum()
+        # Of the differences between the end and the times.
+        return np.asarray(square[:-1, :-1] - square[:-1, -1:] - square[-1:, :-1] + square[-1, -1])
 
     @property
     def change(self) -> tuple[float, float]:
@@ -131,7 +135,10 @@ def fit_reference(
         return float(-0.5 * (determinant + value @ weights)), weights, covariance
 
     sizes = [(trend, walk) for trend in _SIZES.tolist() for walk in _SIZES.tolist()]
-    trend, walk = max(sizes, key=lambda both: fitted(*both)[0])
+    # Posterior means: the likeliest size is often none, which would be known without an error.
+    rise = np.array([fitted(*both)[0] for both in sizes])
+    likely = np.exp(rise - rise.max())
+    trend, walk = np.sqrt(likely @ np.square(sizes) / likely.sum()).tolist()
     _, weights, covariance = fitted(trend, walk)
     return Reference(start_s, end_s, middle_s, weights, covariance, trend, walk)
 

@@ -48,6 +48,13 @@ def test_noise_alone_is_smoothed_away():
     assert np.mean([np.abs(one.factor(times) - 1).max() < 0.02 for one in found]) > 0.7
 
 
+@pytest.mark.parametrize("change", [0.0, 0.1])
+def test_the_standard_deviation_is_that_of_the_errors(change):
+    found = np.array([fit_reference(reference(seed, change, 2.0), START_S, END_S).change for seed in range(20)])
+    standardised = (found[:, 0] - change) / found[:, 1]
+    assert 0.4 < standardised.std() < 1.3
+
+
 def test_rain_is_followed():
     one = fit_reference(reference(3, -0.2, rate_cps=30.0, jump=True), START_S, END_S)
     assert one.factor(np.array([START_S + 1800]))[0] == pytest.approx(0.8, abs=0.02)
@@ -97,3 +104,18 @@ def test_a_reference_must_last_for_the_survey(kept, message):
 def test_a_reference_without_counts_is_refused():
     with pytest.raises(InputError, match="counted nothing"):
         fit_reference([replace(one, raw_counts=0) for one in reference(1)], START_S, END_S)
+
+
+def test_the_covariance_is_that_of_the_errors_at_several_times():
+    times = np.linspace(START_S, END_S, 5)
+    one = fit_reference(reference(1, 0.1), START_S, END_S)
+    covariance = one.factor_covariance(times)
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-12)
+    assert np.linalg.eigvalsh(covariance).min() > -1e-10
+    np.testing.assert_allclose(np.sqrt(covariance.diagonal()[:-1]), one.factor_sd(times)[:-1])
+    assert covariance[-1, -1] == pytest.approx(0, abs=1e-10)  # the end is what the others are relative to
+    errors = np.array(
+        [np.log(fit_reference(reference(seed, 0.1), START_S, END_S).factor(times)) for seed in range(40)]
+    )
+    errors -= np.log(1.1 / (1 + 0.1 * (times - START_S) / 7200))
+    assert np.sqrt((errors[:, 0] ** 2).mean()) == pytest.approx(np.sqrt(covariance[0, 0]), rel=0.5)
