@@ -128,8 +128,17 @@ def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = N
     :param spread: their spreads, shape (n, 3) [m^2]; all points if ``None``
     """
 
+    from scipy.spatial.distance import cdist
+
+    every = Supports(xy, spread)
+
     def with_points(points: Array) -> Array:
-        return Points(variogram, xy, points, spread).correlation(slice(0, len(points))).T
+        scaled = variogram.scaled(points)
+
+        def of_every(others: Array) -> Array:
+            return variogram.correlation_of_square(cdist(scaled, variogram.scaled(others), "sqeuclidean"))
+
+        return every.average(of_every).T
 
     return Supports(xy[first:], None if spread is None else spread[first:]).average(with_points)
 
