@@ -40,6 +40,7 @@ _RECORDED: Final = ("sensor_driver", "mapper", "planner")
 _TAKE_S: Final = 0.1
 """Time between two looks for messages [s]; each subscription keeps 500 messages or more."""
 _DISCOVERY_S: Final = 0.2
+_OTHER_PUBLISHERS_S: Final = 1.0
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
 _OPEN_S: Final = 5.0
@@ -81,6 +82,7 @@ class Recorder(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(_TAKE_S, self._record_arrived, clock=steady)
         self.create_timer(_DISCOVERY_S, self._discover, clock=steady)
+        self.create_timer(_OTHER_PUBLISHERS_S, lambda: self._discover(known=True), clock=steady)
         self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._configuration = RunConfiguration()
         self._complaint = ""
@@ -157,10 +159,10 @@ class Recorder(Node):
                 self._complaint = str(error)
                 self.get_logger().error(f"the configuration of the nodes is not stored: {error}")
 
-    def _discover(self) -> None:
-        """Subscribe to new topics. Subscribe again to topics that now need a weaker quality of service."""
+    def _discover(self, known: bool = False) -> None:
+        """Subscribe to new topics, and again to ``known`` ones that now need a weaker quality of service."""
         for name, types in self.get_topic_names_and_types():
-            if name in self._skipped or not self._choice.wanted(name):
+            if (name in self._topics and not known) or name in self._skipped or not self._choice.wanted(name):
                 continue
             publishers = self.count_publishers(name)
             if publishers == self._publisher_counts.get(name, 0):
