@@ -8,8 +8,10 @@ differs between samples, but the packages differ in what they support:
 * libKriging's kernels are products over the axes, so only its Gaussian is the same model. Its other kernels are
   timed for the same number of samples. It receives 1000 cells at a time: the matrix of 70,000 is too large.
 
-The floor is the time that dtrsm alone needs for one triangular solve per cell, which every dense method needs.
-``floors`` is the time divided by the floor. The floor, dgemm and the memory are measured in the same run.
+Times are processor times. The floor is what dtrsm alone needs for one triangular solve per cell, as every dense
+method does; ``floors`` is the time divided by the floor, below 1 for what avoids these solves. The floor, dgemm
+and the memory are measured in the same run. The last rows are the ratios to libKriging, and a map of very many
+samples (``bench_growth.py``, of one process).
 
 Usage: python scripts/bench_mapping.py [--quick] [--repeats N] [--packages NAME ...] [--out DIR]
 """
@@ -42,7 +44,7 @@ sys.path.insert(0, str(ROOT))
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 
 PATIENCE_S = 30.0
-"""Time limit after which a measurement is not repeated [s]."""
+"""Processor time after which a measurement is not repeated [s]."""
 SIDE_M, RANGE_M, SILL = 300.0, 40.0, 0.3
 COLUMNS = (
     "model", "n", "package", "seconds", "slowest_s", "ratio", "floors", "rate_difference", "variance_difference"
@@ -228,9 +230,9 @@ PEERS = (
 def timed(run: Run, repeats: int) -> tuple[list[float], tuple[np.ndarray, np.ndarray]]:
     seconds: list[float] = []
     while len(seconds) < repeats and sum(seconds) < PATIENCE_S:
-        start = time.perf_counter()
+        start = time.process_time()
         result = run()
-        seconds.append(time.perf_counter() - start)
+        seconds.append(time.process_time() - start)
     return seconds, result
 
 
@@ -271,9 +273,9 @@ def dtrsm_floor_s(n: int, cells: int) -> float:
     right = np.zeros((n, tile), order="F")
     seconds = []
     for _ in range(5):
-        start = time.perf_counter()
+        start = time.process_time()
         dtrsm(1.0, factor, right, lower=1, overwrite_b=1)
-        seconds.append(time.perf_counter() - start)
+        seconds.append(time.process_time() - start)
     return min(seconds) * cells / tile
 
 
@@ -285,9 +287,9 @@ def roofline() -> str:
     def best(work: Callable[[], object]) -> float:
         seconds = []
         for _ in range(5):
-            start = time.perf_counter()
+            start = time.process_time()
             work()
-            seconds.append(time.perf_counter() - start)
+            seconds.append(time.process_time() - start)
         return min(seconds)
 
     dgemm = 2 * 1000**3 / best(lambda: a @ a) / 1e9
@@ -345,6 +347,30 @@ def _row(
     return row
 
 
+def summary(rows: list[dict[str, object]]) -> list[str]:
+    """How many times as long libKriging took, one line for each model."""
+    lines = []
+    for model in dict.fromkeys(row["model"] for row in rows):
+        found = [
+            row for row in rows if row["model"] == model and row["package"] == "pylibkriging" and "ratio" in row
+        ]
+        if found:
+            sizes, ratios = (" / ".join(str(row[column]) for row in found) for column in ("n", "ratio"))
+            lines.append(f"{model}, n = {sizes}: libKriging takes {ratios} times as long")
+    return lines
+
+
+def growth() -> str:
+    """Time and memory of a map of very many samples."""
+    import bench_growth
+
+    row = bench_growth.in_fresh_process(100_000, 1_000_000, 1, "-")
+    return (
+        f"100,000 samples, 1,000,000 cells: merging {row['merging_s']:.1f} s, kriging {row['kriging_s']:.0f} s, "
+        f"peak {row['memory_mb']:.0f} MB, {row['kriging']}"
+    )
+
+
 def _processor() -> str:
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
@@ -355,7 +381,7 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def write(rows: list[dict[str, object]], folder: Path, cells: int, repeats: int) -> None:
+def write(rows: list[dict[str, object]], folder: Path, cells: int, repeats: int, remarks: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     columns = [*COLUMNS, *EXTRA_COLUMNS]
     with (folder / "mapping.csv").open("w", newline="", encoding="utf-8") as file:
@@ -367,16 +393,17 @@ def write(rows: list[dict[str, object]], folder: Path, cells: int, repeats: int)
     lines = [
         "# Kriging a raster: time of mean and variance",
         "",
-        f"{cells} cells, fixed covariance parameters, one BLAS thread, median of up to {repeats} runs; "
-        "ratio = seconds of the package / seconds of soilmoist_ros; differences are the largest over all "
-        "cells from soilmoist_ros on the same task [counts/s], [(counts/s)^2]; memory is the growth of the "
-        "peak of a fresh process.",
+        f"{cells} cells, fixed covariance parameters, one BLAS thread, median processor time of up to "
+        f"{repeats} runs; ratio = seconds of the package / seconds of soilmoist_ros; differences are the largest "
+        "over all cells from soilmoist_ros on the same task [counts/s], [(counts/s)^2]; memory is the growth of "
+        "the peak of a fresh process.",
         "",
         f"Python {platform.python_version()}, {versions}. Processor: {_processor()}: {roofline()}.",
         "",
         "| " + " | ".join(columns) + " |",
         "|" + "---|" * len(columns),
         *("| " + " | ".join(str(row.get(column, "")) for column in columns) + " |" for row in rows),
+        *(f"\n{remark}" for remark in remarks),
     ]
     (folder / "mapping.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -406,7 +433,10 @@ def main() -> int:
                 print(
                     "  ".join(f"{row.get(column, '')!s:>13}" for column in [*COLUMNS, *EXTRA_COLUMNS]), flush=True
                 )
-            write(rows, arguments.out, cells, repeats)  # an interruption keeps the results so far
+            write(rows, arguments.out, cells, repeats, summary(rows))  # an interruption keeps the results so far
+    remarks = summary(rows) if arguments.quick else [*summary(rows), growth()]
+    print("\n".join(remarks))
+    write(rows, arguments.out, cells, repeats, remarks)
     print(f"wrote {arguments.out / 'mapping.csv'} and {arguments.out / 'mapping.md'}")
     return 0
 
