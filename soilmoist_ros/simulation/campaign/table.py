@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -63,8 +64,9 @@ class MissionRow:
     :param mse_quarter: mean squared error at a quarter of the mission time [(counts/s)^2]
     :param border_share: see :func:`border_share`
     :param final: final metrics
-    :param times_s: time grid [s]
-    :param metrics: metrics on the time grid
+    :param times_s: time grid [s], shape (n,)
+    :param names: names of the metrics
+    :param values: metrics on the time grid, shape (m, n)
     """
 
     key: str
@@ -76,7 +78,13 @@ class MissionRow:
     border_share: float
     final: Mapping[str, float]
     times_s: Array
-    metrics: Mapping[str, NDArray[Any]]
+    names: tuple[str, ...]
+    values: Array
+
+    @property
+    def metrics(self) -> dict[str, Array]:
+        """Metrics on the time grid by their names."""
+        return dict(zip(self.names, self.values, strict=True))
 
 
 Finished = Sequence[tuple[Mission, MissionRow]]
@@ -88,6 +96,7 @@ def mission_row(stored: StoredMission, every_s: float) -> MissionRow:
     :param every_s: time between two rows of the time grid [s]
     """
     times_s = time_grid(stored.settings.hours, every_s)
+    metrics = metrics_at(stored, times_s)
     quarter_s = np.array([QUARTER * 3600 * stored.settings.hours])
     return MissionRow(
         key=stored.key,
@@ -99,7 +108,8 @@ def mission_row(stored: StoredMission, every_s: float) -> MissionRow:
         border_share=border_share(stored),
         final={name: values[0].item() for name, values in metrics_at(stored, np.array([np.inf])).items()},
         times_s=times_s,
-        metrics=metrics_at(stored, times_s),
+        names=tuple(map(sys.intern, metrics)),
+        values=np.array([*metrics.values()], float),
     )
 
 
@@ -120,7 +130,7 @@ def results_table(finished: Finished) -> pd.DataFrame:
     for name in _metric_names(row.metrics for row in rows):
         kind = int if name == "samples" else float
         columns = [row.metrics.get(name, np.full(len(row.times_s), np.nan)) for row in rows]
-        table[name] = np.concatenate([np.empty(0, kind), *columns])
+        table[name] = np.concatenate([np.empty(0), *columns]).astype(kind)
     return table
 
 

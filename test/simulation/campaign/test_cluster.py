@@ -201,13 +201,24 @@ def test_workers_of_another_version_are_refused(tmp_path, slow, started, address
 def test_a_late_worker_of_another_version_is_closed():
     from soilmoist_ros.simulation.campaign.cluster_gate import Gate
 
-    closed = []
-    loop = SimpleNamespace(add_callback=lambda _, reason: closed.append(reason))
-    worker = SimpleNamespace(loop=loop, close=None)
-    Gate(cluster.code_version(), None).setup(worker)
-    assert not closed
+    class Worker:
+        """Notes what is called; Dask profiles it."""
+
+        def __init__(self):
+            self.called = []
+            self.loop = SimpleNamespace(add_callback=lambda call, **how: self.called.append((call, how)))
+            self.close, self.start, self.stop = "close", "start", "stop"
+            self.periodic_callbacks = {"profile": self}
+
+    worker = Worker()
+    gate = Gate(cluster.code_version(), None)
+    gate.setup(worker)
+    gate.teardown(worker)
+    assert worker.called == [("stop", {}), ("start", {})], "the campaign is not profiled"
+    worker = Worker()
     Gate("9.9", None).setup(worker)
-    assert closed == [f"this worker has soilmoist_ros {cluster.code_version()}, the campaign 9.9"]
+    reason = f"this worker has soilmoist_ros {cluster.code_version()}, the campaign 9.9"
+    assert worker.called == [("close", {"reason": reason})]
 
 
 def test_a_worker_of_another_version_computes_nothing(slow):
