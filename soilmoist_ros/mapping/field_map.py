@@ -446,17 +446,19 @@ class FieldMap:
         mask = self.grid.mask
         return np.full(np.count_nonzero(mask), np.nan) if raster is None else raster[mask]
 
-    def update(self) -> SoilMap | None:
+    def update(self, state: MapState | None = None) -> SoilMap | None:
         """Compute the map of the state now, and keep it as :attr:`soil_map`.
 
+        :param state: an earlier state instead
         :returns: the map; ``None`` while there are too few samples, then the last map stays as it was
         :raises IllConditionedError: as :meth:`compute`; the last map stays as it was
         """
-        if self.state is self._mapped:
+        state = self.state if state is None else state
+        if state is self._mapped:
             return self.soil_map
-        soil_map = self.compute(self.state)
+        soil_map = self.compute(state)
         if soil_map is not None:
-            self.soil_map, self._mapped = soil_map, self.state
+            self.soil_map, self._mapped = soil_map, state
         return soil_map
 
     def compute(self, state: MapState, progress: Progress | None = None, compute: Compute = map) -> SoilMap | None:

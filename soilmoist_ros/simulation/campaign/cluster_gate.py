@@ -12,7 +12,7 @@ from soilmoist_ros.simulation.campaign.mission_store import code_version
 
 NAME: Final = "soilmoist_ros-campaign"
 SAMPLING: Final = ("profile", "profile-cycle")
-"""What Dask calls 100 times a second to see where its tasks are, which takes up to a tenth of the worker's time."""
+"""What Dask calls 100 times a second to see where its tasks are, which takes some of the worker's time."""
 _log = logging.getLogger("distributed.worker")  # which Dask shows in the terminal of the worker
 
 

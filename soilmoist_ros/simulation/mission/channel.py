@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, default_merge_radius_m
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, MapState, default_merge_radius_m
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.covariates import Covariates, joined
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
@@ -89,6 +89,7 @@ class Channel:
         self._truth = field.rate_at(grid.cells)
         self._true_vwc = None if curve is None or self.drift.share else possible_moisture(curve, self._truth)
         self.errors = MapErrors()
+        self._noted: tuple[MapState, float] | None = None
         self.records: list[CountRecord] = []
 
     def take(self, record: CountRecord) -> None:
@@ -116,12 +117,23 @@ class Channel:
         if not self._of_stops:
             self._update(now_s)
 
+    def update_later(self, now_s: float) -> None:
+        """Note the state of a map of all records, for :meth:`catch_up`."""
+        if not self._of_stops:
+            self._noted = (self.field_map.state, now_s)
+
+    def catch_up(self) -> None:
+        """Update the map to the state that was noted last, as if it had been updated then."""
+        if self._noted is not None:
+            self._update(self._noted[1], self._noted[0])
+            self._noted = None
+
     def truth(self, now_s: float) -> Array:
         """True rate in the cells at a time, shape (g,) [counts/s]."""
         return self._truth * self.drift.factor(now_s)
 
-    def _update(self, now_s: float) -> None:
-        if self.field_map.update() is not None:
+    def _update(self, now_s: float, state: MapState | None = None) -> None:
+        if self.field_map.update(state) is not None:
             rate, rate_sd = self.field_map.rate, np.sqrt(self.field_map.variance)
             self.errors = map_errors(rate, rate_sd, self.truth(now_s), self.curve, self._true_vwc)
 

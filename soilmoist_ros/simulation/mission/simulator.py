@@ -43,10 +43,10 @@ from soilmoist_ros.exploration.mission.types import (
     Verb,
 )
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.planning.dwell import dwell_rule
+from soilmoist_ros.exploration.planning.dwell import Optimal, dwell_rule
 from soilmoist_ros.exploration.planning.properties import Property, correction_factor
 from soilmoist_ros.exploration.planning.prospect import Counting
-from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
+from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.covariates.reading import read_covariates
@@ -154,6 +154,12 @@ class _Simulation:
         settings.check()
         self.settings = settings
         self.forecasts_wanted = forecasts or settings.until_sd > 0 or settings.until_gain > 0
+        # Without this, nothing depends on the maps; they are made for the entries of the series only.
+        self.guided = (
+            strategy_kind(settings.strategy).needs_map
+            or isinstance(dwell_rule(settings.dwell), Optimal)
+            or self.forecasts_wanted
+        )
         fields = mission_fields(settings)
         field = fields[0]
         if settings.target == "vwc" and field.curve is None:
@@ -309,7 +315,7 @@ class _Simulation:
             case Publish():  # the most frequent one
                 pass
             case RequestPlan():
-                self.update_map()
+                self.update_map(later=not self.guided)
                 robot.explorer.travel.motion = robot.learned.motion
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
@@ -356,10 +362,13 @@ class _Simulation:
             channel.take_stop(self.now_s, visit, counted, warmed_up)
         self.enter_series()
 
-    def update_map(self) -> None:
-        """Update the maps of all records."""
+    def update_map(self, later: bool = False) -> None:
+        """Update the maps of all records.
+
+        :param later: at the next entry of the series only, which is then the same
+        """
         for channel in self.channels:
-            channel.update(self.now_s)
+            (channel.update_later if later else channel.update)(self.now_s)
 
     def record(self, robot: _Robot) -> CountRecord:
         """Count with all sensors over the interval that ends now; returns the record of the mission field."""
@@ -381,6 +390,8 @@ class _Simulation:
 
     def enter_series(self) -> None:
         """Append the current state to the series."""
+        for channel in self.channels:
+            channel.catch_up()
         row = SeriesRow(
             time_s=self.now_s,
             distance_m=sum(robot.body.distance_m(self.now_s) for robot in self.robots),

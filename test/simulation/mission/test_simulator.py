@@ -18,6 +18,7 @@ from soilmoist_ros.exploration.travel.topological_map import make_topological_ma
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.mission import simulator
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
 
@@ -237,3 +238,16 @@ def test_learning_changes_nothing_where_the_settings_are_true():
     with_it, without = simulate_mission(usual), simulate_mission(replace(usual, learn_travel=False))
     assert with_it.series == without.series
     assert len(with_it.motion[0].legs) > 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("every_s", [60.0, 300.0])
+def test_maps_that_guide_nothing_are_made_for_the_series_only(every_s, monkeypatch):
+    base = MissionSettings(field="synthetic-high", strategy="lattice", dwell="fmi:60", hours=0.5, cell_m=4.0)
+    free = simulate_mission(replace(base, series_every_s=every_s))
+    monkeypatch.setattr(simulator, "strategy_kind", lambda name: STRATEGIES.get("gcb"))
+    guided = simulate_mission(base)
+    assert free.visits == guided.visits
+    rows = {row.time_s: row for row in guided.series}
+    assert [repr(row) for row in free.series] == [repr(rows[row.time_s]) for row in free.series]
+    np.testing.assert_array_equal(free.soil_map.rate_sd, guided.soil_map.rate_sd)
