@@ -33,6 +33,7 @@ def run_demo(out, *options):
 def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):
     out = tmp_path / "run"
     said = run_demo(out, "--property", "rough:2", "--hours", "0.15", "--time-factor", "60", "--strategy", "ivr")
+    assert said.startswith("console: http://127.0.0.1:")
     assert said.count("map        equals the robot's last one, bit for bit") == 2
 
     with BagReader(out / "bag") as bag:
@@ -69,7 +70,10 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
 
 def test_several_robots_share_a_map_and_keep_apart(tmp_path):
     out = tmp_path / "run"
-    said = run_demo(out, "--robots", "2", "--hours", "0.12", "--strategy", "ivr", "--field", "half-wet")
+    said = run_demo(
+        out, "--robots", "2", "--hours", "0.12", "--strategy", "ivr", "--field", "half-wet", "--no-console"
+    )
+    assert "console" not in said
     assert "robot 2: counting" in said
     names = ("robot_1", "robot_2")
     with BagReader(out / "bag") as bag:
