@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
 
 if TYPE_CHECKING:
@@ -234,8 +233,6 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     if not len(cells):
         return None
     weight = weight / len(weight)
-    if soil_map.change.parts and isinstance(soil_map.made_by, PoissonKriging):
-        return math.sqrt(max(float(weight @ soil_map.made_by.covariance(cells) @ weight), 0.0))
     towards = kriging.towards(cells) @ weight
     block = weight @ kriging.covariance(cells, cells) @ weight
     gap = weight.sum() - kriging.ones @ towards
