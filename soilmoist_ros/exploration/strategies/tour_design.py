@@ -35,7 +35,7 @@ RENEWAL_ROUNDS = 2
 FEW, MANY = 0.7, 1.5
 """A tour under way loses a stop if less than this share of its dwell would be left, and gets one if more."""
 SHORTEST = 0.85
-"""Length of the solver's tour, relative to that of nearest neighbours; for comparisons only."""
+"""Length of a shortened tour, relative to that of nearest neighbours; for comparisons only."""
 CLOSE = 0.93
 """Share of the time that a tour of a given dwell must fill."""
 _NUMBER_TRIES = 8

@@ -127,7 +127,6 @@ def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = N
     :param xy: places of the samples, shape (n, 2) [m]
     :param spread: their spreads, shape (n, 3) [m^2]; all points if ``None``
     """
-
     from scipy.spatial.distance import cdist
 
     every = Supports(xy, spread)
