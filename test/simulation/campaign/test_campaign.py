@@ -85,11 +85,6 @@ def test_the_paper_s_campaign():
     assert len(shared) == 60
 
 
-@pytest.mark.parametrize("name", ["drift", "knowledge", "paper", "strategies"])
-def test_the_shipped_campaigns_can_be_read(name):
-    assert missions(load_campaign(name))
-
-
 def test_grid_and_defaults(campaign):
     found = missions(campaign)
     assert [m.settings.seed for m in found[:2]] == [1, 2]
