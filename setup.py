@@ -56,6 +56,7 @@ setup(
         "pyproj>=3.6",
         "pydantic>=2.7",
         "ruamel.yaml>=0.17.21",
+        "pykrige>=1.7",
         "pynmea2>=1.19",
         "click>=8.1",
         "rich>=13.7",
@@ -90,7 +91,6 @@ setup(
             "hypothesis>=6.100",
             "mpmath>=1.3",
             "crnpy>=0.7",
-            "pykrige>=1.7",
             "pyogrio>=0.8",
             "mcap-ros2-support>=0.5",
             "colcon-core",
@@ -103,7 +103,7 @@ setup(
             "ruff>=0.6",
             "wheel",  # builds the example plug-in
         ],
-        "bench": ["gstools>=1.5", "pykrige>=1.7", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
+        "bench": ["gstools>=1.5", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
     },
     entry_points={
         "console_scripts": [

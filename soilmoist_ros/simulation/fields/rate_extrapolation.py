@@ -1,4 +1,4 @@
-"""Point rates extrapolated to a field by ordinary kriging."""
+"""Point rates extrapolated to a field by ordinary kriging, with PyKrige."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 Array = NDArray[np.float64]
 
 MAX_POINTS = 1000
-"""Maximum number of points; with more, the dense kriging system takes too long."""
+"""Maximum number of points; with more, the dense kriging system of PyKrige takes too long."""
 NUMBERS_AT_ONCE = 4_000_000
 
 
@@ -86,7 +86,7 @@ def kriged_grid(xy: Array, rate_cps: Array, variogram: Variogram, extent: Extent
 class KrigedRate:
     """Rate of a field by :func:`kriged_grid`, computed on first use.
 
-    Many callers need only the outline of a field.
+    Many callers need only the outline of a field, and the kriging takes most of a second.
 
     The parameters are those of :func:`kriged_grid`.
     """
@@ -108,25 +108,25 @@ class KrigedRate:
 
 
 def _estimate(xy: Array, values: Array, variogram: Variogram, places: Array) -> Array:
-    """Ordinary kriging at positions of shape (m, 2): one solution for the weights of the points, then sums."""
-    from scipy.linalg import LinAlgError, LinAlgWarning, solve
-    from scipy.spatial.distance import cdist
+    """PyKrige's estimates at positions of shape (m, 2), in blocks that fit into memory."""
+    from pykrige.ok import OrdinaryKriging
+    from scipy.linalg import LinAlgError, LinAlgWarning
 
-    def covariance(some: Array) -> Array:
-        square = cdist(variogram.scaled(some), variogram.scaled(xy), "sqeuclidean")
-        return variogram.structured_sill * variogram.correlation_of_square(square)
+    def semivariance(parameters: list[float], distance: Array) -> Array:
+        # Include the nugget at distance 0: PyKrige zeroes the diagonal, and the estimate filters the nugget.
+        return variogram.nugget + variogram.structured_sill * (1 - variogram.correlation(distance))
 
-    matrix = covariance(xy) + variogram.nugget * np.eye(len(xy))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LinAlgWarning)  # krige checks the result
         try:
-            ones, of_values = solve(matrix, np.column_stack([np.ones(len(xy)), values]), assume_a="sym").T
+            kriging = OrdinaryKriging(
+                *xy.T, values, "custom", [0.0], variogram_function=semivariance, exact_values=False
+            )
+            blocks = np.array_split(places, -(-len(places) * (len(xy) + 1) // NUMBERS_AT_ONCE))
+            parts = [np.asarray(kriging.execute("points", *block.T)[0]) for block in blocks]
         except LinAlgError:
             return np.full(len(places), np.nan)
-    mean = of_values.sum() / ones.sum()
-    weights = of_values - mean * ones
-    blocks = np.array_split(places, -(-len(places) * len(xy) // NUMBERS_AT_ONCE))
-    return np.asarray(mean + np.concatenate([covariance(block) @ weights for block in blocks]))
+    return np.concatenate(parts)
 
 
 def _reproduced(values: Array, estimates: Array) -> bool:
