@@ -303,6 +303,21 @@ class PoissonKriging:
         between += np.outer(mean, mean) + shared @ shared.T
         return rate, np.asarray(between)
 
+    def shared(self, xy: ArrayLike) -> Array:
+        """Errors that the rates at places have by those that the samples share (``uncertain`` of :meth:`fit`).
+
+        :param xy: places, shape (m, 2) [m]
+        :returns: one standard deviation of each independent error, shape (m, k) [counts/s]
+        :raises RuntimeError: before :meth:`fit`
+        """
+        targets = self._targets(check_xy(xy))
+        if not self._uncertain.size:
+            return np.empty((len(targets.xy), 0))
+        amplitude, errors = self.variogram.amplitude_at(targets.xy), []
+        for tile, solved in self._system.solved_tiles(targets, self.keep_nugget):
+            errors.append(self._system.shared(solved if amplitude is None else solved * amplitude[tile, None]))
+        return np.concatenate(errors)
+
     def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
         rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
         variance += target_variance(self.variogram, self.keep_nugget, targets.xy)

@@ -221,6 +221,8 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
 
     :returns: ``None`` if there are too many samples, or nothing to average
     """
+    from soilmoist_ros.mapping import PoissonKriging
+
     kriging = _kriging(soil_map)
     cells, rate = _some_cells(soil_map)
     curve = soil_map.curve
@@ -235,6 +237,8 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     block = weight @ kriging.covariance(cells, cells) @ weight
     gap = weight.sum() - kriging.ones @ towards
     variance = block - towards @ kriging.solve(towards) + gap**2 / kriging.ones.sum()
+    if isinstance(soil_map.made_by, PoissonKriging):
+        variance += ((weight @ soil_map.made_by.shared(cells)) ** 2).sum()
     return float(np.sqrt(max(variance, 0.0)))
 
 
