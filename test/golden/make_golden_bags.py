@@ -154,8 +154,8 @@ class _Recorded(mission_simulator._Simulation):
         self.events.append(replace(record, stamp_s=record.stamp_s + START_S))
         return record
 
-    def update_map(self) -> None:
-        super().update_map()
+    def update_map(self, later: bool = False) -> None:
+        super().update_map(later)
         if self.channels[0].records:
             self.events.append(None)
 

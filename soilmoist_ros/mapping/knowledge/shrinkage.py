@@ -16,10 +16,10 @@ Array = NDArray[np.float64]
 
 SCALES = np.array([0.0, 0.1, 0.16, 0.25, 0.4, 0.63, 1.0])
 """Possible standard deviations of an effect, in units of a wide prior's."""
-MULTIPLICITY = 1.5
+MULTIPLICITY = 1.25
 """Each of k covariates has an effect with the prior probability 1 / (1 + k^this): the more there are, the more of
 them seem to have one by chance."""
-MAX_USELESS = 0.8
+MAX_USELESS = 0.85
 """Posterior probability of no effect above which a covariate is left out."""
 _SWEEPS = 4
 
