@@ -34,8 +34,11 @@ def chromium() -> Iterator[Any]:
 def slide(page: Any, text: str) -> None:
     """Move a slide to its end, as a finger does."""
     knob = page.locator(f'.slide[data-slide^="{text}"] input')
-    knob.scroll_into_view_if_needed()
-    box = knob.bounding_box()
+    knob.wait_for()
+    box = knob.evaluate(  # in one step: a page that is drawn anew replaces its slides
+        "e => { e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
+        " return {x: b.x, y: b.y, width: b.width, height: b.height}; }"
+    )
     y = box["y"] + box["height"] / 2
     page.mouse.move(box["x"] + 28, y)
     page.mouse.down()

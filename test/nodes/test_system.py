@@ -52,7 +52,8 @@ class Robot:
         time = {"use_sim_time": True}
         if record:
             self.start("recorder", out=str(folder), name="bag")
-        self.start("mapper", **files, save_dir=str(folder / "map"), noise="local", simulated=True, **time)
+        model = {"noise": "local", "local": "auto", "drift_model": "auto"}
+        self.start("mapper", **files, save_dir=str(folder / "map"), **model, simulated=True, **time)
         self.start("planner", field=files["field"], autostart=True, exit_when_finished=True, **time, **mission)
         ports = folder / "ports.json"
         simulator = {"field": field, "logger_port": 0, "gnss_port": 0, "ports_file": str(ports), **dict(simulator)}
