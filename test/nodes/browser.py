@@ -33,12 +33,16 @@ def chromium() -> Iterator[Any]:
 
 def slide(page: Any, text: str) -> None:
     """Move a slide to its end, as a finger does."""
+    from playwright.sync_api import Error
+
     knob = page.locator(f'.slide[data-slide^="{text}"] input')
-    knob.wait_for()
-    box = knob.evaluate(  # in one step: a page that is drawn anew replaces its slides
-        "e => { e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
-        " return {x: b.x, y: b.y, width: b.width, height: b.height}; }"
-    )
+    for _ in range(5):
+        try:
+            knob.scroll_into_view_if_needed()
+            if (box := knob.bounding_box()) is not None:
+                break
+        except Error:  # the page has just been drawn anew, with another slide
+            continue
     y = box["y"] + box["height"] / 2
     page.mouse.move(box["x"] + 28, y)
     page.mouse.down()

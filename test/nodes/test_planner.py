@@ -1,5 +1,6 @@
 """Missions with a real planner process (planner_inputs.py, planner_outputs.py), a virtual robot and navigation."""
 
+import math
 from functools import partial
 
 import pytest
