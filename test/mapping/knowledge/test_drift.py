@@ -58,6 +58,21 @@ def records(timed):
     ]
 
 
+def map_errors(surveys, *change):
+    """Root mean squared errors of maps with the drift model and without."""
+    errors = []
+    for seed in range(surveys):
+        timed, truth = survey(seed, *change)
+        maps = []
+        for drift in ("auto", "off"):
+            field_map = FieldMap(GRID, FieldMapSettings(local="off", drift_model=drift))
+            field_map.set_records(records(timed))
+            field_map.update()
+            maps.append(np.mean((field_map.rate - truth) ** 2))
+        errors.append(maps)
+    return np.sqrt(np.mean(errors, axis=0))
+
+
 @pytest.mark.slow
 def test_a_drift_is_found_and_nearly_never_where_there_is_none():
     found = [find_change(survey(seed, 0.1)[0], HOURS * 3600, VARIOGRAM).drift for seed in range(20)]
@@ -70,34 +85,14 @@ def test_a_drift_is_found_and_nearly_never_where_there_is_none():
 
 
 def test_a_drift_that_is_not_there_costs_little():
-    errors = []
-    for seed in range(8):
-        timed, truth = survey(seed)
-        maps = []
-        for drift in ("auto", "off"):
-            field_map = FieldMap(GRID, FieldMapSettings(local="off", drift_model=drift))
-            field_map.set_records(records(timed))
-            field_map.update()
-            maps.append(np.mean((field_map.rate - truth) ** 2))
-        errors.append(maps)
-    auto, off = np.sqrt(np.mean(errors, axis=0))
+    auto, off = map_errors(8)
     assert auto < 1.05 * off
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("change", [0.1, -0.1, 0.3])
 def test_a_drift_does_not_become_a_pattern(change):
-    errors = []
-    for seed in range(6):
-        timed, truth = survey(seed, change)
-        maps = []
-        for drift in ("auto", "off"):
-            field_map = FieldMap(GRID, FieldMapSettings(local="off", drift_model=drift))
-            field_map.set_records(records(timed))
-            field_map.update()
-            maps.append(np.mean((field_map.rate - truth) ** 2))
-        errors.append(maps)
-    auto, off = np.sqrt(np.mean(errors, axis=0))
+    auto, off = map_errors(6, change)
     assert auto < 0.8 * off
 
 
