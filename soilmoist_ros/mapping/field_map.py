@@ -168,8 +168,8 @@ class FieldMap:
 
     :param grid: the field
     :param settings: choices
-    :param knowledge: what is known of the field besides the counts of this survey; where this tells something,
-        the variance does not differ from place to place, whatever ``local`` says
+    :param knowledge: what is known of the field besides the counts of this survey; with earlier surveys or useful
+        covariates, the variance does not differ from place to place, whatever ``local`` is
     :raises ValueError: if a setting is out of range
 
     Attributes

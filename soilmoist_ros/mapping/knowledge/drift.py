@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.system import KrigingSystem
-from soilmoist_ros.mapping.kriging.targets import Points
+from soilmoist_ros.mapping.kriging.targets import sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 DriftModel = Literal["auto", "off"]
@@ -61,7 +60,7 @@ MAX_SAMPLES = 1000
 _MIN_FACTOR = 0.1
 _STEPS = np.linspace(-3.0, 3.0, 13)
 """Logarithms of the standard deviations that are compared, in standard deviations of their prior."""
-_TOLD = 1e-6
+_MIN_INFORMATION = 1e-6
 _KEPT = 1e-3
 """Least variance of a component of u that is kept, relative to the greatest."""
 
@@ -254,7 +253,7 @@ def find_change(
     rate: float | LocalRate | None = None,
     prior: FieldPrior | None = None,
 ) -> Change:
-    """How the mean rate changed, as far as the counts tell.
+    """How the mean rate changed, as far as the counts show it.
 
     The variogram stays as it was fitted without a drift: a common fit lowered the error of simulated maps by less
     than 1 %.
@@ -277,8 +276,8 @@ def find_change(
     begin_s = float(time_s.min())
     times_s = np.linspace(begin_s, now_s, int(np.clip(round((now_s - begin_s) / KNOT_S) + 1, 2, MAX_KNOTS)))
     of_sample = np.broadcast_to(noise_rates(rate, samples.xy), len(samples))
-    told = _whitened(system, _hats(times_s, time_s) * of_sample[:, None])
-    evidence = _Evidence(times_s, told.T @ told, told.T @ system.residual)
+    of_knots = _whitened(system, _hats(times_s, time_s) * of_sample[:, None])
+    evidence = _Evidence(times_s, of_knots.T @ of_knots, of_knots.T @ system.residual)
     return Change(_drift(evidence), _jump(evidence, noise_rate(samples)))
 
 
@@ -291,10 +290,7 @@ def _unmerged(
     xy, n = samples.xy, len(samples)
     place = merge_exactly(samples)[1]
     amplitude = variogram.amplitude_at(xy)
-    matrix = Supports(xy, samples.spread).average(
-        lambda points: Points(variogram, xy, points, samples.spread).correlation(slice(0, n)).T
-    )
-    matrix *= variogram.structured_sill
+    matrix = sample_correlation(variogram, xy, samples.spread) * variogram.structured_sill
     matrix += variogram.nugget * (place[:, None] == place)
     noise = noise_rates(rate, xy) / samples.exposure_s
     features = np.empty((0, 0))
@@ -327,20 +323,20 @@ def _hats(times_s: Array, time_s: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
-    """What the counts tell of u: its log likelihood is ``told u - u' information u / 2``.
+    """The log likelihood of u, ``score' u - u' information u / 2``.
 
     :param times_s: knots, shape (k,) [s]
     :param information: shape (k, k)
-    :param told: shape (k,)
+    :param score: shape (k,)
     """
 
     times_s: Array
     information: Array
-    told: Array
+    score: Array
 
     @property
     def trend(self) -> Array:
-        """Independent parts of a trend of 1 per hour, of which the counts tell independently, shape (k, parts)."""
+        """Independent parts of a trend of 1 per hour, for which the information is diagonal, shape (k, parts)."""
         age_h = (self.times_s[-1] - self.times_s) / 3600
         square = np.multiply.outer(age_h, age_h) + WANDER_H * np.minimum.outer(age_h, age_h)
         values, vectors = np.linalg.eigh(square)
@@ -353,8 +349,8 @@ class _Evidence:
         return np.tri(len(self.times_s)).T[:, :-1]
 
     def of(self, parts: Array) -> tuple[Array, Array]:
-        """Information on the amount of each part alone, and what is told of it, shapes (parts,)."""
-        return np.maximum(((self.information @ parts) * parts).sum(axis=0), 0.0), parts.T @ self.told
+        """Information on the amount of each part alone, and its score, shapes (parts,)."""
+        return np.maximum(((self.information @ parts) * parts).sum(axis=0), 0.0), parts.T @ self.score
 
 
 def _drift(evidence: _Evidence) -> Drift | None:
@@ -393,26 +389,26 @@ def _components(covariance: Array) -> Array:
     return np.asarray((vectors[:, kept] * np.sqrt(values[kept])).T)
 
 
-def _normal(information: Array, told: Array, variance: Array) -> tuple[Array, Array, Array]:
+def _normal(information: Array, score: Array, variance: Array) -> tuple[Array, Array, Array]:
     """Rise of the log likelihood, posterior mean and variance of amounts with a normal prior.
 
     :param information: on each amount, shape (parts,)
-    :param told: shape (parts,)
+    :param score: shape (parts,)
     :param variance: prior variances, shape (sizes, 1)
     """
     scale = 1 + variance * information
-    return 0.5 * (variance * told**2 / scale - np.log(scale)), variance * told / scale, variance / scale
+    return 0.5 * (variance * score**2 / scale - np.log(scale)), variance * score / scale, variance / scale
 
 
 def _jump(evidence: _Evidence, mean_rate: float) -> Jump | None:
-    """The likeliest jump, certain or not; ``None`` if the counts tell of none."""
-    information, told = evidence.of(evidence.jumps)
-    # Of a jump between visits of the same places the counts tell nothing: this is rounding.
-    known = np.flatnonzero(information > _TOLD)
+    """The likeliest jump, certain or not; ``None`` if the counts hold no information on any."""
+    information, score = evidence.of(evidence.jumps)
+    # On a jump between visits of the same places the counts hold no information: this is rounding.
+    known = np.flatnonzero(information > _MIN_INFORMATION)
     if not len(known):
         return None
-    rise = _normal(information[known], told[known], np.array([[GUESSED_JUMP**2]]))[0][0]
+    rise = _normal(information[known], score[known], np.array([[GUESSED_JUMP**2]]))[0][0]
     best = int(known[np.argmax(rise)])
-    share, sd = float(-told[best] / information[best]), float(information[best] ** -0.5)
+    share, sd = float(-score[best] / information[best]), float(information[best] ** -0.5)
     since_s = float(evidence.times_s[best : best + 2].mean())
     return Jump(since_s, share * mean_rate, sd * mean_rate, share)
