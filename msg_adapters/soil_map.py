@@ -1,6 +1,6 @@
-"""``soil_map``: the map as an organised PointCloud2; ``uncertainty``: the map's uncertainty as an OccupancyGrid.
+"""``soil_map`` and ``change``: organised PointCloud2; ``uncertainty``: the map's uncertainty as an OccupancyGrid.
 
-Both have the rows and columns of the field's grid: rows from south to north, columns from west to east.
+All have the rows and columns of the field's grid: rows from south to north, columns from west to east.
 """
 
 from __future__ import annotations
@@ -18,12 +18,19 @@ from std_msgs.msg import Header
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message
 from msg_adapters.stamps import to_time
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.change import FieldChange
 from soilmoist_ros.mapping.soil_map import SoilMap
 
 BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
 _ADDED: Final = BANDS[4:]
 CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *BANDS)])
 """A cell: centre in the plane z = 0 [m], and the :class:`Bands`."""
+CHANGE: Final = {
+    "change_rate": "rate", "change_rate_sd": "rate_sd", "change_vwc": "vwc", "change_vwc_sd": "vwc_sd",
+    "significant": "significant",
+}  # fmt: skip
+"""Fields of ``change``, and the rasters of :class:`FieldChange` that they have."""
+CHANGE_CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *CHANGE)])
 OUTSIDE: Final = -1
 """Uncertainty of a cell outside the field."""
 
@@ -34,14 +41,20 @@ def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
     :param soil_map: the map on this grid; without a map all bands are NaN
     :returns: array of :data:`CELL`, shape (rows, columns); a cell outside the field is all NaN
     """
-    cells = np.full(grid.shape, np.nan, CELL)
+    cells = _placed(grid, CELL)
+    if soil_map is not None:
+        for name in BANDS:
+            cells[name] = getattr(soil_map, name)
+    return cells
+
+
+def _placed(grid: FieldGrid, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Cells of a kind with their places, else NaN, shape (rows, columns)."""
+    cells = np.full(grid.shape, np.nan, kind)
     row, column = np.nonzero(grid.mask)
     cells["x"][row, column] = grid.x_m[column]
     cells["y"][row, column] = grid.y_m[row]
     cells["z"][row, column] = 0.0
-    if soil_map is not None:
-        for name in BANDS:
-            cells[name] = getattr(soil_map, name)
     return cells
 
 
@@ -71,6 +84,30 @@ def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
     for name in known.names or ():
         cells[name] = found[name]
     return cells
+
+
+def change_to_message(
+    grid: FieldGrid, change: FieldChange | None, stamp_s: float, frame_id: str = FRAME
+) -> PointCloud2:
+    """Message of a change since an earlier survey, rounded to 32 bits.
+
+    :param grid: the field
+    :param change: on this grid; without one all bands are NaN
+    :param stamp_s: end of the last record in it [s since 1970-01-01 UTC]
+    """
+    cells = _placed(grid, CHANGE_CELL)
+    if change is not None:
+        for name, raster in CHANGE.items():
+            cells[name] = getattr(change, raster)
+    return points_to_message(cells, stamp_s, frame_id)
+
+
+def change_from_message(message: PointCloud2) -> NDArray[Any]:
+    """Cells of a message: array of :data:`CHANGE_CELL`, shape (rows, columns), NaN outside the field.
+
+    :raises ValueError: if a field is missing
+    """
+    return points_from_message(message, CHANGE_CELL)
 
 
 def uncertainty_to_message(

@@ -16,6 +16,12 @@ from soilmoist_ros.reporting.live.terminal import DRY_TO_WET
 Array = NDArray[np.float64]
 
 _COLOURS: Final = 254
+_PALE: Final = 0.3
+"""Strength of the colour of a change that may be chance."""
+_DRIER_TO_WETTER: Final = np.array(
+    [(84, 48, 5), (166, 97, 26), (223, 194, 125), (245, 245, 245), (128, 205, 193), (1, 133, 113), (0, 60, 48)],
+    float,
+)
 _OUTSIDE: Final = 255
 """Index of the transparent colour."""
 _CERTAIN_TO_NOT: Final = np.array(
@@ -31,19 +37,29 @@ class Layer:
     :param title: what it is
     :param unit: its unit
     :param colours: colours from low to high, shape (k, 3)
+    :param note: what else the page says of it
     """
 
     key: str
     title: str
     unit: str
     colours: Array
+    note: str = ""
+
+    @property
+    def is_change(self) -> bool:
+        """Whether 0 is in the middle of the colours, and what may be chance is pale."""
+        return self.key.startswith("change")
 
 
+_PALE_NOTE: Final = "Pale: may be chance"
 LAYERS: Final = (
     Layer("vwc", "Soil moisture", "m³/m³", DRY_TO_WET),
     Layer("vwc_sd", "Uncertainty of the moisture", "m³/m³", _CERTAIN_TO_NOT),
     Layer("rate", "Neutron rate", "counts/s", DRY_TO_WET[::-1]),
     Layer("rate_sd", "Uncertainty of the rate", "counts/s", _CERTAIN_TO_NOT),
+    Layer("change_vwc", "Change of moisture", "m³/m³", _DRIER_TO_WETTER, f"Brown: drier. {_PALE_NOTE}"),
+    Layer("change_rate", "Change of the rate", "counts/s", _DRIER_TO_WETTER[::-1], f"Brown: drier. {_PALE_NOTE}"),
 )
 
 
@@ -52,9 +68,12 @@ class MapLayers:
 
     :param cells: fields x, y and the bands, shape (rows, columns), south first, NaN outside the field
     :param version: number of the map
+    :param change: fields of a change since an earlier survey in the same cells, if there is one
     """
 
-    def __init__(self, cells: NDArray[Any], version: int) -> None:
+    def __init__(self, cells: NDArray[Any], version: int, change: NDArray[Any] | None = None) -> None:
+        if change is not None and change.shape == cells.shape:
+            cells = _joined(cells, change)
         inside = np.isfinite(cells["x"]) & np.isfinite(cells["y"])
         rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
         self.version = version
@@ -86,6 +105,7 @@ class MapLayers:
                     "limits": [float(f"{value:.3g}") for value in self._limits(layer)],
                     "colours": [_hex(colour) for colour in layer.colours],
                     "mean": float(f"{np.nanmean(self._cells[layer.key]):.3g}"),
+                    "note": layer.note,
                 }
                 for layer in shown
             ],
@@ -105,8 +125,15 @@ class MapLayers:
             share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(values.shape, 0.5)
             index = np.full(values.shape, _OUTSIDE, np.uint8)
             known = np.isfinite(values)
-            index[known] = np.rint(share[known] * (_COLOURS - 1))
-            self._pictures[key] = _png(index[::-1], layer.colours)
+            palette = _palette(layer.colours, _COLOURS)
+            if layer.is_change:  # the second half of the palette is pale
+                half = _palette(layer.colours, _COLOURS // 2)
+                palette = np.concatenate([half, 255 - _PALE * (255 - half)])
+                index[known] = np.rint(share[known] * (_COLOURS // 2 - 1))
+                index[known & (self._cells["significant"] == 0)] += _COLOURS // 2
+            else:
+                index[known] = np.rint(share[known] * (_COLOURS - 1))
+            self._pictures[key] = _png(index[::-1], palette)
         return self._pictures[key]
 
     def at(self, x_m: float, y_m: float) -> dict[str, float]:
@@ -123,26 +150,50 @@ class MapLayers:
         return {name: float(f"{cell[name]:.5g}") for name in bands if math.isfinite(cell[name])}
 
     def _has(self, layer: Layer) -> bool:
+        if layer.key == "change_rate" and self._has_values("change_vwc"):  # one change is enough
+            return False
+        return self._has_values(layer.key)
+
+    def _has_values(self, key: str) -> bool:
         names = self._cells.dtype.names or ()
-        return layer.key in names and bool(np.isfinite(self._cells[layer.key]).any())
+        return key in names and bool(np.isfinite(self._cells[key]).any())
 
     def _limits(self, layer: Layer) -> tuple[float, float]:
         """Quantiles, so that a few outliers have no effect."""
         values = np.asarray(self._cells[layer.key], float)
+        if layer.is_change:
+            most = float(np.nanquantile(np.abs(values), 0.98))
+            return -most, most
         low, high = np.nanquantile(values, (0.02, 0.98))
         return float(low), float(high)
+
+
+def _joined(cells: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
+    """Cells with the further fields of others."""
+    added = [name for name in more.dtype.names or () if name not in (cells.dtype.names or ())]
+    joined = np.empty(cells.shape, [*cells.dtype.descr, *((name, more.dtype[name].str) for name in added)])
+    for name in joined.dtype.names or ():
+        joined[name] = (more if name in added else cells)[name]
+    return joined
+
+
+def _palette(colours: Array, count: int) -> Array:
+    """Colours in between, shape (count, 3).
+
+    :param colours: from low to high, shape (k, 3)
+    """
+    steps = np.linspace(0, len(colours) - 1, count)
+    return np.column_stack([np.interp(steps, np.arange(len(colours)), band) for band in colours.T])
 
 
 def _png(index: NDArray[np.uint8], colours: Array) -> bytes:
     """A picture with a palette.
 
     :param index: numbers of colours, shape (rows, columns), top first
-    :param colours: colours from low to high, shape (k, 3)
+    :param colours: the palette, shape (:data:`_COLOURS`, 3)
     """
-    steps = np.linspace(0, len(colours) - 1, _COLOURS)
     palette = np.zeros((256, 3), np.uint8)
-    for band in range(3):
-        palette[:_COLOURS, band] = np.rint(np.interp(steps, np.arange(len(colours)), colours[:, band]))
+    palette[:_COLOURS] = np.rint(colours)
     height, width = index.shape
     rows = np.zeros((height, width + 1), np.uint8)  # each row begins with the number of its filter
     rows[:, 1:] = index

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Path as PathMessage
+from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import NavSatFix, PointCloud2
@@ -20,7 +21,7 @@ from msg_adapters.environment import fix_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.plan import path_to_places
 from msg_adapters.samples import samples_from_message
-from msg_adapters.soil_map import soil_map_from_message
+from msg_adapters.soil_map import change_from_message, soil_map_from_message
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.invitation import LOOPBACK, invitation, reachable
@@ -55,6 +56,7 @@ class Console(Node):
         self._field = load_field(resource("fields", values.text("field")))
         self._board = Board()
         self._picture: MapLayers | None = None
+        self._cells: dict[str, NDArray[Any]] = {}
         self._health: dict[str, tuple[Health, float]] = {}
         self._visits: list[dict[str, Any]] = []
         self._faults: dict[str, str] = {}
@@ -90,6 +92,7 @@ class Console(Node):
             self.create_subscription(PathMessage, f"{below}plan", partial(self._on_plan, robot), LATCHED)
             self._subscribe_typed(robot, below)
         self.create_subscription(PointCloud2, "soil_map", self._on_map, LATCHED)
+        self.create_subscription(PointCloud2, "change", self._on_change, LATCHED)
         self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
         if map_topic:
@@ -146,13 +149,26 @@ class Console(Node):
 
     def _on_map(self, message: PointCloud2) -> None:
         try:
-            version = 1 if self._picture is None else self._picture.version + 1
-            self._picture = MapLayers(soil_map_from_message(message), version)
+            self._cells["map"] = soil_map_from_message(message)
         except ValueError as error:
             self._ignore("soil_map", error)
             return
-        self._board.put("map", self._picture.about)
+        self._show_map()
         self._board.hear("map")
+
+    def _on_change(self, message: PointCloud2) -> None:
+        try:
+            self._cells["change"] = change_from_message(message)
+        except ValueError as error:
+            self._ignore("change", error)
+            return
+        if "map" in self._cells:
+            self._show_map()
+
+    def _show_map(self) -> None:
+        version = 1 if self._picture is None else self._picture.version + 1
+        self._picture = MapLayers(self._cells["map"], version, self._cells.get("change"))
+        self._board.put("map", self._picture.about)
 
     def _on_samples(self, message: PointCloud2) -> None:
         try:

@@ -36,6 +36,7 @@ from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput
 from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.map_records import TEAM_S, MapRecords
@@ -78,6 +79,7 @@ class Mapper(Node):
         self._soil_map = self.create_publisher(PointCloud2, "soil_map", qos.LATCHED)
         self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self._change = ChangeOutput(self, self._survey, self._frame) if self._survey.earlier else None
         self._worker = MapWorker(self._online.compute, self._publish)
         # The planner needs the cell size before the first map.
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
@@ -147,6 +149,8 @@ class Mapper(Node):
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
+        if self._change is not None:
+            self._change.put(soil_map, stamp_s)
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._guard:
@@ -173,6 +177,8 @@ class Mapper(Node):
         now_s = self.get_clock().now().nanoseconds * 1e-9
         with self._guard:
             parts = [map_health(self._online, self._worker, now_s)]
+        if self._change is not None:
+            parts.append(self._change.health)
         if problem := self._sources.problem:
             parts.append(Health("records", Level.ERROR, problem))
         if lost := self._arrived.lost:
@@ -184,6 +190,8 @@ class Mapper(Node):
         self._aside.close()
         self._arrived.close()
         self._worker.close()
+        if self._change is not None:
+            self._change.close()
         self._sources.close()
 
 

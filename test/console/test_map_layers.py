@@ -11,6 +11,7 @@ from matplotlib.image import imread
 from soilmoist_ros.console.map_layers import LAYERS, MapLayers
 
 BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
+CHANGE_BANDS = ("change_rate", "change_rate_sd", "change_vwc", "change_vwc_sd", "significant")
 
 
 def cells(moisture=True):
@@ -57,3 +58,27 @@ def test_without_a_map_there_is_no_layer():
     empty = np.full((2, 2), np.nan, [(name, "<f4") for name in BANDS])
     assert MapLayers(empty, 1).about == {"version": 1, "extent": [], "layers": []}
     assert MapLayers(empty, 1).at(0.0, 0.0) == {}
+
+
+def test_a_change_is_pale_where_it_may_be_chance():
+    change = np.full((5, 4), np.nan, [(name, "<f4") for name in ("x", "y", "z", *CHANGE_BANDS)])
+    part = change[1:4, 1:3]
+    part["change_rate"], part["change_rate_sd"] = [[-0.5, 0.5], [-0.5, 0.5], [0.0, 0.0]], 0.2
+    part["significant"] = [[-1, 1], [0, 0], [0, 0]]
+    layers = MapLayers(cells(), 1, change)
+    about = layers.about["layers"][-1]
+    assert (about["key"], about["limits"]) == ("change_rate", [-0.5, 0.5])
+    picture = imread(io.BytesIO(layers.png("change_rate")), format="png")[::-1, :, :3]
+    rate_fell, rate_rose = LAYERS[-1].colours[[0, -1]] / 255
+    assert picture[0] == pytest.approx(np.array([rate_fell, rate_rose]), abs=0.01)
+    assert (picture[1] > 0.69 + 0.3 * picture[0]).all(), "pale"
+    assert layers.at(13.0, 1.0)["significant"] == 1
+    part["change_vwc"] = 0.01
+    assert [one["key"] for one in MapLayers(cells(), 1, change).about["layers"]][-1] == "change_vwc"
+
+
+def test_a_change_in_other_cells_is_left_out():
+    change = np.zeros((2, 2), [(name, "<f4") for name in ("x", "y", "z", *CHANGE_BANDS)])
+    assert [one["key"] for one in MapLayers(cells(), 1, change).about["layers"]] == [
+        "vwc", "vwc_sd", "rate", "rate_sd",
+    ]  # fmt: skip

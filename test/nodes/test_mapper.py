@@ -22,11 +22,12 @@ from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.samples import samples_from_message
-from msg_adapters.soil_map import map_cells, soil_map_from_message, uncertainty_from_message
+from msg_adapters.soil_map import change_from_message, map_cells, soil_map_from_message, uncertainty_from_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.reporting.earlier.run_change import run_change
 from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
@@ -108,10 +109,14 @@ def publish(publisher, records):
 
 def on_line(field, records, **options):
     """The core after records that were converted to messages and back."""
+    return surveyed(field, records, **options).map
+
+
+def surveyed(field, records, **options):
     survey = open_survey(str(field), "example", **options)
     for one in records:
         survey.map.add(counts_from_message(counts_to_message([one]))[0])
-    return survey.map
+    return survey
 
 
 def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
@@ -266,13 +271,20 @@ def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, s
         before.map.add(replace(one, stamp_s=one.stamp_s - 7 * 86400))
     before.save(tmp_path / "may", before.map.snapshot())
     records, outputs = survey_records(16), Outputs(ros)
+    changes = ros.collect(PointCloud2, "change", qos.LATCHED)
     _, publisher = start(earlier=[str(tmp_path / "may")])
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
-    core = on_line(field, records, earlier=[tmp_path / "may"])
+    core_survey = surveyed(field, records, earlier=[tmp_path / "may"])
+    core = core_survey.map
     of_core = core.compute(core.state)
     rate = soil_map_from_message(outputs.soil_map[-1])["rate"]
     np.testing.assert_array_equal(rate.reshape(of_core.rate.shape), of_core.rate.astype(np.float32))
+    ros.wait_for(lambda: changes and to_seconds(changes[-1].header.stamp) == records[-1].stamp_s)
+    found = run_change(of_core, records[-1].stamp_s, core_survey.earlier)
+    np.testing.assert_array_equal(
+        change_from_message(changes[-1])["change_vwc"], found.change.vwc.astype(np.float32)
+    )
     answer = ros.call(Trigger, "mapper/save", timeout=60)
     assert answer.success
     summary = json.loads((tmp_path / "saved" / "summary.json").read_text())

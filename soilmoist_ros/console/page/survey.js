@@ -87,14 +87,23 @@ function octagon(radius) {
   return [...Array(8).keys()].map((n) => [place.x + radius * Math.cos((n + 0.5) * Math.PI / 4), place.y + radius * Math.sin((n + 0.5) * Math.PI / 4)]);
 }
 
+function changeText(values) {
+  const key = ["change_vwc", "change_rate"].find((one) => values[one] !== undefined);
+  if (!key) return "";
+  const [digits, unit] = key === "change_vwc" ? [3, "m³/m³"] : [2, "counts/s"];
+  const sure = values.significant === 0 ? "may be chance" : "significant";
+  return `change ${values[key] < 0 ? "" : "+"}${values[key].toFixed(digits)} ± ${values[`${key}_sd`].toFixed(digits)} ${unit}, ${sure}`;
+}
+
 function placeText(values) {
   if (values === undefined) return ["…", ""];
   if (values === null) return ["The console did not answer", ""];
+  const change = changeText(values);
   if (values.vwc !== undefined) {
     const range = values.vwc_p05 !== undefined ? `90 % between ${values.vwc_p05.toFixed(3)} and ${values.vwc_p95.toFixed(3)}` : "";
-    return [`${values.vwc.toFixed(3)} ± ${values.vwc_sd.toFixed(3)} m³/m³`, `${range}; rate ${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`];
+    return [`${values.vwc.toFixed(3)} ± ${values.vwc_sd.toFixed(3)} m³/m³`, [range, `rate ${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, change].filter(Boolean).join("; ")];
   }
-  if (values.rate !== undefined) return [`${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, ""];
+  if (values.rate !== undefined) return [`${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, change];
   return ["No value here yet", ""];
 }
 
@@ -246,7 +255,7 @@ function renderMap() {
   const layers = about?.layers ?? [];
   load();
   fill("layers", [layers.map((one) => one.key), shownLayer()], () => layers.map((one) => {
-    const node = button({ vwc: "Moisture", vwc_sd: "± Moisture", rate: "Rate", rate_sd: "± Rate" }[one.key] ?? one.title, () => { showLayer(one.key); render(); });
+    const node = button({ vwc: "Moisture", vwc_sd: "± Moisture", rate: "Rate", rate_sd: "± Rate", change_vwc: "Change", change_rate: "Change" }[one.key] ?? one.title, () => { showLayer(one.key); render(); });
     node.setAttribute("aria-pressed", String(one.key === shownLayer()));
     return node;
   }));
@@ -257,7 +266,7 @@ function renderMap() {
     const bar = element("canvas", { width: 190, height: 1 }), pen = bar.getContext("2d"), shade = pen.createLinearGradient(0, 0, 190, 0);
     one.colours.forEach((colour, index) => shade.addColorStop(index / (one.colours.length - 1), colour));
     pen.fillStyle = shade; pen.fillRect(0, 0, 190, 1);
-    return [element("div", {}, `${one.title} [${one.unit}]`), bar, element("div", { class: "row" }, element("span", {}, String(one.limits[0])), element("span", {}, `mean ${one.mean}`), element("span", {}, String(one.limits[1])))];
+    return [element("div", {}, `${one.title} [${one.unit}]`), bar, element("div", { class: "row" }, element("span", {}, String(one.limits[0])), element("span", {}, `mean ${one.mean}`), element("span", {}, String(one.limits[1]))), ...(one.note ? [element("div", {}, one.note)] : [])];
   });
   draw();
 }

@@ -108,6 +108,15 @@ def change_text(found: RunChange) -> str:
     )
 
 
+def change_summary(found: RunChange) -> str:
+    """What has changed since the latest earlier survey, in one line."""
+    drier, wetter = found.change.shares
+    return (
+        f"{change_since(found)}: mean {change_amount(found)}, "
+        f"{100 * wetter:.0f} % of the field significantly wetter, {100 * drier:.0f} % drier"
+    )
+
+
 def change_amount(found: RunChange) -> str:
     """Change of the field's mean with its 95 % interval: of the moisture, or of the rate without a calibration."""
     mean = found.change.mean_vwc

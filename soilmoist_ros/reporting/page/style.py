@@ -18,7 +18,7 @@ INK = "#22303c"
 SOFT = "#5d6b78"
 FAINT = "#d5dbe1"
 BLUE, ORANGE, GREEN, PURPLE, GOLD = "#0072b2", "#d55e00", "#009e73", "#8c4a8c", "#c9a000"
-WATER, RATE, UNCERTAIN, DIFFERENCE = "YlGnBu", "YlOrBr", "Purples", "PuOr"
+WATER, RATE, UNCERTAIN, DIFFERENCE = "YlGnBu", "YlOrBr", "Purples", "BrBG"
 """Colour maps that colour-blind readers can distinguish. Each quantity has its own in every report, dark for wet,
 for many counts and for uncertain."""
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.0

@@ -84,7 +84,7 @@ def _layers(season: Season, step: int) -> Iterator[dict[str, Any]]:
     if np.isfinite(change).any():
         most = colour_limits(np.abs(change))[1]
         unit, digits = (PERCENT, 1) if moist else ("counts/s", 2)
-        name = f"{DIFFERENCE}_r" if moist else DIFFERENCE
+        name = DIFFERENCE if moist else f"{DIFFERENCE}_r"
         unsure = [
             pack_bits((one.change.significant == 0)[::step, ::step]) if one.change is not None else ""
             for one in surveys

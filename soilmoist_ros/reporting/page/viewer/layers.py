@@ -180,13 +180,13 @@ def _change(run: MapRun, change: FieldChange, index: int) -> Iterator[dict[str, 
     most = colour_limits(np.abs(values), sd)[1]
     unit, digits = (PERCENT, 1) if moist else ("counts/s", 2)
     unsure = (change.significant == 0) & run.soil_map.grid.mask
-    # Purple is dry in both: less moisture, or more neutrons.
-    colour = f"{DIFFERENCE}_r" if moist else DIFFERENCE
+    # Brown is dry in both: less moisture, or more neutrons.
+    colour = DIFFERENCE if moist else f"{DIFFERENCE}_r"
     yield {
         **_raster(run, index, f"change{end}", values),
         **_shown(f"{name}Change", unit, digits, colour, (-most, most)), "sd": f"change_sd{end}",
         "hatch": pack_bits(_cells(run, unsure)), "hatchText": "not significant",
-        "about": "Change since the latest earlier survey: purple is drier, orange is wetter. Hatched: the change "
+        "about": "Change since the latest earlier survey: brown is drier, green is wetter. Hatched: the change "
         "may be chance (false discovery rate 5 %).",
     }  # fmt: skip
     yield {**_raster(run, index, f"change_sd{end}", sd)}
@@ -203,9 +203,9 @@ def _truth(run: MapRun, truth: Array, index: int) -> Iterator[dict[str, Any]]:
         "about": "What the map of the rate should show, in the same colours.",
     }  # fmt: skip
     yield {
-        **_shown(f"{name}Error", "counts/s", 2, DIFFERENCE, (-most, most)), "grid": index, "key": f"error{end}",
-        "minus": [f"rate{end}", f"truth{end}"], "name": "Map minus truth",
-        "about": "Estimate minus truth: purple where the map is too dry, orange where it is too wet.",
+        **_shown(f"{name}Error", "counts/s", 2, f"{DIFFERENCE}_r", (-most, most)),
+        "grid": index, "key": f"error{end}", "minus": [f"rate{end}", f"truth{end}"], "name": "Map minus truth",
+        "about": "Estimate minus truth: brown where the map is too dry, green where it is too wet.",
     }  # fmt: skip
 
 

@@ -1,0 +1,73 @@
+"""The change of the field since an earlier survey, while the map grows: the topic ``change`` of a mapper."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.soil_map import change_to_message
+from soilmoist_ros.foundation.batches import Batches
+from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.reporting.earlier.run_change import run_change
+from soilmoist_ros.reporting.field_survey import FieldSurvey
+from soilmoist_ros.reporting.page.earlier_section import change_summary
+
+PAUSE_S: Final = 5.0
+"""Shortest time from one change to the next [s]."""
+SHARE: Final = 20
+"""The pause is at least this multiple of the time that a change takes."""
+PART: Final = "change"
+
+
+class ChangeOutput:
+    """Computes the change of the newest map in a thread, and publishes it.
+
+    :param node: the mapper
+    :param survey: the field, with at least one earlier survey
+    :param frame: frame of the message
+    """
+
+    def __init__(self, node: Node, survey: FieldSurvey, frame: str) -> None:
+        self._survey, self._frame = survey, frame
+        self._publisher = node.create_publisher(PointCloud2, "change", LATCHED)
+        self._said = Health(PART, Level.OK, "waiting for enough samples for a map")
+        self._closing = False
+        self._maps: Batches[tuple[SoilMap | None, float]] = Batches(self._compute, PART)
+
+    @property
+    def health(self) -> Health:
+        """What has changed, in words."""
+        return self._said
+
+    def put(self, soil_map: SoilMap | None, stamp_s: float) -> None:
+        """Compute the change of a map soon; never waits.
+
+        :param soil_map: ``None`` if there is no map any more
+        :param stamp_s: end of its last record [s since 1970-01-01 UTC]
+        """
+        self._maps.put((soil_map, stamp_s))
+
+    def close(self) -> None:
+        """Publish the change of the last map, then end."""
+        self._closing = True
+        self._maps.close()
+
+    def _compute(self, maps: Sequence[tuple[SoilMap | None, float]]) -> None:
+        soil_map, stamp_s = maps[-1]
+        began_s = time.monotonic()
+        found = None if soil_map is None else run_change(soil_map, stamp_s, self._survey.earlier)
+        change = None if found is None else found.change
+        self._publisher.publish(change_to_message(self._survey.map.grid, change, stamp_s, self._frame))
+        if found is not None:
+            self._said = Health(PART, Level.OK, change_summary(found))
+        elif soil_map is not None:
+            self._said = Health(PART, Level.OK, "not computed: the surveys have too many samples")
+        until_s = time.monotonic() + max(PAUSE_S, SHARE * (time.monotonic() - began_s))
+        while time.monotonic() < until_s and not self._closing:
+            time.sleep(0.1)
