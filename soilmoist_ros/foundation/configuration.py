@@ -6,17 +6,24 @@ import re
 from collections.abc import Mapping, Sequence
 from io import StringIO
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Final, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[int | str, ...]
+
+_MAX_YAML_BYTES: Final = 2_000_000
+_MAX_YAML_DEPTH: Final = 100
+_MAX_YAML_VALUES: Final = 100_000
+"""Values of a file, where each alias counts as all that it stands for; reading them takes a few seconds."""
 
 
 class Section(BaseModel):
@@ -77,15 +84,32 @@ def read_yaml(path: Path) -> Any:
     :raises InputError: if the file cannot be read or is not valid YAML
     """
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:
+            data = file.read(_MAX_YAML_BYTES + 1)
+        text = data.decode("utf-8-sig") if len(data) <= _MAX_YAML_BYTES else " " * len(data)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", "check the path and its permissions", path) from None
     except UnicodeDecodeError as error:
         raise InputError(
             f"is not UTF-8 text (byte {error.start})", "save the file as UTF-8 in a text editor", path
         ) from None
+    return parse_yaml(text, path, "rt")
+
+
+def parse_yaml(text: str, path: Path | None = None, kind: Literal["safe", "rt"] = "safe") -> Any:
+    """The content of a YAML text, which may come from a stranger: size, depth and aliases have limits.
+
+    :param text: at most 2 MB, 100 levels, and 100 000 values where an alias counts as all that it stands for
+    :param path: where the text comes from, for the message
+    :param kind: ``safe`` for plain data, ``rt`` for data that know their lines and comments
+    :raises InputError: if it is not valid YAML, or beyond a limit
+    """
+    if len(text) > _MAX_YAML_BYTES:
+        raise InputError(f"is larger than {_MAX_YAML_BYTES / 1e6:g} MB of YAML", "give a smaller file", path)
+    yaml = YAML(typ=kind)
+    yaml.Composer = _LimitedComposer
     try:
-        return YAML(typ="rt").load(StringIO(text))
+        return yaml.load(StringIO(text))
     except MarkedYAMLError as error:
         mark = error.problem_mark
         mistake = Mistake(
@@ -95,8 +119,38 @@ def read_yaml(path: Path) -> Any:
             mark.line + 1 if mark else 0,
         )
         raise InputError([mistake]) from None
-    except (YAMLError, ValueError) as error:
+    except (YAMLError, ValueError, TypeError, AttributeError, AssertionError, RecursionError) as error:
         raise InputError(f"is not valid YAML: {error}", "open it in a text editor and repair it", path) from None
+
+
+class _LimitedComposer(Composer):
+    """Counts values, so that a few lines of aliases of aliases do not become billions of values."""
+
+    def __init__(self, loader: Any = None) -> None:
+        super().__init__(loader)
+        self.warn_double_anchors = False
+        self._values = 0
+        self._sizes: dict[str | None, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.parser.peek_event()
+        before = self._values
+        alias = isinstance(event, AliasEvent)
+        if alias and event.anchor in self.anchors:  # inside itself it has no size yet, and would have no end
+            self._values += self._sizes.get(event.anchor, _MAX_YAML_VALUES)
+        self._values += 1
+        for number, limit, what in (
+            (self._values, _MAX_YAML_VALUES, "values"),
+            (self.depth, _MAX_YAML_DEPTH, "levels"),
+        ):
+            if number > limit:
+                raise MarkedYAMLError(problem=f"more than {limit} {what}", problem_mark=event.start_mark)
+        if not alias:
+            self._sizes.pop(event.anchor, None)
+        node = super().compose_node(parent, index)
+        if not alias:
+            self._sizes[event.anchor] = self._values - before
+        return node
 
 
 def load_model(path: Path, model: type[Model]) -> Model:

@@ -1,4 +1,4 @@
-"""Values that JSON has words for."""
+"""Values that JSON has words for, and texts that no spreadsheet computes."""
 
 from __future__ import annotations
 
@@ -13,3 +13,25 @@ def nan_as_text(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [nan_as_text(item) for item in value]
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def csv_text(value: Any) -> Any:
+    """The value as a cell of CSV: a text that a spreadsheet would take for a formula gets an apostrophe in front.
+
+    >>> csv_text("=A1"), csv_text("stop 3"), csv_text(-4.5)
+    ("'=A1", 'stop 3', -4.5)
+    """
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
+
+
+def text_of_csv(cell: str) -> str:
+    """The text that :func:`csv_text` wrote.
+
+    >>> text_of_csv("'=1"), text_of_csv("stop 3")
+    ('=1', 'stop 3')
+    """
+    return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA) else cell
+
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""Beginnings of formulas, in both widths, and what a spreadsheet removes before them."""

@@ -7,11 +7,15 @@ import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Final
 
 _CHECKSUM: Final = re.compile(rb',"crc":"([0-9a-f]{8})"\}')
 _TAIL_LENGTH: Final = len(b',"crc":"00000000"}')
 _NEWLINE: Final = 0x0A
+_MAX_TRIES: Final = 8
+"""Entries of a damaged line that are tried although their checksum is right: one is enough for an accident."""
+_MAX_PROBLEMS: Final = 100
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,8 @@ def decode(data: bytes, name: str = "journal") -> Lines:
     """Read lines back.
 
     An incomplete last line is dropped: it was never confirmed. A single flipped bit anywhere is found by the
-    checksum, and the entry is read as it was written.
+    checksum, and the entry is read as it was written. The time grows with the length of the data, whatever they
+    are.
 
     :param data: content of the file
     :param name: name of the file in the problems
@@ -86,6 +91,8 @@ def decode(data: bytes, name: str = "journal") -> Lines:
             good_bytes = len(data)
         else:
             problems.append(f"{name}, line {number + 1}: cut off after {len(rest)} bytes; it was never confirmed")
+    if len(problems) > _MAX_PROBLEMS:
+        problems[_MAX_PROBLEMS:] = [f"{name}: {len(problems) - _MAX_PROBLEMS} further lines are damaged"]
     return Lines(tuple(entries), tuple(problems), good_bytes)
 
 
@@ -116,13 +123,19 @@ def _parse(line: bytes) -> Entry | None:
     try:
         content = json.loads(line)
         return Entry(int(content["seq"]), str(content["kind"]), dict(content["data"]))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
 
 
 def _without_newline(line: bytes) -> list[Entry]:
     """Both entries of two lines whose newline was damaged; the second may be missing at the end of the file."""
+    crc = read = tries = 0
     for match in _CHECKSUM.finditer(line):
+        crc = zlib.crc32(memoryview(line)[read : match.start()], crc)
+        read = match.start()
+        if crc != int(match[1], 16) or tries == _MAX_TRIES:
+            continue
+        tries += 1
         first = _parse(line[: match.end()])
         if first is not None:
             second = _parse(line[match.end() + 1 :])
@@ -134,10 +147,36 @@ def _without_newline(line: bytes) -> list[Entry]:
 
 
 def _one_bit_off(line: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """All lines that differ in one bit."""
+    """Lines that differ in one bit, and may be whole for it."""
     changed = bytearray(line)
-    for index in range(len(line)):
-        for bit in range(8):
-            changed[index] ^= 1 << bit
-            yield index, bit, bytes(changed)
-            changed[index] ^= 1 << bit
+    body = max(0, len(line) - _TAIL_LENGTH)
+    match = _CHECKSUM.fullmatch(line, body)
+    places = [(index, bit) for index in range(body, len(line)) for bit in range(8)]
+    if match is not None:
+        places += islice(_flips(zlib.crc32(line[:body]) ^ int(match[1], 16), body), _MAX_TRIES)
+    for index, bit in places:
+        changed[index] ^= 1 << bit
+        yield index, bit, bytes(changed)
+        changed[index] ^= 1 << bit
+
+
+def _flips(difference: int, length: int) -> Iterator[tuple[int, int]]:
+    """Places (byte, bit) of data whose flip changes their CRC-32 by a difference.
+
+    A CRC is linear: the difference depends on the place only. It is taken back byte by byte from the end, until it
+    is that of a flip in the last byte.
+    """
+    for index in range(length - 1, -1, -1):
+        if difference in _FLIP_OF_LAST:
+            yield index, _FLIP_OF_LAST[difference]
+        low = _BY_HIGH_BYTE[difference >> 24]
+        difference = (difference ^ _CRC_TABLE[low]) << 8 & 0xFFFFFFFF | low
+
+
+def _crc_of_byte(value: int) -> int:
+    return zlib.crc32(bytes([value])) ^ zlib.crc32(b"\0")
+
+
+_CRC_TABLE: Final = tuple(map(_crc_of_byte, range(256)))
+_BY_HIGH_BYTE: Final = {entry >> 24: low for low, entry in enumerate(_CRC_TABLE)}
+_FLIP_OF_LAST: Final = {_CRC_TABLE[1 << bit]: bit for bit in range(8)}

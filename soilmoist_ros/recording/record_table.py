@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.plain_values import csv_text, text_of_csv
 from soilmoist_ros.sensing.records import CountRecord
 
 RECORDS: Final = "records.csv"
@@ -30,7 +31,7 @@ def write_records(path: Path, records: Sequence[CountRecord]) -> None:
         with part.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(COLUMNS)
-            table.writerows([getattr(record, name) for name in COLUMNS] for record in records)
+            table.writerows([csv_text(getattr(record, name)) for name in COLUMNS] for record in records)
         os.replace(part, path)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another folder", path) from None
@@ -57,7 +58,8 @@ def read_records(path: Path) -> list[CountRecord]:
 def _record(row: dict[str, str], path: Path, line: int) -> CountRecord:
     try:
         values = {name: float(row[name]) for name in _NUMBERS if name != "raw_counts"}
-        return CountRecord(raw_counts=int(row["raw_counts"]), **values, quarantine=row.get("quarantine") or "")
+        quarantine = text_of_csv(row.get("quarantine") or "")
+        return CountRecord(raw_counts=int(row["raw_counts"]), **values, quarantine=quarantine)
     except (TypeError, ValueError) as error:
         remedy = "delete the line, or restore the file"
         raise InputError([Mistake(f"is not a record: {error}", remedy, path, line)]) from None

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.plain_values import text_of_csv
 from soilmoist_ros.recording.record_table import COLUMNS, read_records
 
 if TYPE_CHECKING:
@@ -210,7 +211,7 @@ def _visit(row: dict[str, str]) -> Visit:
     kinds = {"int": int, "float": float, "str": str, "VisitEnd": VisitEnd}
     values: dict[str, Any] = {}
     for field in fields(Visit):
-        text = row.get(field.name, "")
+        text = text_of_csv(row.get(field.name) or "")
         if text or field.default is MISSING:
             values[field.name] = kinds[str(field.type)](text or "nan" if field.type == "float" else text)
     return Visit(**values)

@@ -8,12 +8,14 @@ import signal
 import subprocess
 import sys
 import textwrap
+import zlib
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording import journal_lines
 from soilmoist_ros.recording.journal import Journal, load_journal
 from soilmoist_ros.recording.journal_lines import Entry, decode, encode
 
@@ -89,6 +91,48 @@ def test_worse_damage_is_named_and_costs_only_its_lines(tmp_path):
         "journal.jsonl, line 2: is damaged and was skipped",
         "journal.jsonl: entry 2 is missing",
     )
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        b"\0" * 1_000_000,
+        b'{"seq":1,"kind":"event","data":{' + b"x" * 1_000_000 + b'},"crc":"00000000"}',
+        b',"crc":"00000000"}' * 60_000,
+        b'{"seq":1,"kind":"event","data":' + b"[" * 1_000_000,
+        b"\n" * 100_000,
+    ],
+)
+def test_a_damaged_line_of_a_megabyte_costs_no_more_work_than_its_length(damage, monkeypatch):
+    # The work is counted in bytes given to checksums and parsers, each byte a few hundred times.
+    work = 0
+    real_crc32, real_loads = zlib.crc32, json.loads
+
+    def crc32(data, *more):
+        nonlocal work
+        work += len(data)
+        return real_crc32(data, *more)
+
+    def loads(data):
+        nonlocal work
+        work += len(data)
+        return real_loads(data)
+
+    first, last = encode(Entry(1, "event", {"n": 1})), encode(Entry(2, "event", {"n": 2}))
+    monkeypatch.setattr(journal_lines.zlib, "crc32", crc32)
+    monkeypatch.setattr(journal_lines.json, "loads", loads)
+    lines = decode(first + damage + b"\n" + last)
+    assert [entry.seq for entry in lines.entries] == [1, 2]
+    assert 1 <= len(lines.problems) <= 101
+    assert work < 500 * len(damage)
+
+
+def test_a_flipped_bit_of_a_long_line_is_repaired_by_its_checksum():
+    whole = encode(Entry(1, "event", {"text": "x" * 200_000}))
+    for place in (0, 7, 100_000, len(whole) - 30, len(whole) - 10):
+        damaged = bytearray(whole)
+        damaged[place] ^= 4
+        assert decode(bytes(damaged)).entries == decode(whole).entries
 
 
 def test_only_entries_after_the_snapshot_are_left_to_replay(tmp_path):

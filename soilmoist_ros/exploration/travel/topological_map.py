@@ -116,7 +116,7 @@ def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap
     """
     try:
         content = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(
             f"the topological map is not valid JSON: {error}", "check what publishes it", path
         ) from None

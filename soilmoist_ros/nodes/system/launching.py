@@ -6,9 +6,7 @@ import importlib
 import sys
 from collections.abc import Mapping
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
+from soilmoist_ros.foundation.configuration import parse_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.nodes.parameters.parameter import Value, check_values
 
@@ -55,7 +53,7 @@ def property_argument(given: str, old_name: str, old: str) -> list[str]:
 
 def _value(text: str) -> object:
     try:
-        value: object = YAML(typ="safe").load(text)
-    except YAMLError:
+        value: object = parse_yaml(text)
+    except InputError:
         return text
     return value

@@ -8,8 +8,8 @@ from io import StringIO
 from typing import Any, Final
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.definitions import Definition
 
 INFINITE_NS: Final = 2**63 - 1
@@ -150,10 +150,11 @@ def to_yaml(content: object) -> str:
 
 def qos_from_yaml(text: str) -> tuple[Qos, ...]:
     """Qualities of service from the text in a bag; numbers of older versions become words."""
+    from soilmoist_ros.foundation.configuration import parse_yaml  # the recorder writes only
+
     try:
-        entries = YAML(typ="safe").load(text)
-        return tuple(_qos(entry) for entry in entries or ())
-    except (YAMLError, KeyError, TypeError, ValueError, AttributeError):
+        return tuple(_qos(entry) for entry in parse_yaml(text) or ())
+    except (InputError, KeyError, TypeError, ValueError, AttributeError):
         return ()
 
 

@@ -9,6 +9,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.foundation.plain_values import csv_text
 from soilmoist_ros.simulation.mission.result import MissionResult
 
 
@@ -36,7 +37,7 @@ def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -
 
 def _cell(name: str, value: object) -> object:
     if not isinstance(value, float):
-        return value
+        return csv_text(value)
     if not math.isfinite(value):
         return ""
     # Unix time needs ten digits before the point.

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.plain_values import csv_text
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
 from soilmoist_ros.reporting.files.strict_json import write_json
@@ -149,7 +150,7 @@ def _write_table(path: Path, season: Season) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
         writer.writeheader()
-        writer.writerows(table)
+        writer.writerows({name: csv_text(value) for name, value in row.items()} for row in table)
 
 
 def write_stack(path: Path, season: Season) -> Path:

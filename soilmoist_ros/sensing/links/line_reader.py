@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import logging
-import queue
 import threading
+from collections import deque
 from collections.abc import Callable
 
 from soilmoist_ros.sensing.links.line_source import LineSource, LinkStatus
 
 MAX_WAITING = 20_000
 """Maximum number of waiting lines; above it, the reader pauses."""
+MAX_WAITING_BYTES = 16 << 20
+"""Maximum size of waiting lines [bytes]; above it, the reader pauses."""
 _WAIT_S = 0.2
 _STOP_S = 5.0
 _log = logging.getLogger(__name__)
@@ -26,7 +28,9 @@ class LineReader:
     def __init__(self, source: LineSource, on_line: Callable[[], None]) -> None:
         self._source = source
         self._on_line = on_line
-        self._waiting: queue.Queue[bytes] = queue.Queue(MAX_WAITING)
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._taken = threading.Condition()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="line reader", daemon=True)
         self._thread.start()
@@ -38,12 +42,10 @@ class LineReader:
 
     def take(self, max_lines: int) -> list[bytes]:
         """Remove and return at most ``max_lines`` lines, oldest first."""
-        lines: list[bytes] = []
-        while len(lines) < max_lines:
-            try:
-                lines.append(self._waiting.get_nowait())
-            except queue.Empty:
-                break
+        with self._taken:
+            lines = [self._waiting.popleft() for _ in range(min(max_lines, len(self._waiting)))]
+            self._waiting_bytes -= sum(map(len, lines))
+            self._taken.notify()
         return lines
 
     def stop(self) -> None:
@@ -64,10 +66,13 @@ class LineReader:
                 self._put(line)
 
     def _put(self, line: bytes) -> None:
-        while not self._stopping.is_set():
-            try:
-                self._waiting.put(line, timeout=_WAIT_S)
-            except queue.Full:
-                continue
-            self._on_line()
-            return
+        with self._taken:
+            while not self._taken.wait_for(lambda: self._has_room(line), _WAIT_S):
+                if self._stopping.is_set():
+                    return
+            self._waiting.append(line)
+            self._waiting_bytes += len(line)
+        self._on_line()
+
+    def _has_room(self, line: bytes) -> bool:
+        return len(self._waiting) < MAX_WAITING and self._waiting_bytes + len(line) <= MAX_WAITING_BYTES

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plain_values import csv_text
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.hindsight import QUARTER, hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
@@ -180,7 +181,7 @@ def write_tables(out: Path, finished: Finished) -> list[Path]:
             workshop = out / f".{path.name}.writing"
             try:
                 if suffix == "csv":
-                    table.to_csv(workshop, index=False, float_format="%.8g", lineterminator="\n")
+                    table.map(csv_text).to_csv(workshop, index=False, float_format="%.8g", lineterminator="\n")
                 else:
                     table.to_parquet(workshop, index=False)
                 os.replace(workshop, path)

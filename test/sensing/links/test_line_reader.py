@@ -6,7 +6,7 @@ import time
 from scripted_server import LIMIT_S, QUICK, ScriptedServer, sends
 
 from soilmoist_ros.sensing.links import LinkState, open_source
-from soilmoist_ros.sensing.links.line_reader import LineReader
+from soilmoist_ros.sensing.links.line_reader import MAX_WAITING, MAX_WAITING_BYTES, LineReader
 
 
 def test_a_reader_returns_the_lines_of_its_thread_and_stops():
@@ -22,3 +22,30 @@ def test_a_reader_returns_the_lines_of_its_thread_and_stops():
     assert len(called) >= 3
     assert reader.status.state is LinkState.CLOSED
     assert not [thread for thread in threading.enumerate() if thread.name == "line reader"]
+
+
+def test_lines_that_wait_are_limited_in_their_size():
+    class Flood:
+        def __init__(self):
+            self.read = 0
+
+        def read_line(self, timeout_s):
+            self.read += 1
+            return b"x" * 65_536
+
+        def close(self):
+            pass
+
+    flood = Flood()
+    reader = LineReader(flood, lambda: None)
+    deadline = time.monotonic() + LIMIT_S
+    while flood.read <= MAX_WAITING_BYTES // 65_536 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.05)  # it waits now, and goes on when lines are taken
+    assert flood.read == MAX_WAITING_BYTES // 65_536 + 1
+    taken = reader.take(MAX_WAITING)
+    assert sum(map(len, taken)) == MAX_WAITING_BYTES
+    while flood.read < 2 * len(taken) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert flood.read >= 2 * len(taken)
+    reader.stop()
