@@ -461,7 +461,13 @@ class FieldMap:
             self.soil_map, self._mapped = soil_map, state
         return soil_map
 
-    def compute(self, state: MapState, progress: Progress | None = None, compute: Compute = map) -> SoilMap | None:
+    def compute(
+        self,
+        state: MapState,
+        progress: Progress | None = None,
+        compute: Compute = map,
+        grid: FieldGrid | None = None,
+    ) -> SoilMap | None:
         """The map of a state, ``None`` while its samples are too few: one place for REML, two for soft-L1.
 
         It depends on nothing but the state and the settings.
@@ -469,6 +475,7 @@ class FieldMap:
         :param state: what it is made of
         :param progress: called with the fraction done, from above 0 to 1; not for maps that take no time
         :param compute: computes the tiles of a map of very many samples, as :class:`TiledKriging`
+        :param grid: another grid of the same field
         :raises IllConditionedError: if the samples and the variogram contradict each other numerically
         """
         fit, settings = self.fit(state), self.settings
@@ -480,14 +487,14 @@ class FieldMap:
         with self._computing:
             return make_soil_map(
                 state.samples,
-                self.grid,
+                self.grid if grid is None else grid,
                 fit,
                 settings.curve,
                 settings.keep_nugget,
                 progress,
                 most,
                 compute,
-                self._raster,
+                self._raster if grid is None else None,
                 changing,
             )
 

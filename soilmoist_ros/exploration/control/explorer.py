@@ -48,8 +48,8 @@ class Plan:
 class Explorer:
     """Chooses stops for one mission.
 
-    :param properties: what is mapped, all on one grid. The mission counts the first, so its counts decide the
-        dwell, and stops are weighed by maps only once it has one
+    :param properties: what is mapped, all in the same cells of one grid. The mission counts the first, so its
+        counts decide the dwell, and stops are weighed by maps only once it has one
     :param stops: stops that may be chosen
     :param travel: routes and times
     :param strategy: the strategy of this mission
@@ -64,6 +64,8 @@ class Explorer:
         too late for are not offered
     :param min_last_dwell_s: a stop must leave at least this for counting [s], if it is more than ``min_dwell_s``
     :param forecasts: whether plans have forecasts of the map
+    :param grid: the field, where the maps are only of the cells that represent it (:func:`planning_grid`); their
+        grid if ``None``
     """
 
     def __init__(
@@ -82,9 +84,11 @@ class Explorer:
         kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
         min_last_dwell_s: float = 0.0,
         forecasts: bool = True,
+        grid: FieldGrid | None = None,
     ) -> None:
         self.properties = list(properties)
-        self.grid = self.properties[0].field_map.grid
+        mapped = self.properties[0].field_map.grid
+        self.grid = mapped if grid is None else grid
         self.stops = stops
         self.travel = travel
         self.strategy = strategy
@@ -100,8 +104,10 @@ class Explorer:
         self._numbers = {stop.name: number for number, stop in enumerate(stops)}
         self._map_xy = self.grid.cells
         self._stops_are_cells = np.array_equal(self._xy, self._map_xy)
-        self._cells = spread_cells(self.grid.mask, MAX_CELLS)[self.grid.mask]
+        represented = planning_grid(self.grid).mask
+        self._cells = represented[self.grid.mask]
         self._cells_xy = self._map_xy[self._cells]
+        self._mapped = represented[mapped.mask]  # of the cells that are mapped
         self._considered = self._few_stops()
         self._home_s = self._way_home_s(kept_for_home_s)
         self._forecasts = forecasts
@@ -321,7 +327,7 @@ class Explorer:
         """Relative weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
         weights = np.full(len(self._cells_xy), 1 / len(self._cells_xy))
         if of.curve is not None and of.field_map.soil_map is not None:
-            weights = weights * of.curve.weight(of.field_map.rate[self._cells])
+            weights = weights * of.curve.weight(of.field_map.rate[self._mapped])
         return weights
 
     def _smooth_variance(self, soil_map: SoilMap, variance: Array) -> Array | None:
@@ -333,7 +339,7 @@ class Explorer:
             return None
         amplitude = soil_map.variogram.amplitude_at(self._cells_xy)
         nugget = soil_map.variogram.nugget * (1.0 if amplitude is None else amplitude**2)
-        return np.asarray(np.maximum(variance[self._cells] - nugget, 0.0))
+        return np.asarray(np.maximum(variance[self._mapped] - nugget, 0.0))
 
     def _few_stops(self) -> NDArray[np.bool_]:
         """Stops that are compared: all, or an even selection of them."""
@@ -348,7 +354,7 @@ class Explorer:
     def _variance(self, field_map: FieldMap, kept: NDArray[np.intp]) -> Array:
         if field_map.soil_map is None:
             return np.ones(len(kept))
-        if self._stops_are_cells:
+        if self._stops_are_cells and len(self._mapped) == len(self._xy):
             return field_map.variance[kept]
         assert field_map.kriging is not None
         return field_map.kriging.predict(self._xy[kept])[1]
@@ -365,6 +371,11 @@ class Explorer:
 
 def _sum(arrays: Iterable[Array]) -> Array:
     return reduce(np.add, arrays)
+
+
+def planning_grid(grid: FieldGrid) -> FieldGrid:
+    """The grid with only those cells that represent the field to a planner."""
+    return replace(grid, mask=spread_cells(grid.mask, MAX_CELLS))
 
 
 def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:

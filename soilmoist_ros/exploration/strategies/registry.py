@@ -28,6 +28,8 @@ class StrategyKind:
     :param make: makes the strategy of one mission, from the constants of a preset
     :param label: name for reports
     :param needs_map: whether it cannot choose without a map once the warm-up is over
+    :param whole_map: whether it looks at the variance of every cell. Otherwise those that represent the field to
+        the look-ahead suffice, and a simulation maps the others at its end only
     :param warm_up_stops: stops before the map guides it; ``None`` for as many as the preset has
     :param warm_up: makes the strategy that chooses these
     :param is_baseline: whether others are compared with it: reports show its maps last
@@ -39,6 +41,7 @@ class StrategyKind:
     make: Callable[[Preset], Strategy]
     label: str = ""
     needs_map: bool = True
+    whole_map: bool = True
     warm_up_stops: int | None = None
     warm_up: Callable[[Preset], Strategy] = Random
     is_baseline: bool = False
@@ -70,19 +73,21 @@ BUILT_IN = {
     "monte_carlo": StrategyKind(MonteCarlo, "Monte Carlo", colour="#0072b2"),
     "adaptive_sampling": StrategyKind(_with_solver(AdaptiveSampling), "Adaptive sampling", colour="#009e73"),
     "random": StrategyKind(
-        Random, "Random", needs_map=False, warm_up_stops=0, is_baseline=True, colour="#5d6b78",
+        Random, "Random", needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, colour="#5d6b78",
         dashes=(0, (1.2, 1.6)), width=1.7,
     ),
     "lattice": StrategyKind(
-        _with_solver(lambda preset: Lattice()), "Lattice", needs_map=False, warm_up_stops=0, is_baseline=True,
-        colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
+        _with_solver(lambda preset: Lattice()), "Lattice", needs_map=False, whole_map=False, warm_up_stops=0,
+        is_baseline=True, colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
     ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(
-        _variance_reduction, "Integrated variance", warm_up_stops=1, warm_up=_variance_reduction, colour="#22303c"
+        _variance_reduction, "Integrated variance", whole_map=False, warm_up_stops=1, warm_up=_variance_reduction,
+        colour="#22303c",
     ),
     "gcb": StrategyKind(
-        _cost_benefit_tour, "Cost-benefit tour", warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000"
+        _cost_benefit_tour, "Cost-benefit tour", whole_map=False, warm_up_stops=1, warm_up=_cost_benefit_tour,
+        colour="#c9a000",
     ),
 }  # fmt: skip
 

@@ -26,8 +26,9 @@ class Situation:
     :param candidates: stops that may be chosen, without the blacklisted ones
     :param candidates_xy: their places [m], shape (k, 2)
     :param stop_variance: computes :attr:`variance`
-    :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,)
-    :param map_xy: centres of these cells [m], shape (g, 2)
+    :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,); in a
+        simulation, of those that represent the field, if the strategy's kind has ``whole_map`` false
+    :param map_xy: centres of all cells inside the polygon [m], shape (g, 2)
     :param cell_m: size of the cells [m]
     :param position_xy: where the robot is [m], shape (2,)
     :param measured_xy: places measured so far [m], shape (n, 2)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.control.explorer import planning_grid
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import Field
@@ -15,7 +16,6 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.covariates import Covariates, joined
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
@@ -42,13 +42,17 @@ class Channel:
     :param number: number of the property, from 0
     :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
     :param covariates: covariates that inform it, likewise
+    :param whole: whether every map is of all cells; otherwise only the last one is, the others are of those that
+        represent the field
 
     Attributes
     ----------
     field_map : FieldMap
         the map
     errors : MapErrors
-        errors of the last map
+        errors of the last map, in its cells
+    soil_map : SoilMap | None
+        the last map, ``None`` before the first
     records : list[CountRecord]
         all records so far, in order of time
     """
@@ -63,8 +67,10 @@ class Channel:
         number: int = 0,
         earlier: Sequence[EarlierSurvey] = (),
         covariates: Covariates | None = None,
+        whole: bool = True,
     ) -> None:
         self.field = field
+        self.grid = grid
         self.wanted = wanted
         self.curve = curve
         self._of_stops = settings.map_from == "stops"
@@ -84,11 +90,13 @@ class Channel:
         merge_m = default_merge_radius_m(grid, choices.margin_m)
         surveys = (one.survey(merge_m, radius_m) for one in self.series)
         covariates = joined(covariates, simulated_covariates(field, grid, settings, number))
-        self.field_map = FieldMap(grid, choices, Knowledge((*earlier, *surveys), covariates))
+        mapped = grid if whole else planning_grid(grid)
+        self.field_map = FieldMap(mapped, choices, Knowledge((*earlier, *surveys), covariates))
         self.drift = settings.rate_drift
         self._truth = field.rate_at(grid.cells)
-        self._true_vwc = None if curve is None or self.drift.share else possible_moisture(curve, self._truth)
+        self._mapped = mapped.mask[grid.mask]
         self.errors = MapErrors()
+        self.soil_map: SoilMap | None = None
         self._noted: tuple[MapState, float] | None = None
         self.records: list[CountRecord] = []
 
@@ -133,18 +141,26 @@ class Channel:
         return self._truth * self.drift.factor(now_s)
 
     def _update(self, now_s: float, state: MapState | None = None) -> None:
-        if self.field_map.update(state) is not None:
-            rate, rate_sd = self.field_map.rate, np.sqrt(self.field_map.variance)
-            self.errors = map_errors(rate, rate_sd, self.truth(now_s), self.curve, self._true_vwc)
+        self._score(now_s, self.field_map.update(state))
 
-    @property
-    def soil_map(self) -> SoilMap | None:
-        """The last map with all bands, ``None`` before the first map."""
-        return self.field_map.soil_map
+    def finish(self, now_s: float) -> None:
+        """Make the last map, which is of all cells."""
+        self.update(now_s)
+        if self.field_map.soil_map is not None and not self._mapped.all():
+            self._score(now_s, self.field_map.compute(self.field_map.state, grid=self.grid))
+
+    def _score(self, now_s: float, soil_map: SoilMap | None) -> None:
+        """Keep a new map and its errors."""
+        if soil_map is None:
+            return
+        mask, truth = soil_map.grid.mask, self.truth(now_s)
+        true_rate = truth if len(truth) == np.count_nonzero(mask) else truth[self._mapped]
+        self.soil_map = soil_map
+        self.errors = map_errors(soil_map.rate[mask], np.sqrt(soil_map.variance[mask]), true_rate, self.curve)
 
     def mapped(self, now_s: float) -> MappedProperty:
         """The property as a part of the result of a mission that ends now."""
-        truth = self.field_map.grid.to_raster(self.truth(now_s))
+        truth = self.grid.to_raster(self.truth(now_s))
         name, weight = self.wanted.name, self.wanted.weight
         records, series = tuple(self.records), tuple(self.series)
         covariates = self.field_map.knowledge.covariates

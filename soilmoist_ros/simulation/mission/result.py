@@ -35,7 +35,8 @@ class SeriesRow:
     :param samples: finished visits
     :param counting_s: time that all robots together spent counting at stops [s]
     :param errors: errors of the map of each property against the truth of its time; the first is that of the
-        mission field
+        mission field. Of a strategy that does without the variance of every cell, the entries before the last are
+        of some hundred cells, evenly spaced
     """
 
     time_s: float

@@ -155,11 +155,8 @@ class _Simulation:
         self.settings = settings
         self.forecasts_wanted = forecasts or settings.until_sd > 0 or settings.until_gain > 0
         # Without this, nothing depends on the maps; they are made for the entries of the series only.
-        self.guided = (
-            strategy_kind(settings.strategy).needs_map
-            or isinstance(dwell_rule(settings.dwell), Optimal)
-            or self.forecasts_wanted
-        )
+        kind = strategy_kind(settings.strategy)
+        self.guided = kind.needs_map or isinstance(dwell_rule(settings.dwell), Optimal) or self.forecasts_wanted
         fields = mission_fields(settings)
         field = fields[0]
         if settings.target == "vwc" and field.curve is None:
@@ -183,6 +180,7 @@ class _Simulation:
                 number,
                 earlier.get(wanted.name, ()),
                 known,
+                kind.whole_map or settings.map_from == "stops",
             )
             for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True))
         ]
@@ -245,6 +243,7 @@ class _Simulation:
             counting=Counting(settings.cadence_s, settings.map_from == "records"),
             min_last_dwell_s=mission.rules.min_last_dwell_s,
             forecasts=self.forecasts_wanted,
+            grid=self.grid,
         )
         start = start_stop(field.field, self.stops)
         body = VirtualRobot(settings.real_motion, (start.x_m, start.y_m))
@@ -282,7 +281,8 @@ class _Simulation:
                 progress(min(self.now_s / (3600 * self.settings.hours), 1.0))
         for robot in self.robots:
             robot.body.stop(self.now_s)
-        self.update_map()
+        for channel in self.channels:
+            channel.finish(self.now_s)
         self.enter_series()
         progress(1.0)
         return self.result()

@@ -8,6 +8,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.mission_report import write_mission
+from soilmoist_ros.simulation.mission import channel
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -105,3 +106,16 @@ def test_each_seed_has_a_second_field_of_its_own():
     ]
     np.testing.assert_array_equal(drawn[0], drawn[1])
     assert not np.array_equal(drawn[0], drawn[2])
+
+
+@pytest.mark.parametrize("field", ["rough", "airfield-simulated"])
+def test_maps_of_some_cells_lead_to_the_same_mission_and_nearly_the_same_errors(field, monkeypatch):
+    settings = MissionSettings(field=field, cell_m=1.0, hours=0.4)
+    some = simulate_mission(settings)
+    monkeypatch.setattr(channel, "planning_grid", lambda grid: grid)
+    every = simulate_mission(settings)
+    assert some.visits == every.visits
+    np.testing.assert_allclose(some.soil_map.rate, every.soil_map.rate, rtol=1e-9)
+    assert some.series[-1].errors[0].mse == pytest.approx(every.series[-1].errors[0].mse, rel=1e-6)
+    mse, of_every = (np.array([row.errors[0].mse for row in each.series[2:]]) for each in (some, every))
+    np.testing.assert_allclose(mse, of_every, rtol=0.06)
