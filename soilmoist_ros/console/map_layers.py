@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import math
-import struct
-import zlib
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.reporting.colours import between, palette_png
 from soilmoist_ros.reporting.live.terminal import DRY_TO_WET
 
 Array = NDArray[np.float64]
 
-_COLOURS: Final = 254
+_COLOURS: Final = 127
 _PALE: Final = 0.3
 """Strength of the colour of a change that may be chance."""
 _DRIER_TO_WETTER: Final = np.array(
     [(84, 48, 5), (166, 97, 26), (223, 194, 125), (245, 245, 245), (128, 205, 193), (1, 133, 113), (0, 60, 48)],
     float,
 )
-_OUTSIDE: Final = 255
-"""Index of the transparent colour."""
 _CERTAIN_TO_NOT: Final = np.array(
     [(247, 244, 249), (221, 199, 226), (201, 148, 199), (206, 76, 152), (160, 20, 90), (90, 0, 60)], float
 )
@@ -123,17 +120,13 @@ class MapLayers:
             low, high = self._limits(layer)
             values = np.asarray(self._cells[key], float)
             share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(values.shape, 0.5)
-            index = np.full(values.shape, _OUTSIDE, np.uint8)
-            known = np.isfinite(values)
-            palette = _palette(layer.colours, _COLOURS)
+            palette = between(layer.colours, np.linspace(0, 1, _COLOURS))
+            index = np.rint(np.where(np.isfinite(values), share, 0.0) * (_COLOURS - 1))
             if layer.is_change:  # the second half of the palette is pale
-                half = _palette(layer.colours, _COLOURS // 2)
-                palette = np.concatenate([half, 255 - _PALE * (255 - half)])
-                index[known] = np.rint(share[known] * (_COLOURS // 2 - 1))
-                index[known & (self._cells["significant"] == 0)] += _COLOURS // 2
-            else:
-                index[known] = np.rint(share[known] * (_COLOURS - 1))
-            self._pictures[key] = _png(index[::-1], palette)
+                palette = np.concatenate([palette, np.rint(255 - _PALE * (255.0 - palette)).astype(np.uint8)])
+                index += _COLOURS * (self._cells["significant"] == 0)
+            index[~np.isfinite(values)] = len(palette)
+            self._pictures[key] = palette_png(index[::-1], palette)
         return self._pictures[key]
 
     def at(self, x_m: float, y_m: float) -> dict[str, float]:
@@ -175,40 +168,6 @@ def _joined(cells: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
     for name in joined.dtype.names or ():
         joined[name] = (more if name in added else cells)[name]
     return joined
-
-
-def _palette(colours: Array, count: int) -> Array:
-    """Colours in between, shape (count, 3).
-
-    :param colours: from low to high, shape (k, 3)
-    """
-    steps = np.linspace(0, len(colours) - 1, count)
-    return np.column_stack([np.interp(steps, np.arange(len(colours)), band) for band in colours.T])
-
-
-def _png(index: NDArray[np.uint8], colours: Array) -> bytes:
-    """A picture with a palette.
-
-    :param index: numbers of colours, shape (rows, columns), top first
-    :param colours: the palette, shape (:data:`_COLOURS`, 3)
-    """
-    palette = np.zeros((256, 3), np.uint8)
-    palette[:_COLOURS] = np.rint(colours)
-    height, width = index.shape
-    rows = np.zeros((height, width + 1), np.uint8)  # each row begins with the number of its filter
-    rows[:, 1:] = index
-    opacity = bytes([255] * _OUTSIDE + [0])
-    parts = (
-        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),
-        (b"PLTE", palette.tobytes()),
-        (b"tRNS", opacity),
-        (b"IDAT", zlib.compress(rows.tobytes(), 6)),
-        (b"IEND", b""),
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in parts
-    )
 
 
 def _hex(colour: Array) -> str:

@@ -14,6 +14,7 @@ from soilmoist_ros.reporting.campaign.data import (
     Case,
     strategies_in,
 )
+from soilmoist_ros.reporting.colours import RATE, UNCERTAIN
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text, strategy_traits
 from soilmoist_ros.reporting.page.style import (
     BLUE,
@@ -22,10 +23,8 @@ from soilmoist_ros.reporting.page.style import (
     INK,
     NORMAL,
     ORANGE,
-    RATE,
     SMALL,
     SOFT,
-    UNCERTAIN,
     colour_map,
     extension,
     label,

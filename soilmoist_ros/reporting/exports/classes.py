@@ -1,9 +1,8 @@
-"""Round values for contours, limits of zones, and colours."""
+"""Round values for contours, limits of zones and of colours."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +12,6 @@ from soilmoist_ros.foundation.errors import InputError
 Array = NDArray[np.float64]
 
 MAX_LEVELS = 100
-PALEST, DARKEST = 0.06, 0.97
-"""Part of a colour map in use: its palest end is invisible on white paper."""
 
 
 def round_step(span: float, about: int = 8) -> float:
@@ -61,15 +58,6 @@ def zone_limits(values: ArrayLike, classes: int) -> Array:
     finite = finite[np.isfinite(finite)]
     edges = np.unique(np.quantile(finite, np.arange(1, classes) / classes)) if finite.size else np.empty(0)
     return edges[(edges > finite.min()) & (edges < finite.max())] if finite.size else edges
-
-
-def colours(name: str, count: int) -> list[tuple[int, int, int]]:
-    """Colours of a matplotlib colour map from light to dark, as (red, green, blue) 0..255."""
-    from matplotlib import colormaps
-
-    places = np.linspace(PALEST, DARKEST, count) if count > 1 else np.array([(PALEST + DARKEST) / 2])
-    rgba: Any = colormaps[name](places, bytes=True)
-    return [(int(red), int(green), int(blue)) for red, green, blue, _ in rgba]
 
 
 def shown_range(values: ArrayLike) -> tuple[float, float]:

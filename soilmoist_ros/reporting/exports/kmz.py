@@ -12,7 +12,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.reporting.exports.classes import colours, shown_range
+from soilmoist_ros.reporting.colours import colour_ramp
+from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import to_crs
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
@@ -119,7 +120,7 @@ def _shares(one: PropertyMap, values: ArrayLike) -> NDArray[np.float64]:
 def _coloured(one: PropertyMap, values: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Red, green, blue and opacity, shape (rows, columns, 4)."""
     inside = np.isfinite(values)
-    ramp = np.array(colours(one.quantity.colours, COLOURS), np.uint8)
+    ramp = colour_ramp(one.quantity.colours, COLOURS)
     index = np.round(np.nan_to_num(_shares(one, values)) * (COLOURS - 1)).astype(int)
     return np.dstack([ramp[index], np.where(inside, 255, 0).astype(np.uint8)])
 
@@ -133,7 +134,7 @@ def _legend(source: RunSource, one: PropertyMap) -> bytes:
 
     figure = Figure(figsize=(2.9, 0.95), dpi=120, facecolor="white")
     FigureCanvasAgg(figure)
-    ramp = ListedColormap(np.array(colours(one.quantity.colours, COLOURS)) / 255)
+    ramp = ListedColormap(colour_ramp(one.quantity.colours, COLOURS) / 255)
     scale = ScalarMappable(Normalize(*shown_range(one.values)), ramp)
     bar = figure.colorbar(scale, cax=figure.add_axes((0.06, 0.36, 0.88, 0.2)), orientation="horizontal")
     bar.ax.tick_params(labelsize=10)
@@ -168,7 +169,7 @@ def _samples(folder: ET.Element, one: PropertyMap) -> None:
     samples, quantity = one.samples, one.quantity
     key = "vwc" if quantity.band == "vwc" else "rate_cps"
     values = samples.get(key, np.empty(0)) * quantity.scale
-    ramp = colours(quantity.colours, COLOURS)
+    ramp = colour_ramp(quantity.colours, COLOURS).tolist()
     for row, share in enumerate(_shares(one, values).tolist()):
         known = bool(np.isfinite(values[row]))
         red, green, blue = ramp[round(share * (COLOURS - 1))] if known else (160, 160, 160)

@@ -8,7 +8,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from soilmoist_ros.reporting.exports.classes import colours, shown_range
+from soilmoist_ros.reporting.colours import colour_ramp
+from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.source import MOISTURE, RATE, PropertyMap, Quantity
 from soilmoist_ros.reporting.exports.vectors import Layer
 
@@ -72,7 +73,7 @@ def map_pipe(one: PropertyMap) -> ET.Element:
         classificationMode="2", clip="0", minimumValue=repr(low), maximumValue=repr(high), labelPrecision="3",
     )  # fmt: skip
     values = np.linspace(low, high, RAMP_ITEMS).tolist()
-    for value, colour in zip(values, colours(one.quantity.colours, RAMP_ITEMS), strict=True):
+    for value, colour in zip(values, colour_ramp(one.quantity.colours, RAMP_ITEMS).tolist(), strict=True):
         label = f"{value * one.quantity.scale:.3g} {one.quantity.unit}"
         ET.SubElement(shader, "item", value=repr(value), color=_hex(colour), alpha="255", label=label)
     ET.SubElement(pipe, "rasterresampler", maxOversampling="2")
@@ -82,7 +83,7 @@ def map_pipe(one: PropertyMap) -> ET.Element:
 def _zones(layer: Layer, quantity: Quantity) -> ET.Element:
     """A colour for each class of zones."""
     numbers = np.unique(layer.columns["ZONE"]).tolist()
-    ramp = colours(quantity.colours, len(numbers))
+    ramp = colour_ramp(quantity.colours, len(numbers)).tolist()
     symbols = [
         _symbol(
             "fill", "SimpleFill", color=_rgba(colour, 200), outline_color="255,255,255,255", outline_width="0.3"
@@ -111,7 +112,7 @@ def _graduated(layer: Layer, quantity: Quantity) -> ET.Element:
     low, high = (edge / quantity.scale for edge in layer.shown)
     edges = np.linspace(low, high, CLASSES + 1)
     edges[0], edges[-1] = -1e9, 1e9
-    ramp = colours(quantity.colours, CLASSES)
+    ramp = colour_ramp(quantity.colours, CLASSES).tolist()
     symbols = [
         _symbol("marker", "SimpleMarker", name="circle", color=_rgba(colour), size="2.6",
                 outline_color=_rgba(_INK), outline_width="0.2")

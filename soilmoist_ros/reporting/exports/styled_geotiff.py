@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.exports.classes import colours, round_step, shown_range
+from soilmoist_ros.reporting.colours import colour_ramp
+from soilmoist_ros.reporting.exports.classes import round_step, shown_range
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
 
 NODATA = 255
@@ -27,7 +28,7 @@ def _write(source: RunSource, one: PropertyMap, path: Path) -> Path:
 
     pixels, scale, offset = _pixels(one)
     low, high = ((edge - offset) / scale for edge in shown_range(one.values))
-    ramp = np.array(colours(one.quantity.colours, 256))
+    ramp = colour_ramp(one.quantity.colours, 256)
     place = np.clip((np.arange(MAX_VALUE + 1) - low) / (high - low), 0, 1)
     table = {value: (*ramp[round(255 * share)].tolist(), 255) for value, share in enumerate(place.tolist())}
     profile = {

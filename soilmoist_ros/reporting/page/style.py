@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from soilmoist_ros.reporting.colours import colour_ramp
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -18,9 +20,6 @@ INK = "#22303c"
 SOFT = "#5d6b78"
 FAINT = "#d5dbe1"
 BLUE, ORANGE, GREEN, PURPLE, GOLD = "#0072b2", "#d55e00", "#009e73", "#8c4a8c", "#c9a000"
-WATER, RATE, UNCERTAIN, DIFFERENCE = "YlGnBu", "YlOrBr", "Purples", "BrBG"
-"""Colour maps that colour-blind readers can distinguish. Each quantity has its own in every report, dark for wet,
-for many counts and for uncertain."""
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.0
 PNG_DPI = 190
 LARGEST_SVG = 250_000
@@ -55,11 +54,10 @@ class Section:
 
 
 def colour_map(name: str) -> Any:
-    """A colour map without its palest end, which is invisible on white paper."""
-    from matplotlib import colormaps
-    from matplotlib.colors import LinearSegmentedColormap
+    """The colours of :func:`.colour_ramp`, as matplotlib takes them."""
+    from matplotlib.colors import ListedColormap
 
-    return LinearSegmentedColormap.from_list(name, colormaps[name](np.linspace(0.06, 0.97, 256)))
+    return ListedColormap(colour_ramp(name, 256) / 255, name)
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
@@ -131,8 +129,8 @@ def picture(figure: Figure, alt: str, vector: bool = False) -> Picture:
     if vector:
         svg = _render(figure, "svg")
         if len(svg) <= LARGEST_SVG:
-            return Picture(_data_uri("image/svg+xml", svg), alt)
-    return Picture(_data_uri("image/png", _render(figure, "png")), alt)
+            return Picture(data_uri("image/svg+xml", svg), alt)
+    return Picture(data_uri("image/png", _render(figure, "png")), alt)
 
 
 def _render(figure: Figure, kind: str) -> bytes:
@@ -142,5 +140,6 @@ def _render(figure: Figure, kind: str) -> bytes:
     return stream.getvalue()
 
 
-def _data_uri(mime: str, content: bytes) -> str:
+def data_uri(mime: str, content: bytes) -> str:
+    """A file inside a page, such as a picture."""
     return f"data:{mime};base64,{base64.b64encode(content).decode('ascii')}"

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.page import numbers
 from soilmoist_ros.reporting.page.charts.chart import Area, Chart, Dots, Line, limits_of, round_ticks
 from soilmoist_ros.reporting.page.frame import render_page
-from soilmoist_ros.reporting.page.style import DIFFERENCE, RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.page.viewer.layers import PERCENT, colour_limits, colours
+from soilmoist_ros.reporting.page.viewer.layers import PERCENT, STOPS, colour_limits
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
 from soilmoist_ros.reporting.season.season import Season, SeasonSurvey
 
@@ -117,7 +117,7 @@ def _layer(
 
     low, high = limits
     return {
-        "key": key, "title": title, "unit": unit, "digits": digits, "colours": colours(colour_map),
+        "key": key, "title": title, "unit": unit, "digits": digits, "colours": hex_ramp(colour_map, STOPS),
         "from": low, "to": high, "ticks": [value for value, _ in round_ticks(low, high, 5)],
         "maps": packed(stack), "sds": [] if sd is None else packed(sd),
     }  # fmt: skip

@@ -16,7 +16,8 @@ from matplotlib.image import imread
 from scipy.io import netcdf_file
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.reporting.exports.classes import colours, shown_range
+from soilmoist_ros.reporting.colours import colour_ramp
+from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.kmz import KML, write_kmz
 from soilmoist_ros.reporting.exports.netcdf import write_netcdf
 from soilmoist_ros.reporting.exports.source import ExportSettings
@@ -40,8 +41,8 @@ def test_the_coloured_geotiff_has_whole_percents_in_colours(exported, tmp_path):
     np.testing.assert_array_equal(~pixels.mask, inside)
     np.testing.assert_array_equal(pixels[inside], np.round(one.values[inside]))
     high = shown_range(one.values)[1]
-    assert table[0][:3] == colours("YlGnBu", 256)[0]
-    assert table[int(high) + 2][:3] == colours("YlGnBu", 256)[-1]
+    assert table[0][:3] == tuple(colour_ramp("YlGnBu", 256)[0])
+    assert table[int(high) + 2][:3] == tuple(colour_ramp("YlGnBu", 256)[-1])
     assert table[255][3] == 0
     with rasterio.open(second) as raster:
         read = raster.read(1, masked=True) * raster.scales[0] + raster.offsets[0]
@@ -119,7 +120,7 @@ def test_kmz_shows_the_map_in_its_place(kmz, exported):
     found = np.round(255 * picture[rows, columns])
     low, high = shown_range(one.values)
     share = np.clip((one.values[inside] - low) / (high - low), 0, 1)
-    ramp = np.array(colours("YlGnBu", 256))
+    ramp = colour_ramp("YlGnBu", 256).astype(float)
     assert (found[:, 3] == 255).all()
     assert abs(found[:, :3] - ramp[np.round(255 * share).astype(int)]).max() <= 6
     assert picture[0, 0, 3] == 0, "outside the field is transparent"

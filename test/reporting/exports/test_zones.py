@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.reporting.exports.classes import colours, levels, round_step, zone_limits
+from soilmoist_ros.reporting.exports.classes import levels, round_step, zone_limits
 from soilmoist_ros.reporting.exports.contours import contour_lines
 from soilmoist_ros.reporting.exports.source import PropertyMap
 from soilmoist_ros.reporting.exports.zones import management_zones
@@ -145,4 +145,3 @@ def test_round_values():
 def test_classes_of_equal_area():
     np.testing.assert_allclose(zone_limits(np.arange(101.0), 4), [25, 50, 75])
     assert zone_limits([1.0, 1.0, 1.0], 3).size == 0
-    assert len(set(colours("YlGnBu", 5))) == 5

@@ -9,6 +9,7 @@ import json
 import re
 from datetime import datetime
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -130,8 +131,8 @@ def test_figures_are_there(page):
     assert len(page.all("img")) == 2, "pictures of the map and of its uncertainty, for paper"
     for image in page.all("img"):
         kind, content = image["src"].split(";base64,")
-        assert kind == "data:image/png"
-        assert base64.b64decode(content)[:8] == b"\x89PNG\r\n\x1a\n"
+        assert kind == "data:image/svg+xml"
+        assert ElementTree.fromstring(base64.b64decode(content)).tag == "{http://www.w3.org/2000/svg}svg"
 
 
 def test_date_and_duration_come_first(page):

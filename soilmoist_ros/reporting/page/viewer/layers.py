@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.knowledge.change import FieldChange
+from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
 from soilmoist_ros.reporting.page.irrigation import Irrigation, absolute
 from soilmoist_ros.reporting.page.numbers import plain
-from soilmoist_ros.reporting.page.style import DIFFERENCE, RATE, UNCERTAIN, WATER, colour_map, robust_range
+from soilmoist_ros.reporting.page.style import robust_range
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
 from soilmoist_ros.reporting.run import MapRun
 
@@ -61,13 +62,6 @@ def view(run: MapRun) -> tuple[float, float, float, float]:
     margin = 0.03 * float(max(high - low))
     (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
     return west, east, south, north
-
-
-def colours(name: str) -> list[str]:
-    """Stops of a colour map from low to high."""
-    from matplotlib.colors import to_hex
-
-    return [to_hex(colour) for colour in colour_map(name)(np.linspace(0, 1, STOPS))]
 
 
 def interval_width(run: MapRun) -> Array:
@@ -213,8 +207,8 @@ def _shown(title: str, unit: str, digits: int, colour_map: str, limits: tuple[fl
     low, high = limits
     ticks = [value for value, _ in round_ticks(low, high, 5)]
     return {
-        "title": title, "unit": unit, "digits": digits, "colours": colours(colour_map), "from": low, "to": high,
-        "ticks": ticks,
+        "title": title, "unit": unit, "digits": digits, "colours": hex_ramp(colour_map, STOPS),
+        "from": low, "to": high, "ticks": ticks,
     }  # fmt: skip
 
 
