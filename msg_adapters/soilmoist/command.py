@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from geometry_msgs.msg import Point32
 from soilmoist_msgs.srv import Command
 
@@ -24,6 +26,9 @@ def request_to_message(request: OperatorRequest) -> Command.Request:
         home=request.home,
         until_sd=_to_limit(request.until_sd),
         until_gain=_to_limit(request.until_gain),
+        field=request.field,
+        earlier=choice_to_message(request.earlier),
+        covariates=choice_to_message(request.covariates),
     )
 
 
@@ -43,7 +48,20 @@ def request_from_message(message: Command.Request) -> OperatorRequest:
         home=message.home,
         until_sd=_from_limit(message.until_sd),
         until_gain=_from_limit(message.until_gain),
+        field=message.field,
+        earlier=choice_from_message(message.earlier),
+        covariates=choice_from_message(message.covariates),
     )
+
+
+def choice_to_message(chosen: Sequence[str] | None) -> list[str]:
+    """A list that may be chosen: empty for no choice, one empty text for a choice of none."""
+    return [] if chosen is None else list(chosen) or [""]
+
+
+def choice_from_message(chosen: Sequence[str]) -> tuple[str, ...] | None:
+    """What :func:`choice_to_message` wrote."""
+    return tuple(filter(None, chosen)) if chosen else None
 
 
 def _to_limit(value: float | None) -> float:

@@ -13,6 +13,7 @@ from std_msgs.msg import Header
 
 from msg_adapters.mission import status_level
 from msg_adapters.point_cloud import FRAME
+from msg_adapters.soilmoist.command import choice_from_message, choice_to_message
 from msg_adapters.stamps import to_time
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -76,6 +77,9 @@ def mission_state_to_message(
         map_sd_at_end=float(forecast.sd_end if forecast else math.nan),
         map_sd_is_vwc=bool(forecast and forecast.moisture),
         forecast=forecast.text if forecast else "",
+        field=status.field,
+        earlier=choice_to_message(status.earlier),
+        covariates=choice_to_message(status.covariates),
     )
 
 
@@ -111,11 +115,24 @@ def mission_state_from_message(message: MissionMessage) -> MissionStatus:
         stop_requests=int(message.stop_requests),
         queue=tuple(message.queue),
         strategy=message.strategy,
+        field=message.field,
+        earlier=choice_from_message(message.earlier),
+        covariates=choice_from_message(message.covariates),
         clock_offset_s=float(message.clock_offset_s),
         ruled_out=tuple(
             tuple((float(corner.x), float(corner.y)) for corner in area.points) for area in message.ruled_out_areas
         ),
     )
+
+
+def survey_from_message(message: MissionMessage) -> dict[str, Any]:
+    """Field, earlier runs and covariates that an operator has chosen, by the names of the parameters."""
+    lists = {
+        name: list(chosen)
+        for name in ("earlier", "covariates")
+        if (chosen := choice_from_message(getattr(message, name))) is not None
+    }
+    return {**({"field": message.field} if message.field else {}), **lists}
 
 
 def _corner(x_m: float, y_m: float) -> Point32:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
 from soilmoist_ros.foundation.batches import Batches
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.field_map import MapState, drifting
 from soilmoist_ros.mapping.map_health import map_health
@@ -32,6 +34,7 @@ from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
 from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
+from soilmoist_ros.nodes.parameters.parameter import Value
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.aside import Aside
@@ -60,7 +63,7 @@ class Mapper(Node):
 
     def __init__(self) -> None:
         super().__init__("mapper")
-        parameters = Parameters(self, PARAMETERS)
+        parameters = self._values = Parameters(self, PARAMETERS)
         self._frame = parameters.text("frame")
         self._save_dir = Path(parameters.text("save_dir")).expanduser().absolute()
         options: dict[str, Any] = parameters.as_dict()
@@ -71,8 +74,12 @@ class Mapper(Node):
             del options[name]
         for row in STAMP_LIMITS:
             del options[row.name]
+        self._options = options
         self._survey = open_survey(**options)
         self._online = self._survey.map
+        self._choices: dict[str, dict[str, Any]] = {}
+        self._chosen: dict[str, Any] = {}
+        self._refused = ""
         self._guard = threading.Lock()  # records are added in one thread and saved in another
         self._samples = self.create_publisher(PointCloud2, "samples", qos.LATCHED)
         self._model = self.create_publisher(String, "model", qos.LATCHED)
@@ -105,8 +112,60 @@ class Mapper(Node):
         self._aside = Aside(self)  # a save takes seconds
         self._aside.offer(Trigger, "~/reset", self._on_reset)
         self._aside.offer(Trigger, "~/save", self._on_save)
+        parameters.watch(self._on_parameters)
+        self._follow_planners(["", *(f"{name}/" for name in others)])
         # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    # What an operator chooses -----------------------------------------------------------------------------------
+
+    def _follow_planners(self, below: Sequence[str]) -> None:
+        """Use the field, earlier runs and covariates that an operator chooses at a planner."""
+        try:
+            from soilmoist_msgs.msg import Mission
+        except ImportError:
+            return
+        for robot in below:
+            self.create_subscription(
+                Mission, f"{robot}mission_state", partial(self._on_mission, robot), qos.LATCHED
+            )
+
+    def _on_mission(self, robot: str, message: Any) -> None:
+        from msg_adapters.soilmoist.mission_state import survey_from_message
+
+        chosen = survey_from_message(message)
+        if chosen != self._choices.get(robot, {}):
+            self._choices[robot] = chosen
+            self._aside.do(partial(self._choose, chosen), "using another field")
+
+    def _choose(self, chosen: dict[str, Any]) -> None:
+        """Make the map anew, with all its records, of what an operator has chosen."""
+        try:
+            survey = open_survey(**(self._options | chosen))
+        except InputError as error:
+            self._refused = f"the map is still of {self._survey.field.name}: {error}"
+            self.get_logger().error(self._refused)
+            return
+        self._refused, self._chosen = "", chosen
+        self._worker.close()
+        with self._guard:
+            self._survey, self._online = survey, survey.map
+            self._records.use(self._online)
+            self._worker = MapWorker(self._online.compute, self._publish)
+            state = self._online.state
+        self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
+        self._worker.submit(state)
+        self.get_logger().info(f"the map is of {survey.field.name} now, with {state.records} records")
+        names = ("field", "earlier", "covariates")
+        self._values.show({name: (self._options | chosen)[name] for name in names})
+
+    def _on_parameters(self, values: Mapping[str, Value]) -> str:
+        """Only the planner changes them."""
+        now = self._options | self._chosen
+        other = [name for name, value in values.items() if value != now[name]]
+        return f"set {', '.join(other)} of the planner: the mapper follows" if other else ""
+
+    # Records and maps -------------------------------------------------------------------------------------------
 
     def _add(self, messages: Sequence[PointCloud2]) -> None:
         """Add the records of messages, and what is new on the disk; called once a second without messages."""
@@ -181,6 +240,8 @@ class Mapper(Node):
             parts.append(self._change.health)
         if problem := self._sources.problem:
             parts.append(Health("records", Level.ERROR, problem))
+        if self._refused:
+            parts.append(Health("field", Level.ERROR, self._refused))
         if lost := self._arrived.lost:
             parts.append(Health("messages", Level.ERROR, f"{lost} messages with counts came too fast"))
         self._diagnostics.publish(diagnostics_to_message(parts, now_s, self.get_fully_qualified_name()))

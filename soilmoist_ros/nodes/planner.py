@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,12 +18,10 @@ from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.navigation.framed import FramedNavigator
 from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.exploration.travel.topological_map import read_topological_map
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.navigation.choice import make_navigator
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import make_watch
-from soilmoist_ros.nodes.parameters.planner import PARAMETERS, explorer_settings, mission_rules
+from soilmoist_ros.nodes.parameters.planner import PARAMETERS, chosen_survey, mission_rules
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.planner_commands import PlannerCommands
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
@@ -46,13 +45,14 @@ class Planner(Node):
     def __init__(self) -> None:
         super().__init__("planner")
         self._values = Parameters(self, PARAMETERS)
-        self._field = load_field(resource("fields", self._values.text("field")))
-        settings = explorer_settings(self._values, self._field)
+        self._field, settings = chosen_survey(self._values, None)
         rules = mission_rules(self._values, settings)
         folder, resume = self._values.text("journal_dir"), self._values.text("resume")
         journal_dir = Path(folder).expanduser() if folder else None
         self._stored = StoredMission(journal_dir, rules, resume, self._values.number("respawn_limit_s"))
         try:
+            if self._stored.mission is not None:
+                self._field, settings = chosen_survey(self._values, self._stored.mission.state.changes)
             self._wire(settings, rules)
         except BaseException:  # a planner that cannot start has not crashed
             self._stored.close()
@@ -77,6 +77,7 @@ class Planner(Node):
             clock=self._mission_clock(),
             watch=make_watch(self._values),
             mission=self._stored.mission,
+            open_survey=partial(chosen_survey, self._values),
         )
         self._autostart = self._values.flag("autostart") and self._stored.starts
         if self._stored.mission is not None:

@@ -95,6 +95,11 @@ class MapRecords:
         self.map.reset()
         return self._until_s
 
+    def use(self, field_map: FieldMap) -> None:
+        """Add all records to another map from now on."""
+        self.map = field_map
+        self._rebuild([])
+
     def _rebuild(self, new: list[CountRecord]) -> None:
         skipped: dict[Skip, SkippedRecords] = {
             reason: entry for reason, entry in self.map.skipped.items() if reason in _OF_MESSAGES

@@ -20,7 +20,7 @@ _NAMED: Final = {"field": ("geojson",), "site": ("corrections", "intensity", "fi
 class RunConfiguration:
     """Writes the configuration of each recording.
 
-    Existing files stay: the program that started the nodes wrote them.
+    Existing files stay, unless an operator chooses another field: the program that started the nodes wrote them.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,10 @@ class RunConfiguration:
         done = []
         for node, values in list(self._nodes.items()):
             known = self._written.get(node)
-            if known == values or (known is None and (run / CONFIGURATION / f"{node}.yaml").exists()):
+            if known == values:
+                continue
+            if known is None and (run / CONFIGURATION / f"{node}.yaml").exists():
+                self._written[node] = values
                 continue
             kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
             write_parameters(run, node, kept)

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from importlib.util import find_spec
 from itertools import groupby
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -18,18 +20,22 @@ pytest.importorskip("topological_navigation_msgs")
 from geometry_msgs.msg import Point32, PoseStamped
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
+from sensor_msgs.msg import PointCloud2
 from soilmoist_msgs.msg import Mission
 from soilmoist_msgs.srv import Command
 from std_msgs.msg import Bool
 from test_planner import Planning
-from virtual_navigation import VirtualNavigation, World
+from virtual_navigation import FIELD, START_S, STOPS, VirtualNavigation, World
 
+from msg_adapters.counts import counts_to_message
+from msg_adapters.soil_map import CELL, soil_map_from_message
 from msg_adapters.soilmoist.command import request_to_message
 from msg_adapters.soilmoist.mission_state import mission_state_from_message
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
 from soilmoist_ros.recording.journal import load_journal
+from soilmoist_ros.sensing.records import CountRecord
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -154,7 +160,7 @@ def test_parameters_are_set_while_it_runs(ros, tmp_path):
         for name, value, word in [
             ("hours", 1e-4, "hours"), ("dwell", "often", "fmi"), ("home", "n99", "n99"),
             ("home", "", "empty"), ("strategy", "gredy", "greedy"), ("target", "vwc", "calibration"),
-            ("field", "other", "read-only"), ("arrival_radius_m", 1.0, "read-only"), ("hours", 1.5, ""),
+            ("field", "other", "under way"), ("arrival_radius_m", 1.0, "read-only"), ("hours", 1.5, ""),
             ("strategy", "random", ""), ("home", "n01", ""), ("until_gain", -1.0, "until_gain"),
             ("until_gain", 0.5, ""),
         ]:  # fmt: skip
@@ -170,7 +176,51 @@ def test_parameters_are_set_while_it_runs(ros, tmp_path):
         values = [again.parameter(name) for name in ("hours", "dwell", "strategy", "home")]
         assert values == [1.5, "fmi:300", "random", "n01"], "a restart keeps what was changed in mid-mission"
     changes = [who for verb, who in again.journalled() if verb == "change"]
-    assert changes == ["ros2 param"] * 5
+    assert changes == ["ros2 param"] * 6
+
+
+def test_another_field_is_chosen_between_missions_and_the_mapper_follows(ros, tmp_path):
+    west = "[[0, 0], [20, 0], [20, 30], [0, 30]]"
+    (tmp_path / "west.yaml").write_text(re.sub(r"polygon: .*", f"polygon: {west}", FIELD))
+    maps = ros.collect(PointCloud2, "soil_map", LATCHED)
+    counts = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
+    records = [
+        CountRecord(START_S + n, 2.0 + 4 * (n % 9), 2.0 + 5 * (n // 9), 0.0, 40 + n, 10.0, 10.0) for n in range(45)
+    ]
+
+    def cells():
+        shown = soil_map_from_message(maps[-1]) if maps else np.zeros(0, CELL)
+        return shown["x"][np.isfinite(shown["rate"])].max(initial=0.0)
+
+    with World(ros, rate=5.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Commanded(ros, tmp_path)
+        mapper = ros.start("mapper", params={"field": str(tmp_path / "field.yaml"), "use_sim_time": True})
+        planning.wait(lambda status: status.reason == "waiting for start")
+        ros.wait_for(lambda: counts.get_subscription_count() > 0)
+        counts.publish(counts_to_message(records))
+        ros.wait_for(lambda: cells() > 30, message="the map of the whole field")
+        planning.refused("bad_setting", "change", field=str(tmp_path / "gone.yaml"))
+        planning.refused("bad_setting", "change", earlier=(str(tmp_path),))
+        planning.accepted("change", field=str(tmp_path / "west.yaml"), earlier=())
+        ros.wait_for(lambda: 0 < cells() < 20, message="the map of its west")
+        for node in ("planner", "mapper"):
+            request = GetParameters.Request(names=["field"])
+            answer = ros.call(GetParameters, f"{node}/get_parameters", request)
+            assert parameter_value_to_python(answer.values[0]) == str(tmp_path / "west.yaml"), node
+        planning.accepted("start")
+        planning.refused("refused", "change", field=str(tmp_path / "field.yaml"))
+        ros.wait_for(lambda: len(navigation.goals) > 0, message="a goal")
+        planning.process.kill()
+        again = Commanded(ros, tmp_path)
+        again.wait_phase(Phase.PAUSED)
+        assert again.state.field == str(tmp_path / "west.yaml"), "a restart keeps the field of the mission"
+        again.accepted("abort")
+        again.accepted("abort")
+        assert again.set_parameter("field", str(tmp_path / "field.yaml")) == ""
+        ros.wait_for(lambda: cells() > 30, message="the map of the whole field again")
+        assert {stop.name: stop.x_m for stop in STOPS}[navigation.goals[0]] <= 20
+    assert (again.process.stop(), mapper.stop()) == (0, 0)
+    assert [who for verb, who in again.journalled() if verb == "change"] == ["Ada", "Ada", "ros2 param"]
 
 
 def test_an_emergency_stop_is_heard_from_any_publisher_and_lasts(ros, tmp_path):

@@ -5,6 +5,7 @@ No ROS in here: the node passes messages in and out, and tests do the same witho
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +21,7 @@ from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import (
     ExplorerSettings,
     FieldAccess,
+    OpenSurvey,
     changed_settings,
     first_forecast,
 )
@@ -60,7 +62,7 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus, Phase, PlanKind, Verb
+from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.planning.properties import correction_factor
@@ -134,6 +136,7 @@ class MissionControl:
     :param mission: interrupted mission, for :meth:`take_up`; a new one if ``None``
     :param executor: where stops are chosen; its own thread if ``None``
     :param watch: what is watched, by which limits; the default if ``None``
+    :param open_survey: opens what an operator chooses: field, earlier runs, covariates; ``None`` for no choice
 
     Attributes
     ----------
@@ -156,11 +159,13 @@ class MissionControl:
         clock: MissionClock | None = None,
         watch: Watch | None = None,
         mission: Mission | None = None,
+        open_survey: OpenSurvey | None = None,
     ) -> None:
         self.watch = watch or Watch()
         self._watching = Watching(self.watch)
         self._field = field
         self._settings = settings
+        self._open_survey = open_survey
         self._home = home
         self._outputs = outputs
         self._clock = clock or MissionClock(outputs.now_s)
@@ -227,10 +232,17 @@ class MissionControl:
             raise
 
     def _use(self, graph: TravelGraph | None, cell_m: float | None, place: tuple[float, float] | None) -> None:
+        self._take(self._access_in(self._field, graph, cell_m, place), graph, place)
+
+    def _access_in(
+        self, field: Field, graph: TravelGraph | None, cell_m: float | None, place: tuple[float, float] | None
+    ) -> FieldAccess:
         rules, motion = self._settings.access, self._settings.motion
         changed = self._mission.state.changes
         home = changed.home.name if changed is not None and changed.home is not None else self._home
-        access = FieldAccess(self._field, motion, graph, rules, cell_m, home, place)
+        return FieldAccess(field, motion, graph, rules, cell_m, home, place)
+
+    def _take(self, access: FieldAccess, graph: TravelGraph | None, place: tuple[float, float] | None) -> None:
         if access.warning and (self._access is None or access.warning != self._access.warning):
             _log.warning(access.warning)
         self._mission.rules = replace(self._mission.rules, home=access.home)
@@ -297,10 +309,43 @@ class MissionControl:
         mission = self._mission
         requests = Requests(self._field.frame, self._access, self._settings, mission.current_rules, mission.state)
         try:
-            answer = self._command(requests.command(request, self._clock.now_s()))
+            command = requests.command(request, self._clock.now_s())
+            use_survey = self._opened(command.changes)
+            answer = self._command(command)
         except RequestError as error:
             return Reply(error.code, str(error))
+        if answer.accepted:
+            use_survey()
         return Reply(ReplyCode.ACCEPTED if answer.accepted else ReplyCode.REFUSED, answer.message)
+
+    def _opened(self, changes: Changes | None) -> Callable[[], None]:
+        """Open what an operator chooses for the next mission; the function that uses it.
+
+        :raises RequestError: if it cannot be used
+        """
+        if changes is None or not changes.of_survey or self.under_way:  # the mission refuses it then
+            return lambda: None
+        try:
+            if self._open_survey is None:
+                raise InputError("the field cannot be chosen here", "start the planner with it")
+            before = self._mission.state.changes or Changes()
+            field, settings = self._open_survey(replace(before, **changes.of_survey))
+            if field.frame != self._field.frame:
+                remedy = f"keep the datum {self._field.frame}, or start all nodes with the field"
+                raise InputError(f"the datum of {field.name!r} is {field.frame}", remedy)
+            access = None if self._access is None else self._access_in(field, self._graph, None, self._feed.place)
+        except InputError as error:
+            first = error.mistakes[0]
+            raise RequestError(ReplyCode.BAD_SETTING, first.message, first.remedy) from None
+
+        def use() -> None:
+            self._field, self._settings = field, settings
+            self._cell_m = None  # the mapper publishes that of its new map
+            if access is not None:
+                self._take(access, self._graph, self._feed.place)
+            self.show()
+
+        return use
 
     def _command(self, command: Command) -> Answer:
         verb = command.verb
@@ -328,7 +373,7 @@ class MissionControl:
         self._feed.give(EmergencyStop(self._clock.now_s(), pressed, source))
 
     @property
-    def settings(self) -> dict[str, str | float]:
+    def settings(self) -> dict[str, str | float | list[str]]:
         """The settings that an operator may change, as they are now, by the names of the parameters."""
         mission = self._mission
         rules, changes = mission.current_rules, mission.state.changes
@@ -342,6 +387,7 @@ class MissionControl:
             "home": home,
             "until_sd": rules.until_sd,
             "until_gain": rules.until_gain,
+            **{name: _listed(value) for name, value in (changes.of_survey if changes else {}).items()},
         }
 
     def fix(self, place: tuple[float, float], sd_m: float = math.nan, stamp_s: float = math.nan) -> None:
@@ -521,6 +567,7 @@ class MissionControl:
             "records_without_place": str(self._records_lost),
             RECORD_STAMP: repr(self._record_stamp_s),
             PLACE_TIME: repr(self._feed.place_s + offset_s),
+            "settings": json.dumps(self.settings),
             "last_command": self._last_command[0],
             "last_command_s": repr(self._last_command[1]),
         }
@@ -633,3 +680,7 @@ class MissionControl:
         rules, state = self._mission.current_rules, self._mission.state
         settings = changed_settings(self._settings, rules, state.changes)
         self._planning.submit(job, Terms(state.started_s, access, settings, rules))
+
+
+def _listed(value: str | tuple[str, ...]) -> str | list[str]:
+    return value if isinstance(value, str) else list(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -90,6 +91,10 @@ class ExplorerSettings:
     def warm_up_stops(self) -> int:
         """Samples to take before the map guides."""
         return warm_up(self.strategy, self.preset)[0]
+
+
+OpenSurvey = Callable[[Changes], tuple[Field, ExplorerSettings]]
+"""Opens the field, earlier runs and covariates that an operator chooses; raises an ``InputError``."""
 
 
 def changed_settings(settings: ExplorerSettings, rules: MissionRules, changes: Changes | None) -> ExplorerSettings:

@@ -56,6 +56,9 @@ class OperatorRequest:
     :param home: name of the stop to return to; empty: as it is
     :param until_sd: standard deviation of the map at which the mission ends; 0: never, ``None``: as it is
     :param until_gain: gain in ten minutes below which it ends [%]; 0: never, ``None``: as it is
+    :param field: field file of the next mission; empty: as it is
+    :param earlier: earlier runs that inform the next mission; ``None``: as they are
+    :param covariates: files that may explain the map of the next mission; ``None``: as they are
     """
 
     verb: str
@@ -71,6 +74,9 @@ class OperatorRequest:
     home: str = ""
     until_sd: float | None = None
     until_gain: float | None = None
+    field: str = ""
+    earlier: tuple[str, ...] | None = None
+    covariates: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -262,9 +268,14 @@ class Requests:
             warm_up_stops=self._warm_up_stops(request.strategy) if request.strategy else None,
             until_sd=self._limit("until_sd", request.until_sd),
             until_gain=self._limit("until_gain", request.until_gain),
+            field=request.field or None,
+            earlier=request.earlier,
+            covariates=request.covariates,
         )
         if changes == Changes():
-            remedy = "give hours, dwell, strategy, target, home, until_sd or until_gain"
+            remedy = (
+                "give hours, dwell, strategy, target, home, until_sd, until_gain, field, earlier or covariates"
+            )
             raise RequestError(ReplyCode.BAD_SETTING, "there is nothing to change", remedy)
         return replace(command, changes=changes)
 

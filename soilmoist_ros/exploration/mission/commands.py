@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import fields
+from typing import Any
 
 from soilmoist_ros.exploration.mission.events import RESTART, Command
 from soilmoist_ros.exploration.mission.moves import Moves, xy
@@ -172,6 +173,8 @@ class Commands(Moves):
         if new is None or new == Changes():
             return False, "there is nothing to change"
         values = {field.name: value for field in fields(new) if (value := getattr(new, field.name)) is not None}
+        if new.of_survey and self.state.under_way:
+            return False, f"a mission is under way: end it before {' and '.join(new.of_survey)} can change"
         changes = dataclasses.replace(self.state.changes or Changes(), **values)
         try:
             rules = changed_rules(self.given_rules, changes)
@@ -183,8 +186,7 @@ class Commands(Moves):
         self.state = replace(self.state, changes=changes)
         self.rules = rules
         self.plan_again(f"settings changed by {command.by}")
-        given = (f"{name} {value.name if isinstance(value, Stop) else value}" for name, value in values.items())
-        return True, f"changed: {', '.join(given)}"
+        return True, f"changed: {', '.join(f'{name} {_plain(value)}' for name, value in values.items())}"
 
     def return_home(self, command: Command) -> tuple[bool, str]:
         """Stop measuring, go home and end."""
@@ -201,3 +203,10 @@ class Commands(Moves):
         else:
             self.end(MissionEnd.RETURNED, f"sent home by {command.by}")
         return True, self.state.reason
+
+
+def _plain(value: Any) -> str:
+    """A new value in words."""
+    if isinstance(value, Stop):
+        return value.name
+    return ", ".join(value) or "none" if isinstance(value, tuple) else str(value)

@@ -24,6 +24,8 @@ from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 
+_NO_CHANGES = Changes()
+
 
 class Todo(StrEnum):
     """What follows once the robot has stopped (``CANCELLING``) or the operator resumes (``PAUSED``)."""
@@ -297,6 +299,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
     returning = state.goal if state.phase is Phase.RETURNING else None
     stop = state.target.stop if state.target else None
     end_s = returning.deadline_s if returning else now_s + left_s
+    changes = state.changes or _NO_CHANGES
     return MissionStatus(
         now_s=now_s,
         phase=state.phase,
@@ -321,7 +324,10 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         emergency=bool(state.emergency),
         stop_requests=state.goal.requests if state.goal else 0,
         queue=tuple(queued.stop.name for queued in state.queue),
-        strategy=(state.changes and state.changes.strategy) or "",
+        strategy=changes.strategy or "",
+        field=changes.field or "",
+        earlier=changes.earlier,
+        covariates=changes.covariates,
         clock_offset_s=state.stamp_offset_s,
         ruled_out=state.ruled_out,
         forecast=state.forecast,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import Any
 
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.forecast import Forecast
@@ -217,7 +218,9 @@ class MissionRules:
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """Settings that an operator changes in mid-mission; ``None`` leaves a setting as it is.
+    """Settings that an operator changes; ``None`` leaves a setting as it is.
+
+    The last three change between missions only.
 
     :param budget_s: time of the mission from its start [s]
     :param dwell: dwell rule, as text
@@ -227,6 +230,9 @@ class Changes:
     :param warm_up_stops: number of stops before the map guides the choice; follows from the strategy
     :param until_sd: standard deviation of the map at which the mission ends; 0: never
     :param until_gain: gain in ten minutes below which it ends [%]; 0: never
+    :param field: field file
+    :param earlier: earlier runs of the field that inform map and plan
+    :param covariates: files that may explain the map
     """
 
     budget_s: float | None = None
@@ -237,6 +243,15 @@ class Changes:
     warm_up_stops: int | None = None
     until_sd: float | None = None
     until_gain: float | None = None
+    field: str | None = None
+    earlier: tuple[str, ...] | None = None
+    covariates: tuple[str, ...] | None = None
+
+    @property
+    def of_survey(self) -> dict[str, Any]:
+        """What is changed between missions only, by the names of the parameters."""
+        named = {"field": self.field, "earlier": self.earlier, "covariates": self.covariates}
+        return {name: value for name, value in named.items() if value is not None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,6 +298,9 @@ class MissionStatus:
     :param stop_requests: how often the robot was asked to stop and is not yet known to stand still
     :param queue: names of the stops that an operator has asked for
     :param strategy: how stops are chosen, if an operator has changed it
+    :param field: field file, if an operator has chosen another than that of the start
+    :param earlier: earlier runs, if an operator has chosen them
+    :param covariates: covariates, if an operator has chosen them
     :param clock_offset_s: how far the clock that stamps the records has been set since the start [s]
     :param ruled_out: areas in which no stop is chosen
     :param forecast: the last forecast of the map's standard deviation
@@ -313,6 +331,9 @@ class MissionStatus:
     stop_requests: int = 0
     queue: tuple[str, ...] = ()
     strategy: str = ""
+    field: str = ""
+    earlier: tuple[str, ...] | None = None
+    covariates: tuple[str, ...] | None = None
     clock_offset_s: float = 0.0
     ruled_out: Polygons = ()
     forecast: Forecast | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import InvalidNamespaceException
@@ -51,6 +52,12 @@ class Parameters:
         for name, value in self._values.items():
             node.declare_parameter(name, value, rows[name].descriptor(), ignore_override=True)
 
+    def changed(self, values: Mapping[str, Value]) -> Parameters:
+        """The same with other values; what the node shows stays as it is."""
+        other = copy(self)
+        other._values = {**self._values, **values}
+        return other
+
     def watch(self, change: Callable[[Mapping[str, Value]], str]) -> None:
         """Let live parameters be set from now on.
 
@@ -74,8 +81,12 @@ class Parameters:
 
     def show(self, values: Mapping[str, Value]) -> None:
         """Show the present values of live parameters; :meth:`watch` passes those that differ to its function."""
-        shown = {name: self._node.get_parameter(name).value for name in values}
-        new = [RosParameter(name, value=value) for name, value in values.items() if value != shown[name]]
+        shown = {name: self._node.get_parameter(name) for name in values}
+        new = [
+            RosParameter(name, shown[name].type_, value)  # an empty list has no type
+            for name, value in values.items()
+            if value != shown[name].value
+        ]
         self._node.set_parameters(new)
 
     def text(self, name: str) -> str:

@@ -8,7 +8,7 @@ from soilmoist_ros.nodes.parameters.parameter import COVARIATES, EARLIER, Parame
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS
 
 PARAMETERS: Final = (
-    Parameter(name="field", default="", description="field file, or the name of a shipped one"),
+    Parameter(name="field", default="", description="field file, or the name of a shipped one", live=True),
     Parameter(
         name="site", default="", description="site file, or the name of a shipped one; empty for a rate map only"
     ),

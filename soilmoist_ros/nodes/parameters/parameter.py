@@ -182,10 +182,12 @@ EARLIER: Final = Parameter(
     default=[],
     description="earlier runs of the field whose counts inform map and plan: output folders, recordings, or "
     "folders of such; mapper and planner need the same ones",
+    live=True,
 )
 COVARIATES: Final = Parameter(
     name="covariates",
     default=[],
     description="files that may explain the map, as FILE or FILE:BAND, in addition to those of the field file: "
     "rasters, what is derived from elevations, polygons; mapper and planner need the same ones",
+    live=True,
 )

@@ -6,15 +6,16 @@ from typing import Final
 
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
-from soilmoist_ros.exploration.mission.types import PUBLISHED_MIN_LAST_DWELL_S, MissionRules, OnSilence
+from soilmoist_ros.exploration.mission.types import PUBLISHED_MIN_LAST_DWELL_S, Changes, MissionRules, OnSilence
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
 from soilmoist_ros.nodes.parameters.declaration import Parameters
@@ -39,7 +40,7 @@ def _row(
 
 
 PARAMETERS: Final = (
-    _row("field", "", "field file, or name of a shipped one"),
+    _row("field", "", "field file, or name of a shipped one", live=True),
     of_setting("strategy", description="how the next stop is chosen", live=True),
     of_setting("preset", description="constants of the strategies"),
     of_setting("seed", default=0, description="seed of the strategies' randomness"),
@@ -269,6 +270,17 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
             by_name=text("navigator") == "goto_node",
         ),
     )
+
+
+def chosen_survey(parameters: Parameters, changes: Changes | None) -> tuple[Field, ExplorerSettings]:
+    """The field and the settings, with the field, earlier runs and covariates that an operator has chosen.
+
+    :raises InputError: as :func:`explorer_settings`, or if the field file cannot be used
+    """
+    chosen = changes.of_survey if changes is not None else {}
+    values = parameters.changed({name: one if isinstance(one, str) else list(one) for name, one in chosen.items()})
+    field = load_field(resource("fields", values.text("field")))
+    return field, explorer_settings(values, field)
 
 
 def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve | None) -> Knowledge:

@@ -97,10 +97,14 @@ class PlannerCommands:
     def _on_parameters(self, values: Mapping[str, Value]) -> str:
         """Make a command of new values; why they are refused, empty if they are used."""
         now = self._control.settings
-        new: dict[str, Any] = {name: value for name, value in values.items() if value != now[name]}
+        new: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in values.items()
+            if value != now.get(name)
+        }
         if not new:
             return ""  # they are shown after a command
-        empty = [name for name, value in new.items() if not value]
+        empty = [name for name, value in new.items() if not value and value != ()]
         if empty:
             return f"{', '.join(empty)} cannot be empty while the planner runs: restart it without"
         reply = self._control.request(OperatorRequest(Verb.CHANGE, who=WHO, **new))

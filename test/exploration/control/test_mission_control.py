@@ -36,7 +36,15 @@ class Around:
     """Robot, navigation, sensor, mapper and displays in one."""
 
     def __init__(
-        self, home="", dwell="fmi:30", strategy="greedy", properties=(), factor=1.0, steady=None, **rules
+        self,
+        home="",
+        dwell="fmi:30",
+        strategy="greedy",
+        properties=(),
+        factor=1.0,
+        steady=None,
+        surveys=None,
+        **rules,
     ):
         self.time_s, self.goals, self.shown, self.saved, self.finished = 0.0, [], [], [], None
         self.visits = []
@@ -69,6 +77,7 @@ class Around:
             properties=dict(properties),
             clock=MissionClock(self.now_s, steady, "boot"),
             watch=one_fix(),
+            open_survey=surveys and (lambda changes: surveys(changes, settings)),
         )
 
     def navigator(self, report):

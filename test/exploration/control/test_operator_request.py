@@ -27,6 +27,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -296,6 +297,46 @@ def test_a_new_strategy_does_not_begin_the_random_stream_again():
         measured(around)
     stops = [stop.name for _, stop in around.goals]
     assert len(set(stops)) == len(stops) == 8
+
+
+def surveys(changes, settings):
+    """Fields by name: half of the square, one elsewhere, one too small for the cells."""
+    half = np.array([[0, 0], [10, 0], [10, 20], [0, 20]], float)
+    shapes = {"half": (FRAME, half), "elsewhere": (LocalFrame(54.0, 0.0), half), "sliver": (FRAME, half / 1000)}
+    if changes.earlier == ("gone",):
+        raise InputError("there is no run gone", "choose another")
+    frame, polygon = shapes[changes.field or "half"]
+    return Field(changes.field or "half", frame, polygon, (), 2.0), replace(
+        settings, seed=len(changes.earlier or ())
+    )
+
+
+def test_a_field_and_earlier_runs_are_chosen_between_missions():
+    around = Around(budget_s=3600.0, surveys=surveys)
+    around.time_s = 1000.0
+    around.control.use_graph(None)
+    around.control.fix((1.0, 1.0))
+    stops = len(around.control._access.stops)
+    for wrong, words in (({"field": "elsewhere"}, "datum"), ({"earlier": ("gone",)}, "gone")):
+        reply = ask(around, "change", **wrong)
+        assert reply.code is ReplyCode.BAD_SETTING
+        assert words in reply.message
+    assert (len(around.control._access.stops), around.control.settings.get("field")) == (stops, None)
+    assert ask(around, "change", field="half", hours=0.5).accepted
+    assert ask(around, "change", earlier=("one", "two")).accepted
+    assert len(around.control._access.stops) == stops / 2
+    assert around.control._settings.seed == 2
+    assert (around.status.field, around.status.earlier, around.status.covariates) == ("half", ("one", "two"), None)
+    assert ask(around, "start").accepted
+    around.planned()
+    assert around.goals[-1][1].x_m < 10.0
+    for survey in ({"field": "half"}, {"covariates": ()}):
+        reply = ask(around, "change", **survey)
+        assert reply.code is ReplyCode.REFUSED
+        assert "a mission is under way" in reply.message
+    assert ask(around, "change", hours=1.0).accepted
+    assert around.status.field == "half"
+    assert ask(Around(), "change", field="half").code is ReplyCode.BAD_SETTING, "where no field can be opened"
 
 
 def test_what_is_refused_changes_nothing():

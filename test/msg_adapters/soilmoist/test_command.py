@@ -24,11 +24,13 @@ from soilmoist_ros.exploration.mission.types import Verb
 words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)
 numbers = st.floats(allow_nan=False)
 corners = st.floats(-5e4, 5e4, width=32)
+chosen = st.none() | st.lists(words.filter(bool), max_size=3).map(tuple)
 requests = st.builds(
     OperatorRequest, verb=words, who=words, place=st.lists(numbers, max_size=3).map(tuple),
     geographic_place=st.lists(numbers, max_size=3).map(tuple), dwell=words,
     polygon=st.lists(st.tuples(corners, corners), max_size=5).map(tuple),
     stops=st.lists(words, max_size=4).map(tuple), hours=numbers, strategy=words, target=words, home=words,
+    field=words, earlier=chosen, covariates=chosen,
 )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ metres = st.floats(-5e4, 5e4, width=32)
 areas = st.lists(st.lists(st.tuples(metres, metres), min_size=3, max_size=5).map(tuple), max_size=2).map(tuple)
 words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)
 names = st.lists(words, max_size=3).map(tuple)
+chosen = st.none() | st.lists(words.filter(bool), max_size=3).map(tuple)
 counts = st.integers(0, 2**32 - 1)
 statuses = st.builds(
     MissionStatus, now_s=numbers, phase=st.sampled_from(Phase), reason=words,
@@ -35,7 +36,7 @@ statuses = st.builds(
     ended=st.none() | st.sampled_from(MissionEnd),
     alarms=st.lists(st.builds(Alarm, numbers, words, st.sampled_from(Response), words), max_size=3).map(tuple),
     emergency=st.booleans(), stop_requests=counts, queue=names, strategy=words, clock_offset_s=offsets,
-    ruled_out=areas,
+    ruled_out=areas, field=words, earlier=chosen, covariates=chosen,
 )  # fmt: skip
 IDLE = MissionStatus(
     now_s=math.nan, phase=Phase.IDLE, reason="waiting for start", target=None, planned_dwell_s=0.0, dwell_s=0.0,
