@@ -86,7 +86,7 @@ class Mapper(Node):
         self._soil_map = self.create_publisher(PointCloud2, "soil_map", qos.LATCHED)
         self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
-        self._change = ChangeOutput(self, self._survey, self._frame) if self._survey.earlier else None
+        self._change = ChangeOutput(self, self._survey, self._frame)
         self._worker = MapWorker(self._online.compute, self._publish)
         # The planner needs the cell size before the first map.
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
@@ -151,6 +151,7 @@ class Mapper(Node):
         with self._guard:
             self._survey, self._online = survey, survey.map
             self._records.use(self._online)
+            self._change.use(survey)
             self._worker = MapWorker(self._online.compute, self._publish)
             state = self._online.state
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
@@ -208,8 +209,7 @@ class Mapper(Node):
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
-        if self._change is not None:
-            self._change.put(soil_map, stamp_s)
+        self._change.put(soil_map, stamp_s)
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._guard:
@@ -236,8 +236,7 @@ class Mapper(Node):
         now_s = self.get_clock().now().nanoseconds * 1e-9
         with self._guard:
             parts = [map_health(self._online, self._worker, now_s)]
-        if self._change is not None:
-            parts.append(self._change.health)
+        parts += self._change.health
         if problem := self._sources.problem:
             parts.append(Health("records", Level.ERROR, problem))
         if self._refused:
@@ -251,8 +250,7 @@ class Mapper(Node):
         self._aside.close()
         self._arrived.close()
         self._worker.close()
-        if self._change is not None:
-            self._change.close()
+        self._change.close()
         self._sources.close()
 
 

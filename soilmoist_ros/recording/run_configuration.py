@@ -16,6 +16,9 @@ _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_
 _NAMED: Final = {"field": ("geojson",), "site": ("corrections", "intensity", "file")}
 """Keys of these files that name another file, by a relative path."""
 
+_CHOSEN: Final = ("field", "earlier", "covariates")
+"""Parameters that an operator may choose while the nodes run."""
+
 
 class RunConfiguration:
     """Writes the configuration of each recording.
@@ -26,6 +29,7 @@ class RunConfiguration:
     def __init__(self) -> None:
         self._nodes: dict[str, dict[str, object]] = {}
         self._written: dict[str, dict[str, object]] = {}
+        self._others: dict[str, dict[str, object]] = {}
         self._bag: Path | None = None
 
     def take(self, node: str, values: Mapping[str, object]) -> None:
@@ -44,7 +48,7 @@ class RunConfiguration:
         :raises InputError: if a file cannot be written; the next call tries again
         """
         if bag != self._bag:
-            self._bag, self._written = bag, {}
+            self._bag, self._written, self._others = bag, {}, {}
         run = _run_of(bag)
         done = []
         for node, values in list(self._nodes.items()):
@@ -52,8 +56,9 @@ class RunConfiguration:
             if known == values:
                 continue
             if known is None and (run / CONFIGURATION / f"{node}.yaml").exists():
-                self._written[node] = values
-                continue
+                first = self._others.setdefault(node, values)
+                if all(first.get(name) == values.get(name) for name in _CHOSEN):
+                    continue
             kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
             write_parameters(run, node, kept)
             self._written[node] = values

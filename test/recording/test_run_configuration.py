@@ -113,3 +113,15 @@ def test_what_cannot_be_written_is_reported_and_retried(files, tmp_path):
             configuration.write(tmp_path)
     (tmp_path / "configuration").unlink()
     assert configuration.write(tmp_path) == ["mapper"]
+
+
+def test_the_field_that_an_operator_chooses_is_kept_with_what_others_wrote(files, tmp_path):
+    bag = tmp_path / "run" / "bag"
+    (tmp_path / "run" / "configuration").mkdir(parents=True)
+    (tmp_path / "run" / "configuration" / "mapper.yaml").write_text("/**:\n  ros__parameters: {field: x}\n")
+    configuration = RunConfiguration()
+    for name, written in (("farm", []), ("farm", []), ("other", ["mapper"]), ("other", [])):
+        configuration.take("mapper", {"field": str(files / f"{name}.yaml")})
+        assert configuration.write(bag) == written
+    folder = configuration_of(bag)
+    assert load_field(folder / read_parameters(folder, "mapper")["field"]).name == "other"

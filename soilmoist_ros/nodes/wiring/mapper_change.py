@@ -25,25 +25,34 @@ SHARE: Final = 20
 PART: Final = "change"
 
 
+WAITING: Final = Health(PART, Level.OK, "waiting for enough samples for a map")
+
+
 class ChangeOutput:
     """Computes the change of the newest map in a thread, and publishes it.
 
     :param node: the mapper
-    :param survey: the field, with at least one earlier survey
+    :param survey: the field; without an earlier survey nothing is published
     :param frame: frame of the message
     """
 
     def __init__(self, node: Node, survey: FieldSurvey, frame: str) -> None:
         self._survey, self._frame = survey, frame
         self._publisher = node.create_publisher(PointCloud2, "change", LATCHED)
-        self._said = Health(PART, Level.OK, "waiting for enough samples for a map")
+        self._said = WAITING
         self._closing = False
         self._maps: Batches[tuple[SoilMap | None, float]] = Batches(self._compute, PART)
 
     @property
-    def health(self) -> Health:
-        """What has changed, in words."""
-        return self._said
+    def health(self) -> list[Health]:
+        """What has changed, in words; nothing without an earlier survey."""
+        return [self._said] if self._survey.earlier else []
+
+    def use(self, survey: FieldSurvey) -> None:
+        """The maps to come are of another field, or have other earlier surveys."""
+        if self._survey.earlier and not survey.earlier:
+            self._publisher.publish(change_to_message(survey.map.grid, None, 0.0, self._frame))
+        self._survey, self._said = survey, WAITING
 
     def put(self, soil_map: SoilMap | None, stamp_s: float) -> None:
         """Compute the change of a map soon; never waits.
@@ -51,7 +60,8 @@ class ChangeOutput:
         :param soil_map: ``None`` if there is no map any more
         :param stamp_s: end of its last record [s since 1970-01-01 UTC]
         """
-        self._maps.put((soil_map, stamp_s))
+        if self._survey.earlier:
+            self._maps.put((soil_map, stamp_s))
 
     def close(self) -> None:
         """Publish the change of the last map, then end."""
@@ -61,9 +71,12 @@ class ChangeOutput:
     def _compute(self, maps: Sequence[tuple[SoilMap | None, float]]) -> None:
         soil_map, stamp_s = maps[-1]
         began_s = time.monotonic()
-        found = None if soil_map is None else run_change(soil_map, stamp_s, self._survey.earlier)
+        survey = self._survey
+        found = None if soil_map is None else run_change(soil_map, stamp_s, survey.earlier)
         change = None if found is None else found.change
-        self._publisher.publish(change_to_message(self._survey.map.grid, change, stamp_s, self._frame))
+        if survey is not self._survey:
+            return
+        self._publisher.publish(change_to_message(survey.map.grid, change, stamp_s, self._frame))
         if found is not None:
             self._said = Health(PART, Level.OK, change_summary(found))
         elif soil_map is not None:
