@@ -56,6 +56,7 @@ STOP_LIMIT_S = "120"
 """Time after SIGINT until SIGTERM, and from there until SIGKILL [s]: a node that saves must not be killed."""
 FINISHED, BAD_INPUT = 0, 2
 """Exit codes of the nodes."""
+ENCLAVES = "prefix of the nodes' security enclaves, /soilmoist with a keystore of scripts/keystore; empty: none"
 AUTOSTART = "true: the mission starts as soon as position, map and navigation are there"
 
 
@@ -68,6 +69,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "use_sim_time", default_value="false", description="true: time comes from /clock"
             ),
+            DeclareLaunchArgument("enclaves", default_value="", description=ENCLAVES),
             DeclareLaunchArgument("record", default_value="true", description="false: nothing is recorded"),
             DeclareLaunchArgument("console", default_value="false", description=CONSOLE),
             DeclareLaunchArgument("respawn", default_value="true", description=RESPAWN),
@@ -128,6 +130,7 @@ def nodes(context: LaunchContext) -> list[Node]:
             executable=node,
             name=node,  # so that the arguments override params_file
             namespace=namespace,
+            ros_arguments=enclave(given("enclaves"), namespace, node),
             parameters=[*own, {"use_sim_time": flag("use_sim_time"), **parameters}],
             on_exit=end_all if node == "planner" and flag("exit_when_finished") else None,
             respawn=flag("respawn"),
@@ -138,6 +141,13 @@ def nodes(context: LaunchContext) -> list[Node]:
         )
         for node, namespace, own, parameters in started
     ]
+
+
+def enclave(prefix: str, namespace: str, node: str) -> list[str]:
+    """ROS arguments that name the enclave of a node, as scripts/keystore makes it."""
+    return (
+        ["--enclave", "/".join(filter(None, [prefix.rstrip("/"), namespace.strip("/"), node]))] if prefix else []
+    )
 
 
 def end_all(event: ProcessExited, _context: LaunchContext) -> list[Shutdown]:

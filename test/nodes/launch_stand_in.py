@@ -101,11 +101,19 @@ class Node:
     sigterm_timeout: str = "5"
     sigkill_timeout: str = "5"
     remappings: list[tuple[str, str]] | None = None
+    ros_arguments: Iterable[str] = ()
 
-    def ros_arguments(self, folder: Path) -> list[str]:
+    def command_line(self, folder: Path) -> list[str]:
         """Command line that ``launch_ros`` would make; parameters are written to files in a folder."""
         namespace = f"/{self.namespace.strip('/')}".rstrip("/")
-        arguments = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:={namespace or '/'}"]
+        arguments = [
+            "--ros-args",
+            *self.ros_arguments,
+            "-r",
+            f"__node:={self.name}",
+            "-r",
+            f"__ns:={namespace or '/'}",
+        ]
         for old, new in self.remappings or ():
             arguments += ["-r", f"{old}:={new}"]
         for number, given in enumerate(self.parameters):

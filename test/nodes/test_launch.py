@@ -40,7 +40,7 @@ def seen(tmp_path, monkeypatch):
 
     def see(action):
         context = Context()
-        rclpy.init(args=action.ros_arguments(tmp_path), context=context, domain_id=101)
+        rclpy.init(args=action.command_line(tmp_path), context=context, domain_id=101)
         try:
             node = Node(action.executable, context=context)
             table = importlib.import_module(f"soilmoist_ros.nodes.{action.executable}").PARAMETERS
@@ -343,3 +343,11 @@ def test_the_stand_in_does_not_stay(monkeypatch):
         stand_in.load(ROBOT, patch)
         assert "launch_ros.actions" in sys.modules
     assert "launch_ros.actions" not in sys.modules
+
+
+def test_each_node_gets_its_enclave(monkeypatch, tmp_path):
+    given = {"out": str(tmp_path), "enclaves": "/soilmoist", "namespace": "r1", "property": "salt"}
+    launched = stand_in.start(ROBOT, monkeypatch, given)
+    enclaves = {action.ros_arguments[1] for action in launched}
+    assert {"/soilmoist/r1/planner", "/soilmoist/r1/mapper", "/soilmoist/r1/salt/mapper"} <= enclaves
+    assert not any(action.ros_arguments for action in stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))

@@ -12,6 +12,7 @@ from typing import Final
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -20,6 +21,19 @@ from soilmoist_ros.foundation.errors import SoilmoistError
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
 Python's own 5 ms would add up to a late abort."""
+BAD_INPUT: Final = 2
+_RCL_ERROR: Final = rclpy_implementation.RCLError
+_SECURITY: Final = (
+    "start the node with its enclave (--ros-args --enclave /soilmoist/NODE, or enclaves:=/soilmoist in the launch "
+    "file), from a keystore that scripts/keystore has made; the ROS 2 packages of PyPI have no security"
+)
+
+
+def _without_ros(error: Exception) -> int:
+    """Say why ROS does not start, and return the exit code: nothing may run without the security asked for."""
+    remedy = f" -> {_SECURITY}" if "ecurity" in str(error) or "SECURITY" in str(error) else ""
+    print(f"ROS cannot start the node: {' '.join(str(error).split())}{remedy}", file=sys.stderr, flush=True)
+    return BAD_INPUT
 
 
 def run(make_node: Callable[[], Node]) -> None:
@@ -44,7 +58,10 @@ def run(make_node: Callable[[], Node]) -> None:
     :param make_node: makes the node
     """
     sys.setswitchinterval(_SWITCH_S)
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    except _RCL_ERROR as error:
+        sys.exit(_without_ros(error))
     executor = EventsExecutor()
     stopping = False
 
@@ -69,7 +86,9 @@ def run(make_node: Callable[[], Node]) -> None:
                 node.get_logger().error(f"a callback failed; the node continues\n{traceback.format_exc()}")
     except SoilmoistError as error:
         print(f"{error}", file=sys.stderr, flush=True)
-        code = 2
+        code = BAD_INPUT
+    except _RCL_ERROR as error:
+        code = _without_ros(error)
     finally:
         close = getattr(node, "close", None)
         if close is not None:

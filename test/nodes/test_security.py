@@ -1,0 +1,160 @@
+"""The policy of SROS 2 names what nodes use and nothing else; none runs without the security asked for."""
+
+import importlib.util
+import time
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from ros_system import RosSystem
+
+ROOT = Path(__file__).resolve().parents[2]
+POLICY = ROOT / "config" / "security" / "policy.xml"
+KINDS = {
+    ("topics", "publish"): "publisher",
+    ("topics", "subscribe"): "subscriber",
+    ("services", "reply"): "service",
+    ("services", "request"): "client",
+}
+ANY = "/*"
+FIELD = {"field": "smooth"}
+PLANNERS = (
+    {"navigator": "goto_node"},
+    {"navigator": "navigate_to_pose", "keepout_topic": "keepout"},
+    {"navigator": "goal_pose"},
+)
+USED = {
+    "sensor_driver": [{**FIELD, "logger_uri": "tcp://127.0.0.1:9", "gnss_uri": "tcp://127.0.0.1:9"}],
+    "mapper": [FIELD],
+    "planner": [{**FIELD, **navigation} for navigation in PLANNERS],
+    "recorder": [{}],
+    "console": [{**FIELD, "port": 0}],
+}  # fmt: skip
+"""Parameters with which a node makes all its topics and services."""
+
+
+def keystore_script():
+    loader = SourceFileLoader("keystore_script", str(ROOT / "scripts" / "keystore"))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
+    loader.exec_module(module)
+    return module
+
+
+def full_name(name, namespace, node):
+    below = namespace.rstrip("/")
+    return name if name.startswith("/") else f"{below}/{name.replace('~', node, 1)}"
+
+
+def permitted(profile):
+    """Names by kind in a profile of the policy."""
+    namespace, node = profile.attrib["ns"], profile.attrib["node"]
+    found = {kind: set() for kind in KINDS.values()}
+    for block in profile:
+        for how in block.attrib:
+            names = {full_name(one.text, namespace, node) for one in block}
+            if block.tag == "actions":
+                assert how == "call"
+                found["client"] |= {
+                    f"{one}/_action/{part}" for one in names for part in ("send_goal", "cancel_goal", "get_result")
+                }
+                found["subscriber"] |= {
+                    f"{one}/_action/{part}" for one in names for part in ("feedback", "status")
+                }
+            else:
+                found[KINDS[block.tag, how]] |= names
+    return found  # fmt: skip
+
+
+def settled(ros, nodes):
+    """Names by kind of each node of the graph, when nothing new has appeared for a second."""
+
+    def now():
+        if not set(nodes) <= set(ros.node.get_node_names()):
+            return None
+        return {
+            node: {
+                kind: {name for name, _ in getattr(ros.node, f"get_{kind}_names_and_types_by_node")(node, "/")}
+                for kind in KINDS.values()
+            }
+            for node in nodes
+        }
+
+    def still():
+        before = now()
+        time.sleep(1.0)
+        return before if before is not None and before == now() else None
+
+    return ros.wait_for(still, message=f"the graph of {nodes}")
+
+
+def profiles(node):
+    enclave = ElementTree.parse(POLICY).getroot().find(f"enclaves/enclave[@path='/soilmoist/{node}']")
+    return {one.attrib["node"]: one for one in enclave.iter("profile")}
+
+
+@pytest.mark.parametrize("node", USED)
+def test_the_policy_permits_what_a_node_uses_and_nothing_else(node, tmp_path):
+    allowed = {name: permitted(profile) for name, profile in profiles(node).items()}
+    # the recorder reads the parameters of nodes that it sees
+    beside = ("mapper", "sensor_driver", "planner") if node == "recorder" else ()
+    found = {name: {kind: set() for kind in KINDS.values()} for name in allowed}
+    for number, values in enumerate(USED[node]):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        with RosSystem(folder) as ros:
+            for other in beside:
+                ros.start(other, params=USED[other][0])
+            ros.start(node, params=values or {"out": str(folder / "out")})
+            for name, kinds in settled(ros, allowed).items():
+                for kind, names in kinds.items():
+                    found[name][kind] |= names
+    for name, kinds in found.items():
+        for kind, names in kinds.items():
+            if allowed[name][kind] == {ANY}:
+                continue
+            assert names == allowed[name][kind], f"{kind} of {name}"
+
+
+def test_robots_get_enclaves_of_their_own_and_see_each_others_mission():
+    tree = keystore_script().policy(["/r1", "/r2"], ["salt"])
+    enclaves = {one.attrib["path"]: one for one in tree.getroot().iter("enclave")}
+    assert {"/soilmoist/r1/mapper", "/soilmoist/r1/salt/mapper", "/soilmoist/r2/console"} <= set(enclaves)
+    kinds = permitted(next(enclaves["/soilmoist/r1/planner"].iter("profile")))
+    assert {"/r2/mission", "/r1/salt/samples", "/r1/samples", "/diagnostics"} <= kinds["subscriber"]
+    assert "/r1/salt/mapper/save" in kinds["client"]
+    assert not any(name.startswith("/r2") for name in kinds["publisher"] | kinds["service"] | kinds["client"])
+
+
+def test_nobody_but_the_planner_may_send_goals_and_nobody_at_all_may_set_parameters_but_the_operator():
+    tree = ElementTree.parse(POLICY).getroot()
+    callers = {one.attrib["path"] for one in tree.iter("enclave") if one.find(".//actions") is not None}
+    setters = {
+        enclave.attrib["path"]
+        for enclave in tree.iter("enclave")
+        for block in enclave.iterfind(".//services[@request]")
+        if any("set_param" in one.text or one.text == "*" for one in block)
+    }
+    assert callers == {"/soilmoist/planner"}
+    assert setters == {"/soilmoist/operator"}
+
+
+@pytest.mark.parametrize("keystore", ["missing", "without security in the wheels"])
+def test_a_node_refuses_to_run_in_the_open_where_security_is_enforced(keystore, tmp_path):
+    with RosSystem(tmp_path) as ros:
+        store = tmp_path / "keystore"
+        if keystore != "missing":
+            (store / "enclaves" / "soilmoist" / "mapper").mkdir(parents=True)
+        ros.environment |= {
+            "ROS_SECURITY_ENABLE": "true",
+            "ROS_SECURITY_STRATEGY": "Enforce",
+            "ROS_SECURITY_KEYSTORE": str(store),
+        }
+        mapper = ros.start("mapper", params=FIELD, extra=["--enclave", "/soilmoist/mapper"])
+        assert mapper.wait() == 2
+        assert "ROS cannot start the node" in mapper.output()
+        assert "scripts/keystore" in mapper.output()
+        assert "Traceback" not in mapper.output()
