@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from soilmoist_ros.exploration.travel.travel import TravelModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+_Weights = TypeVar("_Weights")
 
 MAX_CELLS = 400
 """Approximate number of cells that represent the field: the variance is smooth over the variogram's range."""
@@ -24,6 +26,8 @@ MAX_STOPS = 500
 """Largest number of graph nodes that are compared."""
 MAX_PLACES = 12
 """Largest number of places that represent a route."""
+_WEIGHED_FIRST = 16
+"""Number of candidates whose value decides which others are weighed."""
 _ROUNDING = 1e-9
 
 
@@ -95,28 +99,48 @@ class Prospect:
             return tuple(self.stops)
         return tuple(self.stops[number] for number in self.reachable.tolist())
 
+    def worth(self, rows: Indices | None = None) -> Worth:
+        """Value of some :attr:`reachable` candidates, by their rows; of all by default."""
+        return self._weighed(self.model.worth, np.arange(len(self.reachable)) if rows is None else rows)
+
     @cached_property
-    def worth(self) -> Worth:
-        """Value of each :attr:`reachable` candidate, in the order of :attr:`reachable`."""
-        stops = self.reachable
-        ways, exposure_s = self.ways(stops)
+    def promising(self) -> Indices:
+        """Rows of the :attr:`reachable` candidates that may be the best one, and of the one at which it stands.
+
+        The others are worth less even if their counts are taken for independent.
+        """
+        estimate = self._weighed(self.model.estimate, np.arange(len(self.reachable)))
+        stays = self.reachable == self.staying
+        first = np.argsort(-np.where(stays, -np.inf, estimate), kind="stable")[:_WEIGHED_FIRST]
+        best = self.worth(first).value.max(initial=0.0, where=~stays[first])
+        return np.flatnonzero(stays | (estimate >= best * (1 - _ROUNDING)))
+
+    @cached_property
+    def promising_worth(self) -> Worth:
+        """Value of each :attr:`promising` candidate."""
+        return self.worth(self.promising)
+
+    def _weighed(self, weigh: Callable[..., _Weights], rows: Indices) -> _Weights:
+        """Value of some :attr:`reachable` candidates, by a method of the model."""
+        stops, (ways, exposure_s) = self.reachable[rows], self._ways
         longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], MAX_DWELL_S)
         overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
-        return self.model.worth(
+        return weigh(
             stops,
             self._travel_s[stops],
-            ways,
-            exposure_s,
+            ways[rows],
+            exposure_s[rows],
             overhead_s,
             longest_s,
             self.min_dwell_s,
             self.travel_cost_s[stops],
         )
 
-    @property
+    @cached_property
     def price(self) -> float:
         """Price of a second: the highest value of all candidates that need a trip."""
-        return float(self.worth.value[self.reachable != self.staying].max(initial=0.0))
+        needs_trip = self.reachable[self.promising] != self.staying
+        return float(self.promising_worth.value[needs_trip].max(initial=0.0))
 
     def dwell(self, stop: Stop, longest_s: float = MAX_DWELL_S) -> MarginalValue | None:
         """Dwell rule of a stop at the current price of time, ``None`` if the stop is not reachable.
@@ -125,9 +149,9 @@ class Prospect:
         """
         for row, number in enumerate(self.reachable.tolist()):
             if self.stops[number].name == stop.name:
-                worth = self.worth
-                gain, variance = float(worth.gain[row]), float(worth.variance[row])
-                others = tuple((float(a[row]), float(b[row]), float(n[row])) for a, b, n in worth.others)
+                worth = self.worth(np.array([row]))
+                gain, variance = worth.gain.item(), worth.variance.item()
+                others = tuple((a.item(), b.item(), n.item()) for a, b, n in worth.others)
                 return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor, longest_s, others)
         return None
 
@@ -159,6 +183,11 @@ class Prospect:
         shares = (np.arange(count) + 0.5) / count
         places = self._travel.along(place, (self.reachable_stops[row],), shares[None])[0]
         return self.model.nearest_nodes(places), np.full(count, drive_s / count)
+
+    @cached_property
+    def _ways(self) -> tuple[Indices, Array]:
+        """:meth:`ways` of the :attr:`reachable` candidates."""
+        return self.ways(self.reachable)
 
     def ways(self, stops: Indices) -> tuple[Indices, Array]:
         """Nodes on the route to each candidate, and the exposure at each [s]; both of shape (k, m)."""

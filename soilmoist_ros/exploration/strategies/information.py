@@ -26,13 +26,14 @@ class VarianceReduction:
             return to_the_middle(situation)
         if not len(prospect.reachable):
             return None
-        worth = prospect.worth
+        worth = prospect.promising_worth
         best = int(np.argmax(worth.value))
-        stop = prospect.stops[int(prospect.reachable[best])]
+        number = int(prospect.reachable[prospect.promising[best]])
+        stop = prospect.stops[number]
         time_s = worth.travel_s[best] + worth.dwell_s[best]
         share = worth.value[best] * time_s / max(prospect.model.integrated_variance, 1e-300)
         whose = "maps'" if worth.others else "map's"
-        if prospect.reachable[best] == prospect.staying:
+        if number == prospect.staying:
             return Choice(stop, "counting on here is worth more than going elsewhere")
         reason = f"most variance less per second: {100 * share:.2g} % of the {whose} in {time_s:.0f} s"
         return Choice(stop, reason)

@@ -40,7 +40,7 @@ def explorer(factor=1.0, dwell="optimal", strategy="ivr"):
 def test_the_correction_factor_shortens_the_dwell_at_low_pressure():
     at_900_hpa = explorer(factor=0.42)
     prospect = at_900_hpa.situation(REQUEST, PLACE).prospect()
-    worth = prospect.worth
+    worth = prospect.worth()
     expected_s, _ = best_dwell(
         worth.on_way,
         worth.gain,
@@ -52,7 +52,7 @@ def test_the_correction_factor_shortens_the_dwell_at_low_pressure():
     )
     np.testing.assert_allclose(worth.dwell_s, expected_s)
     assert at_900_hpa.plan(REQUEST, PLACE).choice.dwell.factor == 0.42
-    sooner, later = (explorer(factor).situation(REQUEST, PLACE).prospect().worth for factor in (0.42, 1.0))
+    sooner, later = (explorer(factor).situation(REQUEST, PLACE).prospect().worth() for factor in (0.42, 1.0))
     assert (sooner.dwell_s[later.dwell_s > 10] < later.dwell_s[later.dwell_s > 10]).all()
 
 

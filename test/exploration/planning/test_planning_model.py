@@ -88,9 +88,9 @@ def test_where_nothing_is_counted_on_the_way_a_stop_is_worth_as_much_as_after_ne
     for name in ("gain", "variance", "dwell_s", "value"):
         np.testing.assert_allclose(getattr(nothing, name), getattr(hardly, name), rtol=1e-6)
     nodes = model.stop_nodes
-    to_cells = model.covariance[: len(CELLS)]
-    np.testing.assert_allclose((to_cells[:, nodes].T * EVEN) @ to_cells, model.gram[nodes], rtol=1e-12)
-    np.testing.assert_allclose(model.gain, np.diag(model.gram), rtol=1e-12)
+    to_stops = model.covariance[: len(CELLS), nodes]
+    np.testing.assert_allclose((to_stops.T * EVEN) @ to_stops, model.gram(nodes), rtol=1e-12)
+    np.testing.assert_allclose(model.gain[nodes], np.diag(model.gram(nodes)), rtol=1e-12)
 
 
 def test_stops_that_are_cells_share_their_nodes():

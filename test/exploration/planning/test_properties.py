@@ -132,7 +132,8 @@ def test_the_fall_of_both_is_the_sum_of_the_falls():
     )
     cells = second.kriging.predict(GRID.cells)[1] - second.soil_map.variogram.nugget
     assert second_model.integrated_variance == pytest.approx(2.0 * unit * cells.mean(), rel=1e-6)
-    worth, row = look.worth, int(np.argmax(look.worth.value))
+    worth = look.worth()
+    row = int(np.argmax(worth.value))
     fall = worth.on_way[row]
     for a, b, n in ((worth.gain, worth.variance, worth.rate), *worth.others):
         fall = fall + a[row] * worth.dwell_s[row] / (b[row] * worth.dwell_s[row] + n[row])

@@ -52,7 +52,7 @@ def test_it_goes_where_the_variance_falls_most_per_second():
     planner = with_map(explorer())
     plan = planner.plan(request(), (2.5, 2.5))
     look = planner.situation(request(), (2.5, 2.5)).prospect()
-    best = look.stops[look.reachable[np.argmax(look.worth.value)]]
+    best = look.stops[look.reachable[np.argmax(look.worth().value)]]
     assert plan.choice.stop == best
     assert plan.travel_s == pytest.approx(planner.travel.travel_s((2.5, 2.5), [best])[0])
     assert plan.choice.reason.startswith("most variance less per second")
@@ -100,11 +100,12 @@ def test_a_map_of_the_moisture_draws_to_wet_soil_and_counts_longer_there():
         look = planner.situation(request(), (30.0, 25.0)).prospect()
         east = np.array([look.stops[number].x_m for number in look.reachable.tolist()])
         at = {side: np.flatnonzero(east == x) for side, x in (("wet", 12.5), ("dry", 47.5))}
-        price = 0.01 * (look.worth.gain / look.worth.rate).max()
+        worth = look.worth()
+        price = 0.01 * (worth.gain / worth.rate).max()
         for side, rows in at.items():
-            worth = [(look.worth.gain[row], look.worth.variance[row], look.worth.rate[row]) for row in rows]
-            dwell_s[name, side] = np.mean([MarginalValue(a, b, price).expected_s(rate) for a, b, rate in worth])
-            value[name, side] = look.worth.value[rows].max()
+            terms = [(worth.gain[row], worth.variance[row], worth.rate[row]) for row in rows]
+            dwell_s[name, side] = np.mean([MarginalValue(a, b, price).expected_s(rate) for a, b, rate in terms])
+            value[name, side] = worth.value[rows].max()
     assert value["vwc", "wet"] > 2 * value["vwc", "dry"]
     assert value["rate", "wet"] < 2 * value["rate", "dry"]
     assert dwell_s["rate", "wet"] < dwell_s["rate", "dry"]
