@@ -48,13 +48,13 @@ Array = NDArray[np.float64]
 _Where = tuple[int, Array]
 """Index of a record in the track, and spread of its counts."""
 
-REFIT_GROWTH = 0.05
+REFIT_GROWTH = 0.1
 """The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
-LATER_REFIT_GROWTH, MANY_SAMPLES = 0.1, 40
+LATER_REFIT_GROWTH, MANY_SAMPLES = 0.2, 40
 """The same from this number of samples on."""
 SEARCH_GROWTH = 0.5
 """The same for its direction, the start of its search, and whether the variance differs from place to place."""
-CHANGE_GROWTH = 0.02
+CHANGE_GROWTH = 0.05
 """The same for a drift of the mean rate, which costs less, and until when the map is."""
 RECENT_GROWTH = 1.3
 """Growth of the number of samples up to which a variogram is good enough to judge single records."""

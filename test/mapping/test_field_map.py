@@ -197,7 +197,7 @@ def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
         the_map.add(record())
         fits.append(the_map.state.fit_samples)
         searches.append(the_map.state.search_samples)
-    assert len(set(fits[:20])) == 20
+    assert len(set(fits[:10])) == 10
     assert len(set(fits[500:])) <= 1 + math.log(2) / math.log(1 + REFIT_GROWTH)
     assert len(set(searches[500:])) <= 2 + math.log(2) / math.log(1 + SEARCH_GROWTH)
 
