@@ -242,8 +242,9 @@ class PlanningModel:
         node = self.stop_nodes[stops]
         overhead_s = np.broadcast_to(np.asarray(overhead_s, float), len(node))
         each = [model._if_independent(node, ways, exposure_s, overhead_s) for model in (self, *self.others)]
-        terms = (np.array(values) for values in zip(*each, strict=True))
-        return best_dwell(*terms, travel_s if cost_s is None else cost_s, longest_s, min_dwell_s)[1]
+        on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
+        trip_s = travel_s if cost_s is None else cost_s
+        return best_dwell(on_way, gain, variance, noise, trip_s, longest_s, min_dwell_s)[1]
 
     def _if_independent(
         self, node: Indices, ways: Indices, exposure_s: Array, overhead_s: Array
