@@ -9,7 +9,7 @@ from soilmoist_ros.foundation.lazy import load_on_use
 if TYPE_CHECKING:
     from soilmoist_ros.console.access import Access
     from soilmoist_ros.console.board import Board
-    from soilmoist_ros.console.map_layers import MapLayers
+    from soilmoist_ros.console.maps.map_layers import MapLayers
     from soilmoist_ros.console.server import ConsoleServer, Steering
 
 __all__ = ["Access", "Board", "ConsoleServer", "MapLayers", "Steering"]

@@ -18,7 +18,8 @@ from soilmoist_ros.console.access import COOKIE, Access, Visitor
 from soilmoist_ros.console.board import Board, changes
 from soilmoist_ros.console.controls import Controls
 from soilmoist_ros.console.jobs import Jobs
-from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.maps.background_route import BackgroundRoute
+from soilmoist_ros.console.maps.map_layers import MapLayers
 from soilmoist_ros.console.requests import request_from_json
 from soilmoist_ros.console.run_routes import RunRoutes
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
@@ -78,10 +79,17 @@ class ConsoleServer:
     :param access: who may
     :param picture: the latest map
     :param runs: folder of the runs on this computer
+    :param background: GeoTIFF or folder of tiles to show below the map; empty for none
     """
 
     def __init__(
-        self, board: Board, steering: Steering, access: Access, picture: Callable[[], MapLayers | None], runs: Path
+        self,
+        board: Board,
+        steering: Steering,
+        access: Access,
+        picture: Callable[[], MapLayers | None],
+        runs: Path,
+        background: str = "",
     ) -> None:
         self._web = optional_module("aiohttp.web", "console")
         self._board, self._steering, self._access, self._picture = board, steering, access, picture
@@ -89,7 +97,7 @@ class ConsoleServer:
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
         self._viewers: set[web.WebSocketResponse] = set()
         self._controls = Controls()
-        self._runs = runs
+        self._runs, self._background = runs, background
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
@@ -135,6 +143,7 @@ class ConsoleServer:
         app.router.add_get("/live", self._on_live)
         self._jobs = Jobs(self._board)
         RunRoutes(web, self._runs, self._jobs).add(app, self._operators)
+        BackgroundRoute(web, self._background, self._board, self._jobs).add(app)
         for name, handler in (("plan", self._on_plan), ("stop", self._on_stop), ("take", self._on_take)):
             app.router.add_post(f"/{name}", self._operators(handler))
         for name, handler in (("command", self._on_command), ("release", self._on_release)):

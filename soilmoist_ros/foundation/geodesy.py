@@ -43,7 +43,7 @@ class LocalFrame:
 
         return CRS.from_proj4(
             f"+proj=ortho +lat_0={self.latitude_deg!r} +lon_0={self.longitude_deg!r} "
-            "+ellps=WGS84 +units=m +no_defs +type=crs"
+            "+datum=WGS84 +units=m +no_defs +type=crs"
         )
 
     @cached_property

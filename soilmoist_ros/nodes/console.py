@@ -25,14 +25,14 @@ from msg_adapters.soil_map import change_from_message, soil_map_from_message
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.invitation import LOOPBACK, invitation, reachable
-from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.maps.map_layers import MapLayers
 from soilmoist_ros.console.robot_history import RobotHistory
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import field_view, health_view, mission_view, sample_views, visit_view
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.health import Health
+from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.parameters.console import PARAMETERS
 from soilmoist_ros.nodes.parameters.declaration import Parameters
@@ -70,8 +70,16 @@ class Console(Node):
         access = Access(
             (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names")), self._show_token
         )
+        runs, background = Path(values.text("runs")).expanduser(), values.text("background")
+        if background and not Path(background).expanduser().exists():
+            raise InputError("there is no such background", "check the parameter background", Path(background))
         self._server = ConsoleServer(
-            self._board, self._steering, access, lambda: self._picture, Path(values.text("runs")).expanduser()
+            self._board,
+            self._steering,
+            access,
+            lambda: self._picture,
+            runs,
+            background and str(Path(background).expanduser().absolute()),
         )
         self._port = self._server.start(self._host, values.whole("port"))
         self.get_logger().info(f"console: http://{reachable(self._host)}:{self._port}/")
@@ -198,7 +206,7 @@ class Console(Node):
         parts = [
             part
             if heard_s > oldest_s
-            else Health(part.name, part.level, f"not heard any more; last: {part.message}")
+            else Health(part.name, Level.STALE, f"not heard any more; last: {part.message}")
             for part, heard_s in self._health.values()
         ]
         self._board.put("health", health_view(parts))

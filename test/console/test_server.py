@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 import urllib.error
 import urllib.request
 from concurrent.futures import Future
@@ -12,14 +13,18 @@ from pathlib import Path
 import aiohttp
 import numpy as np
 import pytest
+import rasterio
+from rasterio import Affine
 
 from soilmoist_ros.console import server as module
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.maps.map_layers import MapLayers
 from soilmoist_ros.console.server import ConsoleServer
+from soilmoist_ros.console.views import field_view
 from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 
 class Robots:
@@ -49,11 +54,12 @@ class Robots:
 
 
 class Served:
-    def __init__(self, access, folder):
+    def __init__(self, access, folder, background=""):
         self.board = Board()
         self.board.put("robots", ["r1"])
+        self.board.put("field", field_view(surrogate_field("half-wet").field))
         self.robots, self.map = Robots(self.board), None
-        self.server = ConsoleServer(self.board, self.robots, access, lambda: self.map, folder)
+        self.server = ConsoleServer(self.board, self.robots, access, lambda: self.map, folder, background)
         self.port = self.server.start("127.0.0.1", 0)
 
     def get(self, path, **headers):
@@ -204,3 +210,36 @@ def test_a_port_in_use_is_said(served):
     other = ConsoleServer(served.board, served.robots, Access(), lambda: None, Path())
     with pytest.raises(InputError, match="cannot listen on 127"):
         other.start("127.0.0.1", served.port)
+
+
+def background_of(served):
+    deadline = time.monotonic() + 60
+    while served.board.get("background") is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return served.board.get("background")
+
+
+def test_a_background_is_made_and_served(tmp_path):
+    frame = surrogate_field("half-wet").field.frame
+    size = {"width": 50, "height": 50, "count": 3, "dtype": "uint8", "crs": "EPSG:4326"}
+    place = Affine(1e-4, 0, frame.longitude_deg - 25e-4, 0, -1e-4, frame.latitude_deg + 25e-4)
+    with rasterio.open(tmp_path / "photo.tif", "w", driver="GTiff", transform=place, **size) as raster:
+        raster.write(np.full((3, 50, 50), 90, np.uint8))
+    served = Served(Access(), tmp_path, str(tmp_path / "photo.tif"))
+    try:
+        about = background_of(served)
+        code, said, _ = served.get(f"/background.jpg?v={about['version']}")
+        assert (code, said[:2]) == (200, b"\xff\xd8")
+        assert about["extent"][0] < 0 < about["extent"][1]
+    finally:
+        served.server.close()
+
+
+def test_a_background_that_cannot_be_made_is_said(tmp_path):
+    (tmp_path / "photo.tif").write_text("no picture")
+    served = Served(Access(), tmp_path, str(tmp_path / "photo.tif"))
+    try:
+        assert "is no picture that can be read" in background_of(served)["error"]
+        assert served.get("/background.jpg")[0] == 404
+    finally:
+        served.server.close()

@@ -49,3 +49,10 @@ def test_the_far_side_of_the_earth_is_nan_not_a_wrong_place():
 def test_impossible_datums_are_refused(latitude, longitude):
     with pytest.raises(ValueError, match="must be within"):
         LocalFrame(latitude, longitude)
+
+
+def test_the_plane_has_the_datum_of_gnss():
+    """Else a map in another datum, as the British National Grid, is moved by its 100 m."""
+    easting, northing = Transformer.from_crs(4326, 27700, always_xy=True).transform(-0.5245, 53.268)
+    to_local = Transformer.from_crs(27700, LocalFrame(53.268, -0.5245).crs, always_xy=True)
+    assert np.hypot(*to_local.transform(easting, northing)) < 0.1

@@ -74,14 +74,12 @@ def publish_map(ros):
 
 
 def tap(page, x_m, y_m):
-    """Tap a place of the field, 40 m x 30 m, which fills the map; the page says which place it was."""
-    page.locator("#zoom-fit").click()
-    box = page.locator("#map").bounding_box()
-    tall = box["height"] - 80
-    scale = min((box["width"] - 30) / 40, tall / 30)
-    page.locator("#map").click(
-        position={"x": box["width"] / 2 + (x_m - 20) * scale, "y": box["height"] / 2 - (y_m - 15) * scale}
-    )
+    """Tap a place of the field [m]."""
+    canvas = page.locator("#map")
+    east_m, north_m, scale = map(float, canvas.get_attribute("data-view").split())
+    box = canvas.bounding_box()
+    x, y = box["width"] / 2 + (x_m - east_m) * scale, box["height"] / 2 - (y_m - north_m) * scale
+    canvas.click(position={"x": x, "y": y})
 
 
 def test_a_mission_is_started_redirected_stopped_and_resumed_on_a_phone(ros, tmp_path, browser):

@@ -8,6 +8,7 @@ const view = { x: 0, y: 0, scale: 1, fitted: false };  // centre [m], pixels per
 const picture = { image: null, version: -1, key: "", extent: null, loading: false };
 const pointers = new Map();
 export const draft = { boundary: [], areas: [], drawing: null, shown: false };  // what is drawn on the page Plan
+const below = { image: null, version: "", opacity: Number(localStorage.getItem("fade") ?? 70) / 100 };  // the background, and how much the map covers it
 let chosen = null, area = null, onChoose = () => {}, moved = 0, asked = false, layer = "";
 
 export const onPlace = (call) => { onChoose = call; };
@@ -20,9 +21,12 @@ export function fit() {
   if (!points || !canvas.clientWidth) return;
   const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
   const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
-    const small = canvas.clientWidth < 500, tall = canvas.clientHeight - (small ? 80 : 150), wide = canvas.clientWidth - (small ? 30 : 110);
-  view.scale = Math.max(0.01, Math.min(wide / (east - west || 1), Math.max(tall, 100) / (north - south || 1)));
-  view.x = (west + east) / 2; view.y = (south + north) / 2 - (small ? 0 : 6 / view.scale);
+  // Next to the map on a phone, over it on a desk: buttons at the top, the legend at the bottom.
+  const small = canvas.clientWidth < 500, legend = document.querySelector(".legend").offsetHeight;
+  const [top, bottom, sides] = small ? [14, 30, 130] : [70, legend + 24, 150];
+  const tall = Math.max(canvas.clientHeight - top - bottom, 100), wide = canvas.clientWidth - sides;
+  view.scale = Math.max(0.01, Math.min(wide / (east - west || 1), tall / (north - south || 1)));
+  view.x = (west + east) / 2; view.y = (south + north) / 2 + (top - bottom) / 2 / view.scale;
   view.fitted = true;
   draw();
 }
@@ -38,9 +42,28 @@ export function zoom(factor, at = [canvas.clientWidth / 2, canvas.clientHeight /
 const pixel = ([x, y]) => [canvas.clientWidth / 2 + (x - view.x) * view.scale, canvas.clientHeight / 2 - (y - view.y) * view.scale];
 const ground = ([px, py]) => [view.x + (px - canvas.clientWidth / 2) / view.scale, view.y - (py - canvas.clientHeight / 2) / view.scale];
 
+export function fade(percent) {
+  below.opacity = percent / 100;
+  localStorage.setItem("fade", percent);
+  draw();
+}
+
+// The background comes after the first map: it is large.
+function loadBackground() {
+  const about = sections.background;
+  if (!about?.version || below.version === about.version) return;
+  below.version = about.version;
+  const image = new Image();
+  image.fetchPriority = "low";
+  image.onload = () => { below.image = image; draw(); };
+  image.onerror = () => { below.version = ""; };
+  image.src = `background.jpg?v=${about.version}`;
+}
+
 // One picture per map: the next one is loaded when the last one is here.
 export function load() {
   const about = sections.map;
+  if (picture.image || about && !about.layers.length) loadBackground();
   if (!about?.layers?.length || picture.loading) return;
   if (!about.layers.some((one) => one.key === layer)) layer = about.layers[0].key;
   if (picture.version === about.version && picture.key === layer) return;
@@ -76,17 +99,17 @@ function paint() {
     canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
   }
   if (!view.fitted) fit();
+  canvas.dataset.view = [view.x, view.y, view.scale].join(" ");  // for tests, which tap places of the field
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
   const field = sections.field;
   if (!field) return;
-  path(field.boundary); pen.fillStyle = "#f3f1e6"; pen.fill();
-  if (picture.image) {
-    const [west, east, south, north] = picture.extent;
-    const [left, top] = pixel([west, north]), [right, bottom] = pixel([east, south]);
-    pen.imageSmoothingEnabled = false;
-    pen.drawImage(picture.image, left, top, right - left, bottom - top);
-  }
+  const photo = below.image && sections.background?.extent;
+  if (photo) image(below.image, photo, true);
+  else { path(field.boundary); pen.fillStyle = "#f3f1e6"; pen.fill(); }
+  pen.globalAlpha = photo ? below.opacity : 1;
+  if (picture.image) image(picture.image, picture.extent, false);
+  pen.globalAlpha = 1;
   for (const hole of field.no_go) hatch(hole, "#a80018");
   for (const robot of sections.robots ?? []) for (const one of sections[`ruled_out/${robot}`] ?? []) hatch(one, "#6a3a00");
   path(field.boundary); line("#fff", 5); line("#10151b", 2.5);
@@ -97,6 +120,12 @@ function paint() {
   if (chosen) cross(pixel(chosen));
   if (document.activeElement === canvas && canvas.matches(":focus-visible")) cross([width / 2, height / 2], "#ffb000");
   scaleBar(width, height);
+}
+
+function image(shown, [west, east, south, north], smooth) {
+  const [left, top] = pixel([west, north]), [right, bottom] = pixel([east, south]);
+  pen.imageSmoothingEnabled = smooth;
+  pen.drawImage(shown, left, top, right - left, bottom - top);
 }
 
 function line(colour, width, dash = []) {

@@ -1,7 +1,7 @@
 // The survey: what the mission does, and what an operator may ask for.
 
 import { command, connect, connected, emergency, listen, nowS, sections, silentS, takeControls, valuesAt } from "./link.js";
-import { draft, draw, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
+import { draft, draw, fade, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
 import { addCorner, renderPlan, startPlan } from "./plan.js";
 import { renderResults, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
@@ -250,6 +250,8 @@ function renderHealth() {
   fill("health", parts, () => parts.map((part) => element("li", { "data-level": part.level }, element("b", {}, `${part.name.replace(/^\//, "")}: `), part.message)));
 }
 
+const figure = (value, one) => value.toFixed(one.unit === "m³/m³" ? 3 : 2).replace("-", "−");
+
 function renderMap() {
   const about = sections.map;
   const layers = about?.layers ?? [];
@@ -260,13 +262,16 @@ function renderMap() {
     return node;
   }));
   const one = layers.find((each) => each.key === shownLayer());
+  $("fade-part").hidden = !sections.background?.version;
+  $("photo-error").hidden = !sections.background?.error;
+  setText("photo-error", sections.background?.error ? `No photo: ${sections.background.error}` : "");
   $("legend").hidden = !one && Boolean(sections.field) === false;
   fill("legend", one ?? "none", () => {
     if (!one) return [element("span", {}, "No map yet: it begins with the first samples")];
     const bar = element("canvas", { width: 190, height: 1 }), pen = bar.getContext("2d"), shade = pen.createLinearGradient(0, 0, 190, 0);
     one.colours.forEach((colour, index) => shade.addColorStop(index / (one.colours.length - 1), colour));
     pen.fillStyle = shade; pen.fillRect(0, 0, 190, 1);
-    return [element("div", {}, `${one.title} [${one.unit}]`), bar, element("div", { class: "row" }, element("span", {}, String(one.limits[0])), element("span", {}, `mean ${one.mean}`), element("span", {}, String(one.limits[1]))), ...(one.note ? [element("div", {}, one.note)] : [])];
+    return [element("div", {}, `${one.title} [${one.unit}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, `mean ${figure(one.mean, one)}`), element("span", {}, figure(one.limits[1], one))), ...(one.note ? [element("div", {}, one.note)] : [])];
   });
   draw();
 }
@@ -308,6 +313,8 @@ $("place-close").addEventListener("click", leave);
 $("zoom-in").addEventListener("click", () => zoom(1.4));
 $("zoom-out").addEventListener("click", () => zoom(1 / 1.4));
 $("zoom-fit").addEventListener("click", fit);
+$("fade").value = localStorage.getItem("fade") ?? 70;
+$("fade").addEventListener("input", () => fade(Number($("fade").value)));
 $("who").value = localStorage.getItem("who") || "";
 $("who").addEventListener("change", () => localStorage.setItem("who", $("who").value));
 settingsForm();

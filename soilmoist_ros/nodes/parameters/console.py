@@ -31,5 +31,11 @@ PARAMETERS: Final = (
         default="recordings",
         description="folder whose runs the page shows, and where comparisons are written",
     ),
+    Parameter(
+        name="background",
+        default="",
+        description="picture below the map: a GeoTIFF, such as an orthophoto, or a folder of tiles z/x/y.png of a "
+        "web map; empty for none",
+    ),
     Parameter(name="map_topic", default="/topological_map_2", description="topic of the navigation's map"),
 )

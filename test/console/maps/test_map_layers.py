@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from soilmoist_ros.console.map_layers import LAYERS, MapLayers
+from soilmoist_ros.console.maps.map_layers import LAYERS, MapLayers
 
 BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
 CHANGE_BANDS = ("change_rate", "change_rate_sd", "change_vwc", "change_vwc_sd", "significant")
