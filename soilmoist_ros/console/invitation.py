@@ -6,7 +6,7 @@ import io
 import socket
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.lazy import optional_module
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _EVERYWHERE = ("0.0.0.0", "::", "")

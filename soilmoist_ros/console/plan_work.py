@@ -128,8 +128,8 @@ def outline(given: Mapping[str, Any]) -> dict[str, Any]:
     """
     import numpy as np
 
-    from soilmoist_ros.foundation.extras import optional_module
     from soilmoist_ros.foundation.geodesy import LocalFrame
+    from soilmoist_ros.foundation.lazy import optional_module
 
     suffix = Path(str(given["name"])).suffix.lower()
     if suffix not in SUFFIXES:

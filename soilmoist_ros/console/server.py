@@ -24,7 +24,7 @@ from soilmoist_ros.console.requests import request_from_json
 from soilmoist_ros.console.run_routes import RunRoutes
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.lazy import optional_module
 
 if TYPE_CHECKING:
     from aiohttp import web

@@ -1,4 +1,4 @@
-"""Load the public names of a folder on first use, which keeps ``import soilmoist_ros.sensing`` light."""
+"""Modules that are imported on first use: ``import soilmoist_ros.sensing`` is light, and extras may be missing."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from soilmoist_ros.foundation.errors import InputError
 
 
 def load_on_use(package: str, file: str) -> Callable[[str], Any]:
@@ -34,3 +36,21 @@ def load_on_use(package: str, file: str) -> Callable[[str], Any]:
         return getattr(import_module(homes()[name]), name)
 
     return load
+
+
+def optional_module(name: str, extra: str) -> Any:
+    """A module of an optional extra of this package.
+
+    :param name: name of the module
+    :param extra: name of the extra that installs it
+    :raises InputError: if it is not installed; states how to install it
+
+    >>> optional_module("absent", "frames")
+    Traceback (most recent call last):
+    ...
+    soilmoist_ros.foundation.errors.InputError: absent is not installed -> pip install "soilmoist_ros[frames]"
+    """
+    try:
+        return import_module(name)
+    except ImportError:
+        raise InputError(f"{name} is not installed", f'pip install "soilmoist_ros[{extra}]"') from None

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.lazy import optional_module
 
 if TYPE_CHECKING:
     from pyproj import Geod

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.extras import optional_module
+from soilmoist_ros.foundation.dataclass import dataclass
+from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.knowledge.pooling import pooled

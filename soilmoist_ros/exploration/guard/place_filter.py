@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from enum import StrEnum
 from typing import Final
+
+from soilmoist_ros.foundation.dataclass import dataclass
 
 WINDOW_S: Final = 5.0
 """Time over which places are compared and the speed is measured [s]."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from soilmoist_ros.foundation.dataclass import dataclass
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

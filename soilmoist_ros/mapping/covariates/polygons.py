@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.extras import optional_module
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.foundation.suggestions import did_you_mean, listing
 
 if TYPE_CHECKING:

@@ -14,11 +14,12 @@ more inducing places than there are: there it is up to 3 and 8 % at single cells
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]

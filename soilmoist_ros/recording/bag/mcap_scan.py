@@ -7,7 +7,6 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -19,6 +18,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
+from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.recording.bag.definitions import Definition
 from soilmoist_ros.recording.bag.metadata import Topic, qos_from_yaml
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from soilmoist_ros.foundation.dataclass import dataclass
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

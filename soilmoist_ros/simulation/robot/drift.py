@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from soilmoist_ros.foundation.dataclass import dataclass
 
 RAIN_S = 300.0
 """Time that rain takes to change the rate [s]."""
