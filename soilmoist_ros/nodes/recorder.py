@@ -26,11 +26,11 @@ from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.run import run
-from soilmoist_ros.recording.bag.definitions import find_definition
-from soilmoist_ros.recording.bag.metadata import Qos, Request, Topic, request_for
 from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+from soilmoist_ros.recording.mcap.definitions import find_definition
+from soilmoist_ros.recording.mcap.metadata import Qos, Request, Topic, request_for
 from soilmoist_ros.recording.run_configuration import RunConfiguration
 
 __all__ = ["PARAMETERS", "Recorder", "main"]

@@ -12,10 +12,10 @@ from typing import Any, Final
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.recording.bag.info import BagInfo
-from soilmoist_ros.recording.bag.mcap_scan import McapScan
 from soilmoist_ros.recording.bag.point_cloud import QUARANTINED, count_records, quarantined_topic
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import mcap_files
+from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.sensing.records import CountRecord
 
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"

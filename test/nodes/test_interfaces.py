@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.recording.bag.definitions import find_definition
+from soilmoist_ros.recording.mcap.definitions import find_definition
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = sorted(folder for folder in (ROOT / "interfaces").iterdir() if folder.is_dir())

@@ -17,9 +17,9 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soilmoist_ros.recording.bag.mcap_scan import McapScan
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.recording.run_folder import read_parameters
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -215,7 +215,7 @@ def skipped(message):
 WITHOUT_MARKERS = """
 import sys
 from pathlib import Path
-import soilmoist_ros.recording.bag.definitions as definitions
+import soilmoist_ros.recording.mcap.definitions as definitions
 definitions.search_prefixes = lambda: [Path({prefix!r})]
 from soilmoist_ros.nodes.recorder import main
 main()

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from msg_adapters.offered_qos import offered_qos, requested_qos
-from soilmoist_ros.recording.bag.metadata import request_for
+from soilmoist_ros.recording.mcap.metadata import request_for
 
 LOOK_EVERY_S = 1.0
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Iterator
-from itertools import pairwise
 from pathlib import Path
-from statistics import median
 from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.mcap_scan import McapScan
-from soilmoist_ros.recording.bag.metadata import Extent
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import findings, mcap_files
 from soilmoist_ros.recording.bag.writer import is_being_written
+from soilmoist_ros.recording.mcap.metadata import Extent
+from soilmoist_ros.recording.mcap.scan import McapScan
 
 _REGULAR_FROM: Final = 10
 _REGULAR_SHARE: Final = 0.8
@@ -110,26 +112,27 @@ def bag_info(path: Path) -> BagInfo:
     return BagInfo(path, "mcap", _size(files), _whole(topics), topics, recording, tuple(problems), remedy)
 
 
-def find_gaps(times_s: list[float]) -> tuple[Gap, ...]:
+def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
     """Silences of a topic with regular messages; none for an irregular topic.
 
     A topic is regular if 80 % of its intervals are within half of the median. A silence is longer than 5 times
     the median, and longer than 1 s.
 
     >>> find_gaps([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 20])
-    (Gap(start_s=10, duration_s=10),)
+    (Gap(start_s=10.0, duration_s=10.0),)
 
     :param times_s: times of its messages, in order [s]
     """
-    intervals = [later - earlier for earlier, later in pairwise(times_s)]
+    starts = np.asarray(times_s, float)
+    intervals = np.diff(starts)
     if len(intervals) < _REGULAR_FROM:
         return ()
-    usual = median(intervals)
-    regular = sum(0.5 * usual <= interval <= 1.5 * usual for interval in intervals)
+    usual = float(np.median(intervals))
+    regular = np.count_nonzero((0.5 * usual <= intervals) & (intervals <= 1.5 * usual))
     if regular < _REGULAR_SHARE * len(intervals):
         return ()
     longest = max(_GAP_FACTOR * usual, _MIN_GAP_S)
-    return tuple(Gap(start, length) for start, length in zip(times_s, intervals, strict=False) if length > longest)
+    return tuple(Gap(float(starts[k]), float(intervals[k])) for k in np.flatnonzero(intervals > longest))
 
 
 def _from_reader(path: Path, files: list[Path]) -> BagInfo:
@@ -148,17 +151,17 @@ def _files(path: Path) -> list[Path]:
 
 
 def _topics(notes: Iterable[tuple[str, str, int, int]]) -> tuple[TopicInfo, ...]:
-    times: dict[tuple[str, str], list[int]] = {}
+    times: dict[tuple[str, str], array[int]] = {}  # the numbers only: there may be many messages
     sizes: dict[tuple[str, str], int] = {}
     for name, type_name, log_ns, size in notes:
-        times.setdefault((name, type_name), []).append(log_ns)
+        times.setdefault((name, type_name), array("Q")).append(log_ns)
         sizes[name, type_name] = sizes.get((name, type_name), 0) + size
     topics = []
     for (name, type_name), stamps in sorted(times.items()):
-        stamps.sort()
-        seconds = [stamp * 1e-9 for stamp in stamps]
-        interval_s = median(later - earlier for earlier, later in pairwise(seconds)) if len(stamps) > 1 else None
-        extent = Extent(len(stamps), stamps[0], stamps[-1])
+        stamps_ns = np.sort(np.frombuffer(stamps, np.uint64))
+        seconds = stamps_ns * 1e-9
+        interval_s = float(np.median(np.diff(seconds))) if len(stamps) > 1 else None
+        extent = Extent(len(stamps), int(stamps_ns[0]), int(stamps_ns[-1]))
         topics.append(TopicInfo(name, type_name, extent, sizes[name, type_name], interval_s, find_gaps(seconds)))
     return tuple(topics)
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.metadata import Qos
 from soilmoist_ros.recording.bag.reader import BagMessage, BagReader
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+from soilmoist_ros.recording.mcap.metadata import Qos
 
 INPUTS: Final = (
     ".*/(counts|quarantined_counts|fix|pressure|temperature|relative_humidity|raw/logger|raw/gnss"

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from heapq import merge
+from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.metadata import INFINITE_NS, Extent, Qos
 from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
+from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Message, Storage, open_storages
 from soilmoist_ros.recording.bag.visit import visit_of
+from soilmoist_ros.recording.mcap.chunks import TooMuchError
+from soilmoist_ros.recording.mcap.definitions import Definition
+from soilmoist_ros.recording.mcap.metadata import Extent, Qos
 from soilmoist_ros.sensing.records import CountRecord
 
 VISIT = "soilmoist_msgs/msg/Visit"
@@ -41,38 +46,65 @@ class BagMessage:
 class BagReader:
     """Reader of a bag; use as a context manager.
 
-    :param path: folder of a bag, or an MCAP or db3 file
+    :param path: folder of a bag, or an MCAP or db3 file; or a folder of bags, whose messages are merged by time
     :raises InputError: if the path is not a bag, or the bag was not closed or cannot be read
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._reader = _open(path)
+        self._bags: list[list[Storage]] = []
+        self._stack = ExitStack()
+        try:
+            for bag in bags_of(path):
+                storages, closing = open_storages(bag)
+                self._stack.enter_context(closing)
+                self._bags.append(storages)
+        except FAULTS as error:
+            self._stack.close()
+            raise _damaged(path, error) from None
+        except BaseException:
+            self._stack.close()
+            raise
+        self._contents = [storage.content for storages in self._bags for storage in storages]
+        self._definitions = {
+            topic.definition.type_name: topic.definition
+            for content in self._contents
+            for topic in content.topics
+            if topic.definition.text
+        }
+        self._types = get_typestore(Stores.EMPTY if self._definitions else Stores.ROS2_JAZZY)
 
     @property
     def topics(self) -> Mapping[str, str]:
         """Names of topics, and their types."""
-        return {connection.topic: connection.msgtype for connection in self._reader.connections}
+        return {topic.name: topic.definition.type_name for content in self._contents for topic in content.topics}
 
     @property
     def counts(self) -> Mapping[str, int]:
         """Number of messages of each topic."""
-        return {name: info.msgcount for name, info in self._reader.topics.items()}
+        found: dict[str, int] = {}
+        for content in self._contents:
+            for name, count in content.counts.items():
+                found[name] = found.get(name, 0) + count
+        return found
 
     @property
     def extent(self) -> Extent:
         """All messages."""
-        if not self._reader.message_count:
+        extents = [content.extent for content in self._contents if content.extent.messages]
+        if not extents:
             return Extent()
-        return Extent(self._reader.message_count, self._reader.start_time, self._reader.end_time - 1)
+        first, last = min(one.start_ns for one in extents), max(one.end_ns for one in extents)
+        return Extent(sum(one.messages for one in extents), first, last)
 
     @property
     def offered(self) -> Mapping[str, tuple[Qos, ...]]:
         """Quality of service that the publishers of each topic offered, if the bag has it."""
         found: dict[str, tuple[Qos, ...]] = {}
-        for connection in self._reader.connections:
-            profiles = getattr(connection.ext, "offered_qos_profiles", ())
-            found[connection.topic] = found.get(connection.topic, ()) + tuple(map(_qos, profiles))
+        for content in self._contents:
+            for topic in content.topics:
+                had = found.get(topic.name, ())
+                found[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
         return found
 
     def messages(self, topics: Sequence[str] | None = None) -> Iterator[BagMessage]:
@@ -81,13 +113,18 @@ class BagReader:
         :param topics: full names; all topics if ``None``
         :raises InputError: if the bag is damaged
         """
-        wanted = [c for c in self._reader.connections if topics is None or c.topic in topics]
-        if not wanted:
+        wanted = set(self.topics if topics is None else topics)
+        if not wanted & set(self.topics):
             return
+
+        def of_bag(storages: list[Storage]) -> Iterator[Message]:
+            for storage in storages:
+                yield from storage.messages(wanted)
+
         try:
-            for connection, log_ns, data in self._reader.messages(wanted):
-                yield BagMessage(connection.topic, connection.msgtype, log_ns, bytes(data))
-        except _FAULTS as error:
+            for message in merge(*map(of_bag, self._bags), key=itemgetter(2)):
+                yield BagMessage(*message)
+        except FAULTS as error:
             raise _damaged(self.path, error) from None
 
     def decode(self, message: BagMessage) -> Any:
@@ -96,9 +133,16 @@ class BagReader:
         :raises InputError: if its data do not match its type
         """
         try:
-            return self._reader.deserialize(message.data, message.type_name)
-        except _FAULTS as error:
+            self._learn(message.type_name)
+            return self._types.deserialize_cdr(message.data, message.type_name)
+        except Exception as error:  # a stranger's definition and data: rosbags does not check everything
             raise _damaged(self.path, error) from None
+
+    def _learn(self, type_name: str) -> None:
+        definition = self._definitions.pop(type_name, None)
+        if definition is not None:
+            new = _types_in(definition)
+            self._types.register({name: new[name] for name in new if name not in self._types.fielddefs})
 
     def find_topic(self, name: str, type_name: str) -> str:
         """Full name of a topic, in the outermost namespace that has it.
@@ -174,7 +218,7 @@ class BagReader:
 
     def close(self) -> None:
         """Close the bag."""
-        self._reader.close()
+        self._stack.close()
 
     def __enter__(self) -> Self:
         return self
@@ -185,42 +229,46 @@ class BagReader:
         self.close()
 
 
-_FAULTS = (AnyReaderError, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError)
-"""Errors while reading a damaged bag: rosbags does not check everything."""
+def bags_of(path: Path) -> list[Path]:
+    """The bags that a path names: itself, or those in it by name.
 
-
-def _qos(profile: Any) -> Qos:
-    def nanoseconds(duration: Any) -> int:
-        return min(INFINITE_NS, int(duration.sec) * 1_000_000_000 + int(duration.nsec))
-
-    return Qos(
-        profile.history.name.lower(),
-        profile.depth,
-        profile.reliability.name.lower(),
-        profile.durability.name.lower(),
-        nanoseconds(profile.deadline),
-        nanoseconds(profile.lifespan),
-        profile.liveliness.name.lower(),
-        nanoseconds(profile.liveliness_lease_duration),
-    )
-
-
-def _open(path: Path) -> AnyReader:
+    :raises InputError: if there are none
+    """
     if not path.exists():
         raise InputError("there is no such bag", "give the folder of a bag, or an MCAP or db3 file", path)
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        if any(path.glob("*.mcap")):
-            raise InputError("was not closed: its recorder was killed", "soilmoist bag recover", path)
-        raise InputError("is not a bag: it has no metadata.yaml", "give the folder with metadata.yaml", path)
     if path.is_file() and path.suffix not in (".mcap", ".db3"):
         raise InputError("is not a bag", "give the folder of a bag, or an MCAP or db3 file", path)
-    try:
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
-        reader.open()
-    except _FAULTS as error:
-        raise _damaged(path, error) from None
-    return reader
+    if path.is_file() or (path / "metadata.yaml").is_file():
+        return [path]
+    if any(path.glob("*.mcap")):
+        raise InputError("was not closed: its recorder was killed", "soilmoist bag recover", path)
+    found = sorted(one.parent for one in path.glob("*/metadata.yaml"))
+    unclosed = sorted({one.parent for one in path.glob("*/*.mcap")} - set(found))
+    if unclosed:
+        raise InputError("was not closed: its recorder was killed", "soilmoist bag recover", unclosed[0])
+    if not found:
+        raise InputError("is not a bag: it has no metadata.yaml", "give the folder with metadata.yaml", path)
+    return found
+
+
+_MAX_DEFINITION: Final = 1 << 20
+
+
+def _types_in(definition: Definition) -> dict[str, Any]:
+    """The types of a definition, by name."""
+    if len(definition.text) > _MAX_DEFINITION:
+        raise ValueError(f"the definition of {definition.type_name} is too long")
+    if definition.encoding != "ros2idl":
+        return dict(get_types_from_msg(definition.text, definition.type_name))
+    line = "=" * 80 + "\n"
+    parts = definition.text.split(line)[1:] if definition.text.startswith(f"{line}IDL: ") else []
+    texts = [part.partition("\n")[2] for part in parts] or [definition.text]
+    return {name: fields for text in texts for name, fields in get_types_from_idl(text).items()}
 
 
 def _damaged(path: Path, error: Exception) -> InputError:
+    if isinstance(error, InputError):
+        return error
+    if isinstance(error, TooMuchError):
+        return InputError(TOO_MUCH, "do not open it with other programs either", path)
     return InputError(f"cannot be read as a bag: {error}", "try soilmoist bag recover", path)

@@ -16,8 +16,8 @@ from typing import Final
 
 from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.metadata import Topic
 from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+from soilmoist_ros.recording.mcap.metadata import Topic
 
 _LOG = logging.getLogger(__name__)
 _RETRY_S: Final = 2.0

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.mcap_scan import McapScan, ScannedMessage
-from soilmoist_ros.recording.bag.metadata import Extent
+from soilmoist_ros.recording.bag.storage import TOO_MUCH, inside
 from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+from soilmoist_ros.recording.mcap.metadata import Extent
+from soilmoist_ros.recording.mcap.scan import McapScan, ScannedMessage
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,12 @@ def mcap_files(path: Path) -> list[Path]:
     """MCAP files of a bag in the order of recording.
 
     :param path: folder of a bag, or one of its files
-    :raises InputError: if there are none
+    :raises InputError: if there are none, or one is a link to a file outside of the folder
     """
     if path.is_file() and path.suffix == ".mcap":
         return [path]
     if path.is_dir():
-        found = sorted(path.glob("*.mcap"), key=_split_number)
+        found = [inside(path, file) for file in sorted(path.glob("*.mcap"), key=_split_number)]
         if found:
             return found
         if any(path.glob("*.db3")):
@@ -85,9 +86,12 @@ def findings(scan: McapScan) -> list[str]:
     found = []
     if is_being_written(scan.path):
         found.append(f"{name} is still being recorded")
-    elif not scan.finished:
+    elif not scan.finished and not scan.too_much:
         cut = f"; its last {scan.cut_bytes} bytes are an incomplete message" if scan.cut_bytes else ""
         found.append(f"{name} was not closed{cut}")
+    if scan.too_much:
+        found.append(f"{name} {TOO_MUCH}; the rest of it was not read")
+        return found
     if scan.damaged:
         found.append(f"{name} is damaged in {scan.damaged} place{'s'[: scan.damaged > 1]}")
     if scan.orphans:

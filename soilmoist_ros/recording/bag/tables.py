@@ -11,8 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from soilmoist_ros.recording.bag.info import BagInfo, TopicInfo
-from soilmoist_ros.recording.bag.metadata import Extent
 from soilmoist_ros.recording.bag.recovery import RecoveredBag
+from soilmoist_ros.recording.mcap.metadata import Extent
 from soilmoist_ros.sensing.problems import reason_text
 
 _PLAIN_WIDTH: Final = 240

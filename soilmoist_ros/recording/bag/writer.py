@@ -6,15 +6,18 @@ import fcntl
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Final, Self, cast
+from typing import IO, Any, Final, Self, cast
 
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.metadata import Extent, Topic, bag_metadata, to_yaml
+from soilmoist_ros.recording.mcap.metadata import Extent, Topic, bag_metadata, to_yaml
 from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 
 _WRITE_AT: Final = 1 << 20
+_CHUNK_BYTES: Final = 16 << 10
+"""Size at which a chunk is closed [bytes]: one flipped bit costs a chunk."""
 
 
 class BagWriter:
@@ -33,13 +36,15 @@ class BagWriter:
         self.path = folder / f"{folder.name}_0.mcap"
         self._distribution = distribution
         self._file = _AppendedFile(_make(folder, self.path))
-        self._mcap = Writer(cast(IO[bytes], self._file), compression=CompressionType.ZSTD)
+        self._mcap = Writer(cast(IO[bytes], self._file), chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._mcap.start(profile="ros2")
         self._schemas: dict[str, int] = {}
         self._channels: dict[Topic, int] = {}
         self._counts: dict[Topic, int] = {}
         self.extent = Extent()
         self._unflushed = False
+        self._new: list[Schema | Channel] = []
+        self._new_at = 0
 
     @property
     def size_bytes(self) -> int:
@@ -67,6 +72,7 @@ class BagWriter:
         self._counts[topic] += 1
         self.extent = self.extent.with_message(log_ns)
         self._unflushed = True
+        self._describe_again()
         if self._file.waiting >= _WRITE_AT:
             self._file.write_out()
 
@@ -78,6 +84,7 @@ class BagWriter:
         if self._unflushed:
             self._mcap.flush()  # type: ignore[no-untyped-call]
             self._unflushed = False
+            self._describe_again()
         self._file.sync()
 
     def close(self) -> None:
@@ -113,20 +120,29 @@ class BagWriter:
     def _add(self, topic: Topic) -> int:
         definition = topic.definition
         if definition.type_name not in self._schemas:
-            self._schemas[definition.type_name] = self._mcap.register_schema(
-                definition.type_name, definition.encoding, definition.text.encode()
-            )
-        self._channels[topic] = self._mcap.register_channel(
-            topic.name,
-            "cdr",
-            self._schemas[definition.type_name],
-            {
-                "offered_qos_profiles": to_yaml([qos.to_dict() for qos in topic.offered]).strip(),
-                "topic_type_hash": definition.type_hash,
-            },
-        )
+            text = definition.text.encode()
+            number = self._mcap.register_schema(definition.type_name, definition.encoding, text)
+            self._schemas[definition.type_name] = number
+            self._new.append(Schema(id=number, data=text, encoding=definition.encoding, name=definition.type_name))
+        metadata = {
+            "offered_qos_profiles": to_yaml([qos.to_dict() for qos in topic.offered]).strip(),
+            "topic_type_hash": definition.type_hash,
+        }
+        schema = self._schemas[definition.type_name]
+        channel = self._mcap.register_channel(topic.name, "cdr", schema, metadata)
+        self._new.append(Channel(channel, topic.name, "cdr", metadata, schema))
+        self._new_at = self._file.tell()
+        self._channels[topic] = channel
         self._counts[topic] = 0
-        return self._channels[topic]
+        return channel
+
+    def _describe_again(self) -> None:
+        """Describe new topics in a second chunk: damage of the first would make their messages unreadable."""
+        if self._new and self._file.tell() > self._new_at:
+            chunk = cast(Any, self._mcap)._Writer__chunk_builder  # the library describes a topic once only
+            for description in self._new:
+                description.write(chunk.record_writer)
+            self._new.clear()
 
 
 def is_being_written(path: Path) -> bool:

@@ -24,10 +24,10 @@ from msg_adapters.soil_map import map_cells, soil_map_from_message
 from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.nodes.runtime.key_press import on_space
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
-from soilmoist_ros.recording.bag.definitions import find_definition
-from soilmoist_ros.recording.bag.metadata import Qos, Topic
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.mcap.definitions import find_definition
+from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay import replay_bag
 

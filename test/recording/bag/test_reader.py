@@ -1,9 +1,11 @@
 import io
+import random
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bags import NOTES, START_NS, STORE, make_topic, text_message
+from mcap.writer import Writer as McapWriter
 from numpy.lib.recfunctions import append_fields
 from rich.console import Console
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -15,6 +17,7 @@ from soilmoist_ros.recording.bag.point_cloud import count_records, points
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.tables import info_table
 from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.mcap.metadata import Extent
 from soilmoist_ros.recording.stored_counts import quarantine_reasons, stored_counts
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -135,6 +138,35 @@ def test_split_bags_are_read_in_order(tmp_path):
         YAML(typ="safe").dump({"rosbag2_bagfile_information": merged}, file)
     with BagReader(split) as reader:
         assert reader.read_texts("/notes") == ["note 0", "note 1", "note 2"]
+
+
+def test_bags_of_a_folder_are_merged_by_time_whatever_their_storage(foreign, tmp_path):
+    with BagWriter(tmp_path / "run") as writer:
+        for number in range(4):
+            writer.write(NOTES, START_NS + number, START_NS, text_message(f"ours {number}"))
+    with BagReader(tmp_path) as reader:
+        assert reader.counts == {"/r/notes": 4, "/r/counts": 4, "/notes": 4}
+        times = [message.log_ns for message in reader.messages()]
+        assert times == sorted(times)
+        assert reader.extent == Extent(12, START_NS, START_NS + 3)
+        assert reader.read_texts("/notes") == [f"ours {number}" for number in range(4)]
+        assert len(reader.read_counts("/r/counts")) == 8
+
+
+def test_messages_of_chunks_that_overlap_are_sorted(tmp_path):
+    path, order = tmp_path / "mixed.mcap", random.Random(1)
+    times = [order.randrange(1000) for _ in range(300)]
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=500)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/notes", "cdr", schema)
+        for number, time_ns in enumerate(times):
+            writer.add_message(channel, time_ns, text_message(str(number)), time_ns)
+        writer.finish()
+    with BagReader(path) as reader:
+        found = [(message.log_ns, int(reader.decode(message).data)) for message in reader.messages()]
+    assert found == sorted(zip(times, range(300), strict=True))
 
 
 def test_counts_of_another_frame_can_be_left_out(tmp_path):

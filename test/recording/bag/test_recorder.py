@@ -10,10 +10,10 @@ from rosbags.highlevel import AnyReader
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.recording.bag.mcap_scan import McapScan
 from soilmoist_ros.recording.bag.recorder import BagRecorder, RecorderState, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+from soilmoist_ros.recording.mcap.scan import McapScan
 
 DATA = text_message("x" * 90)
 

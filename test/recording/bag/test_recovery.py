@@ -1,8 +1,10 @@
-"""Recovery of bags that are cut or damaged at any place: recovery.py and mcap_scan.py."""
+"""Recovery of bags that are cut or damaged at any place: recovery.py and scan.py."""
 
 import random
+import struct
 
 import pytest
+from bags import NOTES, PRESSURE, START_NS, Sample, number_message, text_message
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -12,9 +14,11 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.mcap_scan import McapScan
-from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.recovery import findings, recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.mcap.scan import McapScan
 
 SAME_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60)
 
@@ -103,6 +107,90 @@ def test_a_damaged_byte_costs_at_most_its_chunk_and_gives_no_wrong_message(bag, 
     found, _ = scanned(path)
     assert set(found) <= set(bag.messages)
     assert len(found) >= len(bag.messages) - 3
+
+
+def heads(data):
+    """Places of the bytes outside of chunks that say what follows, and of those in the heads of chunks."""
+    at = 8
+    while at + 9 <= len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        end = at + 9 + length
+        yield from range(at, min(end, at + 60) if opcode == 6 else end)
+        at = end
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp_path, closed):
+    # Unlike in small bags, a wrong length leads to a place within the file, and numbers of channels to channels.
+    sample, random_ = Sample(tmp_path / "large"), random.Random(1)
+    writer = BagWriter(sample.folder)
+    for number in range(240):
+        note = text_message(random_.randbytes(200).hex())
+        topic, data = [(NOTES, note), (PRESSURE, number_message(number))][number % 2]
+        writer.write(topic, START_NS + number, START_NS, data)
+        sample.messages.append((topic.name, START_NS + number, data))
+        if number % 3 == 2:
+            writer.flush()
+    if closed:
+        writer.close()
+    else:
+        writer.abandon()
+    whole = sample.path.read_bytes()
+    path = tmp_path / "damaged_0.mcap"
+    places = list(heads(whole))
+    for _ in range(600):
+        damaged = bytearray(whole)
+        place = random_.choice(places)
+        damaged[place] ^= 1 << random_.randrange(8)
+        path.write_bytes(damaged)
+        found, scan = scanned(path)
+        assert set(found) <= set(sample.messages), place
+        assert len(found) >= len(sample.messages) - 3, place
+        if found != sample.messages:
+            assert findings(scan), place
+
+
+def test_a_recovered_bag_has_small_chunks(tmp_path):
+    with BagWriter(tmp_path / "run") as writer:
+        for number in range(466):
+            writer.write(NOTES, START_NS + number, START_NS, text_message("record " * 100))
+    bag = recover_bag(tmp_path / "run", tmp_path / "recovered")
+    data = bytearray((bag.folder / "recovered_0.mcap").read_bytes())
+    data[data.index(b"zstd") + 30] ^= 1
+    path = tmp_path / "damaged_0.mcap"
+    path.write_bytes(data)
+    assert 466 - 25 <= len(scanned(path)[0]) < 466
+
+
+def test_a_message_among_indexes_is_not_believed(tmp_path):
+    # One bit makes an index of messages a message: the first number is the channel, the next are times.
+    with BagWriter(tmp_path / "run") as writer:
+        for number in range(3):
+            writer.write(NOTES, START_NS + number, START_NS, text_message("note"))
+            writer.flush()
+    data = bytearray(writer.path.read_bytes())
+    (place,) = [place for place in [data.index(b"\x07\x16\0\0\0\0\0\0\0")] if place]
+    data[place] ^= 2
+    writer.path.write_bytes(data)
+    found, scan = scanned(writer.path)
+    assert [log_ns - START_NS for _, log_ns, _ in found] == [0, 1, 2]
+    assert findings(scan) == ["run_0.mcap is damaged in 1 place"]
+    with pytest.raises(InputError, match="damaged"), BagReader(tmp_path / "run") as reader:
+        list(reader.messages())
+
+
+def test_no_link_leads_out_of_a_bag(bag, tmp_path):
+    folder = tmp_path / "stranger"
+    folder.mkdir()
+    (folder / "stranger_0.mcap").symlink_to(bag.path)
+    for work in (bag_info, lambda path: recover_bag(path, tmp_path / "recovered")):
+        with pytest.raises(InputError, match="outside of its bag"):
+            work(folder)
+    (folder / "metadata.yaml").symlink_to(bag.folder / "metadata.yaml")
+    with pytest.raises(InputError, match="outside of its bag"):
+        BagReader(folder)
+    assert not (tmp_path / "recovered").exists()
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from io import StringIO
 from typing import Any, Final
 
@@ -11,7 +12,7 @@ from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.definitions import Definition
+from soilmoist_ros.recording.mcap.definitions import Definition
 
 INFINITE_NS: Final = 2**63 - 1
 """An infinite duration, as ROS writes it [ns]."""
@@ -149,6 +150,7 @@ def to_yaml(content: object) -> str:
     return stream.getvalue()
 
 
+@lru_cache(maxsize=256)
 def qos_from_yaml(text: str) -> tuple[Qos, ...]:
     """Qualities of service from the text in a bag; numbers of older versions become words."""
     from soilmoist_ros.foundation.configuration import parse_yaml  # the recorder writes only

@@ -1,0 +1,233 @@
+"""The files of a bag, read within limits: MCAP or SQLite, also compressed. A bag may come from a stranger."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import tempfile
+from collections.abc import Collection, Iterator
+from dataclasses import field
+from pathlib import Path, PurePath
+from typing import Any, Final, Protocol
+
+import zstandard
+
+from soilmoist_ros.foundation.dataclass import dataclass
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
+from soilmoist_ros.recording.mcap.definitions import Definition
+from soilmoist_ros.recording.mcap.metadata import Extent, Topic, qos_from_yaml
+from soilmoist_ros.recording.mcap.scan import McapScan
+
+TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
+_PIECE: Final = 1 << 20
+
+Message = tuple[str, str, int, bytes]
+"""Topic, type, time at which it was received [ns since 1970-01-01 UTC], and data in CDR."""
+
+
+@dataclass
+class Content:
+    """What a file has.
+
+    :param topics: its topics
+    :param counts: number of messages of each topic, by name
+    :param extent: all messages
+    """
+
+    topics: list[Topic] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+    extent: Extent = field(default_factory=Extent)
+
+
+class Storage(Protocol):
+    """A file of a bag."""
+
+    @property
+    def content(self) -> Content:
+        """What it has."""
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        """Messages of topics in the order of time.
+
+        :raises ValueError: if the file is damaged
+        """
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
+    """The files of a bag in the order of recording, and what closes them.
+
+    :param path: folder of a bag, or one of its files
+    :raises InputError: if there is no bag
+    :raises ValueError: if it is damaged
+    """
+    with contextlib.ExitStack() as stack:
+        files, per_message = ([path], False) if path.is_file() else _listed(path, stack)
+        storages: list[Storage] = []
+        for file in files:
+            one: Storage = _Sqlite(file, per_message) if file.suffix == ".db3" else _Mcap(file, per_message)
+            stack.callback(one.close)
+            storages.append(one)
+        return storages, stack.pop_all()
+
+
+def inside(folder: Path, path: Path) -> Path:
+    """The path, if it is a file of this folder and no link out of it.
+
+    :raises InputError: otherwise
+    """
+    if not path.resolve().is_relative_to(folder.resolve()):
+        remedy = "copy the file into the folder if it belongs to the bag, or remove the link"
+        raise InputError(f"is a link to a file outside of its bag: {path.resolve()}", remedy, path)
+    return path
+
+
+def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool]:
+    """The files that ``metadata.yaml`` lists, unpacked, and whether each message is compressed."""
+    from soilmoist_ros.foundation.configuration import parse_yaml
+
+    path = inside(folder, folder / "metadata.yaml")
+    with path.open("rb") as file:
+        text = file.read(4 << 20).decode()
+    metadata: dict[str, Any] = parse_yaml(text, path)["rosbag2_bagfile_information"]
+    files = [inside(folder, folder / PurePath(name).name) for name in metadata["relative_file_paths"]]
+    missing = [file.name for file in files if not file.is_file()]
+    if missing:
+        raise ValueError(f"files are missing: {', '.join(missing)}")
+    mode = str(metadata.get("compression_mode") or "").lower()
+    if mode in ("file", "message") and metadata.get("compression_format") != "zstd":
+        raise ValueError(f"compression {metadata.get('compression_format')!r} is not supported")
+    if mode == "file":
+        target = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        files = [_unpacked(file, target / file.stem) for file in files]
+    return files, mode == "message"
+
+
+def _unpacked(source: Path, target: Path) -> Path:
+    allowance = Allowance(source.stat().st_size)
+    with source.open("rb") as packed, target.open("wb") as out:
+        reader = zstandard.ZstdDecompressor(max_window_size=2 * MAX_CHUNK_BYTES).stream_reader(
+            packed, read_across_frames=True
+        )
+        while piece := reader.read(_PIECE):
+            allowance.take(len(piece))
+            out.write(piece)
+    return target
+
+
+def _message(data: bytes) -> bytes:
+    """A message that was compressed alone."""
+    return zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES).stream_reader(data).read(MAX_CHUNK_BYTES)
+
+
+class _Mcap:
+    def __init__(self, path: Path, packed: bool) -> None:
+        self._path = path
+        self._packed = packed
+        scan = McapScan(path)
+        if scan.read_summary() and scan.statistics is not None:
+            numbers, topics = scan.statistics, scan.topics()
+            counts: dict[str, int] = {}
+            for number, topic in topics.items():
+                had = counts.get(topic.name, 0)
+                counts[topic.name] = had + numbers.channel_message_counts.get(number, 0)
+            total = sum(counts.values())
+            extent = Extent(total, numbers.message_start_time, numbers.message_end_time) if total else Extent()
+            self.content = Content(list(topics.values()), counts, extent)
+            return
+        content = Content()
+        for message in scan.messages():
+            name = message.topic.name
+            content.counts[name] = content.counts.get(name, 0) + 1
+            content.extent = content.extent.with_message(message.log_ns)
+        content.topics = list(scan.topics().values())
+        self.content = content
+        self._check(scan)
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        scan = McapScan(self._path)
+        for message in scan.sorted_messages():
+            if message.topic.name in topics:
+                data = _message(message.data) if self._packed else message.data
+                yield message.topic.name, message.topic.definition.type_name, message.log_ns, data
+        self._check(scan)
+
+    def close(self) -> None:
+        pass
+
+    @staticmethod
+    def _check(scan: McapScan) -> None:
+        if scan.too_much:
+            raise ValueError(TOO_MUCH)
+        if scan.damaged:
+            raise ValueError(f"{scan.path.name} is damaged in {scan.damaged} places")
+        if not scan.finished:
+            raise ValueError(f"{scan.path.name} was not closed")
+
+
+class _Sqlite:
+    """A file of rosbag2's older storage."""
+
+    def __init__(self, path: Path, packed: bool) -> None:
+        self._packed = packed
+        uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
+        self._base = sqlite3.connect(uri, uri=True, check_same_thread=False)
+        self._base.execute("PRAGMA trusted_schema=OFF")
+        self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES)
+        tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type='table'")}
+        if not {"messages", "topics"} <= tables:
+            raise ValueError("is not a bag of rosbag2")
+        definitions: dict[str, Definition] = {}
+        if "message_definitions" in tables:
+            columns = "topic_type, encoded_message_definition, encoding, type_description_hash"
+            rows = self._base.execute(f"SELECT {columns} FROM message_definitions")
+            definitions = {str(row[0]): Definition(*map(str, row)) for row in rows}
+        known = {row[1] for row in self._base.execute("PRAGMA table_info(topics)")}
+        qos = "offered_qos_profiles" if "offered_qos_profiles" in known else "''"
+        self._topics: dict[int, Topic] = {}
+        self.content = Content()
+        for number, name, kind, offered in self._base.execute(f"SELECT id, name, type, {qos} FROM topics"):
+            definition = definitions.get(str(kind), Definition(str(kind), ""))
+            self._topics[number] = topic = Topic(str(name), definition, qos_from_yaml(str(offered)))
+            self.content.topics.append(topic)
+            self.content.counts[topic.name] = 0
+        rows = self._base.execute(
+            "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY 1"
+        )
+        for number, count, first, last in rows:
+            if number in self._topics:
+                self.content.counts[self._topics[number].name] += count
+                had = self.content.extent.with_message(first).with_message(last)
+                self.content.extent = Extent(had.messages + count - 2, had.start_ns, had.end_ns)
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        wanted = {number: topic for number, topic in self._topics.items() if topic.name in topics}
+        marks = ", ".join("?" * len(wanted))
+        where = f"WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
+        rows = self._base.execute(f"SELECT topic_id, timestamp, data FROM messages {where}", tuple(wanted))
+        for number, time_ns, data in rows:
+            if not isinstance(data, bytes):
+                raise ValueError("a message has no data")
+            data = _message(data) if self._packed else data
+            yield wanted[number].name, wanted[number].definition.type_name, time_ns, data
+
+    def close(self) -> None:
+        self._base.close()
+
+
+FAULTS: Final = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    sqlite3.Error,
+    zstandard.ZstdError,
+    TooMuchError,
+    MemoryError,
+    RecursionError,
+)
+"""Errors of a file that is damaged, or not what its name says."""

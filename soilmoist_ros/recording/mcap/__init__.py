@@ -1,0 +1,1 @@
+"""MCAP files: their records and chunks, the definitions of messages in them, and the description of a bag."""

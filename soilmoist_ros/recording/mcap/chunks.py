@@ -1,0 +1,185 @@
+"""Chunks of an MCAP file, unpacked within limits: a file may come from a stranger, or from a failing disk."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from mmap import mmap
+from typing import Final, NamedTuple
+
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+from mcap.opcode import Opcode
+
+RECORD: Final = struct.Struct("<BQ")
+"""Head of a record: opcode, and length of its content."""
+MAX_CHUNK_BYTES: Final = 64 << 20
+"""Largest chunk that is unpacked, and largest record that is read [bytes]; recorders write 1 to 8 MB."""
+
+_FREE_BYTES: Final = 64 << 20
+_EXPANSION: Final = 10_000
+"""A file of 100 kB may unpack to 1 GB. Only empty grids, again and again, come near it."""
+_FREE_RECORDS: Final = 300_000
+_SEARCH: Final = 16
+_HEAD: Final = struct.Struct("<QQQI")
+_PIECE: Final = 1 << 20
+_KNOWN: Final = frozenset(int(opcode) for opcode in Opcode)
+_IN_CHUNKS: Final = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
+
+Record = tuple[int, bytes]
+
+
+class TooMuchError(Exception):
+    """A file unpacks to more than a recording of its size can."""
+
+
+class Allowance:
+    """What may still be unpacked from a file, so that the work grows with its size, whatever it claims.
+
+    :param file_bytes: size of the file [bytes]
+    """
+
+    def __init__(self, file_bytes: int) -> None:
+        self._bytes = _FREE_BYTES + _EXPANSION * file_bytes
+        self._records = _FREE_RECORDS + file_bytes
+        self._searched = _FREE_BYTES + _SEARCH * file_bytes
+
+    def take(self, size: int) -> None:
+        """Count unpacked bytes.
+
+        :raises TooMuchError: if there were too many
+        """
+        self._bytes -= size
+        if self._bytes < 0:
+            raise TooMuchError
+
+    def take_record(self) -> None:
+        """Count a record.
+
+        :raises TooMuchError: if there were too many
+        """
+        self._records -= 1
+        if self._records < 0:
+            raise TooMuchError
+
+    def search(self, size: int) -> bool:
+        """Count bytes of a place that looks like a chunk; returns whether it may be unpacked."""
+        self._searched -= size
+        return self._searched >= 0
+
+
+class Chunk(NamedTuple):
+    """The head of a chunk.
+
+    :param start_ns: time of its earliest message, as it claims [ns]
+    :param size: size of its records, as it claims [bytes]
+    :param checksum: CRC-32 of its records, 0 for none
+    :param compression: ``zstd``, ``lz4`` or empty
+    :param begin: start of its packed data in the file
+    :param end: end of its packed data, and of the chunk
+    """
+
+    start_ns: int
+    size: int
+    checksum: int
+    compression: bytes
+    begin: int
+    end: int
+
+
+def chunk_at(data: mmap, start: int) -> Chunk | None:
+    """The head of a chunk, ``None`` if there cannot be one.
+
+    :param data: the file
+    :param start: start of the content of its record
+    """
+    if len(data) - start < _HEAD.size + 4:
+        return None
+    start_ns, _, size, checksum = _HEAD.unpack_from(data, start)
+    (name_length,) = struct.unpack_from("<I", data, start + _HEAD.size)
+    name_at = start + _HEAD.size + 4
+    begin = name_at + name_length + 8
+    if name_length > 4 or begin > len(data):
+        return None
+    compression = data[name_at : name_at + name_length]
+    (length,) = struct.unpack_from("<Q", data, begin - 8)
+    if compression not in (b"", b"lz4", b"zstd") or max(size, length) > MAX_CHUNK_BYTES:
+        return None
+    return Chunk(start_ns, size, checksum, compression, begin, begin + length)
+
+
+def whole_chunk(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes | None:
+    """Records of a chunk, as one piece; ``None`` if it is damaged.
+
+    :raises TooMuchError: if the file has unpacked to too much
+    """
+    if chunk.end > len(data):
+        return None
+    records = _unpacked(data, chunk, allowance)
+    if len(records) != chunk.size or (chunk.checksum and zlib.crc32(records) != chunk.checksum):
+        return None
+    at = 0
+    while len(records) - at >= RECORD.size:
+        opcode, length = RECORD.unpack_from(records, at)
+        at += RECORD.size + length
+        if opcode not in _IN_CHUNKS:
+            return None
+        allowance.take_record()
+    return records if at == len(records) else None
+
+
+def begun_chunk(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes:
+    """The part of an incomplete chunk that can be unpacked.
+
+    :raises TooMuchError: if the file has unpacked to too much
+    """
+    return _unpacked(data, chunk, allowance)
+
+
+def split(data: bytes) -> Iterator[Record]:
+    """Complete records of a piece of data."""
+    at = 0
+    while len(data) - at >= RECORD.size:
+        opcode, length = RECORD.unpack_from(data, at)
+        start = at + RECORD.size
+        if opcode not in _KNOWN or start + length > len(data):
+            return
+        at = start + length
+        yield opcode, data[start:at]
+
+
+def _unpacked(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes:
+    """The unpacked data, at most one byte more than the chunk claims; as far as they can be unpacked."""
+    packed = data[chunk.begin : chunk.end]
+    if not chunk.compression:
+        allowance.take(len(packed))
+        return packed
+    found = bytearray()
+    try:
+        for piece in _zstd(packed) if chunk.compression == b"zstd" else _lz4(packed):
+            found += piece
+            allowance.take(len(piece))
+            if len(found) > chunk.size:
+                break
+    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
+        pass
+    return bytes(found[: chunk.size + 1])
+
+
+def _zstd(packed: bytes) -> Iterator[bytes]:
+    decompressor = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES)
+    with decompressor.stream_reader(packed, read_across_frames=True) as reader:
+        while piece := reader.read(_PIECE):
+            yield piece
+
+
+def _lz4(packed: bytes) -> Iterator[bytes]:
+    decompressor = lz4.frame.LZ4FrameDecompressor()
+    rest = packed
+    while not decompressor.eof:
+        piece = decompressor.decompress(rest, max_length=_PIECE)
+        rest = b""
+        if not piece and decompressor.needs_input:
+            return
+        yield piece
