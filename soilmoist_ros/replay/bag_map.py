@@ -8,7 +8,7 @@ from pathlib import Path
 
 from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.reader import BagReader, bags_of
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference
@@ -86,7 +86,7 @@ def replay_bag(
     bag = bag_of(bag)
     progress("reading the bag", 0.0)
     with BagReader(bag) as reader:
-        configuration = configuration_of(bag)
+        configuration = next(filter(None, map(configuration_of, [bag, *bags_of(bag)])), None)
         survey, remarks = robot_survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
         content = _read(reader, survey, chosen, configuration, remarks)
@@ -229,4 +229,6 @@ def _files(bag: Path) -> list[Path]:
     """The files with a bag's messages, including compressed files."""
     if not bag.is_dir():
         return [bag]
-    return [path for path in sorted(bag.iterdir()) if {".mcap", ".db3"} & set(path.suffixes)]
+    return [
+        path for one in bags_of(bag) for path in sorted(one.iterdir()) if {".mcap", ".db3"} & set(path.suffixes)
+    ]

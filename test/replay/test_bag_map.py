@@ -215,6 +215,20 @@ def test_bags_of_other_recorders(tmp_path, options, in_file):
     assert len(files) == 1
 
 
+def test_a_run_in_several_bags_of_both_storages_is_one_run(tmp_path):
+    whole = GOLDEN / "one_stop" / "bag"
+    copy_bag(
+        whole, tmp_path / "run" / "later", lambda _, number: number >= 5, storage_plugin=StoragePlugin.SQLITE3
+    )
+    copy_bag(whole, tmp_path / "run" / "sooner", lambda _, number: number < 5, storage_plugin=StoragePlugin.MCAP)
+    replay = replay_bag(tmp_path / "run", with_files("one_stop"))
+    own = replay_bag(GOLDEN / "one_stop")
+    for band, values in bands(own.run.soil_map).items():
+        assert values.tobytes() == bands(replay.run.soil_map)[band].tobytes()
+    assert replay.comparisons == own.comparisons
+    assert len([item for item in replay.run.inputs if item.role == "bag"]) == 2
+
+
 def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):
     cases = {
         "began": (lambda topic, number: topic != "/counts" or number > 2, "other records than those in the bag"),

@@ -1,3 +1,5 @@
+"""Bags of all recorders are read: reader.py and storage.py."""
+
 import io
 import random
 from pathlib import Path

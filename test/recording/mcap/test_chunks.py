@@ -1,4 +1,4 @@
-"""Bags of strangers: a small file must not fill the memory, nor take long."""
+"""Bags of strangers: a small file must not fill the memory, nor take long: chunks.py, scan.py."""
 
 import subprocess
 import sys
