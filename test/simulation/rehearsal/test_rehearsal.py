@@ -22,9 +22,11 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture(scope="module")
 def safety():
     """The script ``scripts/safety`` as a module."""
-    loader = importlib.machinery.SourceFileLoader("safety", str(ROOT / "scripts/safety"))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("safety", loader))
-    loader.exec_module(module)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "scripts"))
+        loader = importlib.machinery.SourceFileLoader("safety", str(ROOT / "scripts/safety"))
+        module = importlib.util.module_from_spec(importlib.util.spec_from_loader("safety", loader))
+        loader.exec_module(module)
     return module
 
 
