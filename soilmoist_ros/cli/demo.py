@@ -66,6 +66,8 @@ DEMO_HOURS = 1.0
 )
 @click.option("--console/--no-console", "console", default=True, show_default=True,
               help="Serve the operator's page on this machine.")  # fmt: skip
+@click.option("--autostart/--no-autostart", default=True, show_default=True,
+              help="Start the mission at once, or wait for a start on the operator's page.")  # fmt: skip
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
 @earlier_option()
 @covariate_option()
@@ -80,6 +82,7 @@ def command(
     time_factor: float,
     scenario: str,
     console: bool,
+    autostart: bool,
     leave: bool,
     earlier: tuple[Path, ...],
     covariates: tuple[str, ...],
@@ -117,7 +120,15 @@ def command(
         click.echo('console: not served, aiohttp is not installed -> pip install "soilmoist_ros[console]"')
     port = free_port(CONSOLE_PORT) if console else 0
     settings = DemoSettings(
-        out, mission, time_factor, navigator, scenario, earlier=earlier, covariates=sources, console_port=port
+        out,
+        mission,
+        time_factor,
+        navigator,
+        scenario,
+        autostart,
+        earlier=earlier,
+        covariates=sources,
+        console_port=port,
     )
     address = f"console: http://127.0.0.1:{port}/"
     replay = None

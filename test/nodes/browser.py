@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import socket
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -31,11 +33,81 @@ def chromium() -> Iterator[Any]:
             browser.close()
 
 
+def tap(page: Any, x_m: float, y_m: float) -> None:
+    """Tap a place of the field [m]."""
+    canvas = page.locator("#map")
+    east_m, north_m, scale = map(float, canvas.get_attribute("data-view").split())
+    box = canvas.bounding_box()
+    x, y = box["width"] / 2 + (x_m - east_m) * scale, box["height"] / 2 - (y_m - north_m) * scale
+    canvas.click(position={"x": x, "y": y})
+
+
+class Link:
+    """A link to a server on this machine that can be lost and found again. Use as a context manager.
+
+    :param port: port of the server
+    """
+
+    def __init__(self, port: int) -> None:
+        self._target = port
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        self.is_lost = False
+        self._open: set[socket.socket] = set()
+
+    def __enter__(self) -> Link:
+        threading.Thread(target=self._accept, daemon=True).start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.lose()
+        with contextlib.suppress(OSError):
+            self._server.shutdown(socket.SHUT_RDWR)
+        self._server.close()
+
+    def lose(self) -> None:
+        """End all connections, and refuse new ones."""
+        self.is_lost = True
+        for one in tuple(self._open):
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+
+    def find(self) -> None:
+        """Let new connections pass."""
+        self.is_lost = False
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                near, _ = self._server.accept()
+                far = socket.create_connection(("127.0.0.1", self._target))
+            except OSError:
+                if self._server.fileno() < 0 or self._server.getsockname()[1] != self.port:
+                    return
+                continue
+            if self.is_lost:
+                near.close(), far.close()
+                continue
+            self._open |= {near, far}
+            for one, other in ((near, far), (far, near)):
+                threading.Thread(target=self._pass, args=(one, other), daemon=True).start()
+
+    def _pass(self, one: socket.socket, other: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while data := one.recv(65536):
+                other.sendall(data)
+        for each in (one, other):
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+            self._open.discard(each)
+
+
 def slide(page: Any, text: str) -> None:
     """Move a slide to its end, as a finger does."""
     from playwright.sync_api import Error
 
-    knob = page.locator(f'.slide[data-slide^="{text}"] input')
+    knob = page.locator(f'.slide[data-slide^="{text}"] input:visible')
     for _ in range(5):
         try:
             knob.scroll_into_view_if_needed()

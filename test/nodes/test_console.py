@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
-from browser import DESK, PHONE, chromium, slide
+from browser import DESK, PHONE, chromium, slide, tap
 from playwright.sync_api import expect
 from ros_system import NodeProcess
 from sensor_msgs.msg import PointCloud2
@@ -71,15 +71,6 @@ def publish_map(ros):
     publisher = ros.node.create_publisher(PointCloud2, "soil_map", LATCHED)
     publisher.publish(points_to_message(cells, START_S, "map"))
     return publisher
-
-
-def tap(page, x_m, y_m):
-    """Tap a place of the field [m]."""
-    canvas = page.locator("#map")
-    east_m, north_m, scale = map(float, canvas.get_attribute("data-view").split())
-    box = canvas.bounding_box()
-    x, y = box["width"] / 2 + (x_m - east_m) * scale, box["height"] / 2 - (y_m - north_m) * scale
-    canvas.click(position={"x": x, "y": y})
 
 
 def test_a_mission_is_started_redirected_stopped_and_resumed_on_a_phone(ros, tmp_path, browser):

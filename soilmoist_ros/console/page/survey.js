@@ -12,6 +12,7 @@ const SETTINGS = [
   ["dwell", "Dwell: fmi:SECONDS, ami:THRESHOLD or optimal", { type: "text" }],
   ["strategy", "Strategy, such as gcb", { type: "text" }],
   ["target", "Which map is to be good: vwc or rate", { type: "text" }],
+  ["home", "Home: the node of the map where the robot drives at the end", { type: "text" }],
 ];
 const TABS = [["plan", "Plan"], ["survey", "Survey"], ["results", "Results"]];
 let tab = "survey", robot = "", place = null, stopping = null, noticeTimer = 0;
@@ -154,7 +155,7 @@ function renderState() {
     $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
     spark(sections[`count/${robot}`] ?? []);
   }
-  const shown = now && [now.running, now.paused, now.phase, now.emergency, sections.viewer, robot, heardAgo() > GONE_S];
+  const shown = now && [now.running, now.paused, now.phase === "returning", now.emergency, sections.viewer, robot, heardAgo() > GONE_S];
   fill("actions", shown, () => actions(now));
 }
 
