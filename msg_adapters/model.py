@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude

@@ -6,10 +6,9 @@ import hmac
 import ipaddress
 import secrets
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final
 from urllib.parse import urlsplit
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 COOKIE: Final = "soilmoist_console"
 _PROXY: Final = ("Forwarded", "X-Forwarded-For", "X-Forwarded-Host", "X-Real-Ip", "Via")

@@ -7,13 +7,12 @@ border; a projected CRS is chosen once, at export.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer

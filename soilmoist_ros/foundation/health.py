@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Mapping
-from dataclasses import field
-
-from soilmoist_ros.foundation.dataclass import dataclass
+from dataclasses import dataclass, field
 
 
 class Level(enum.IntEnum):

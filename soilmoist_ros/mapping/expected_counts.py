@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram

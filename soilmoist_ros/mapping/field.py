@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,7 +15,6 @@ from pydantic import Field as Setting
 from pydantic import model_validator
 
 from soilmoist_ros.foundation.configuration import Section, load_model
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_and_bearing, distance_text

@@ -7,14 +7,13 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import (

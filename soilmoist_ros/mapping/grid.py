@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

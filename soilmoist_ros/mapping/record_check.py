@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.places import direction, distance_text
 from soilmoist_ros.sensing.records import CountRecord
 

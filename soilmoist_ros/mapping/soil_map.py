@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, Changing

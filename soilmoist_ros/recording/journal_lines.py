@@ -6,10 +6,9 @@ import json
 import re
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 _CHECKSUM: Final = re.compile(rb',"crc":"([0-9a-f]{8})"\}')
 _TAIL_LENGTH: Final = len(b',"crc":"00000000"}')

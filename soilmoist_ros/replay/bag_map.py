@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.recording.bag.reader import BagReader, bags_of
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.forecast import forecast_from_text
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.properties import ReplayedProperty
 from soilmoist_ros.replay.statuses import Status

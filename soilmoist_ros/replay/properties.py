@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.recording.run_folder import read_parameters

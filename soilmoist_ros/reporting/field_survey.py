@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource

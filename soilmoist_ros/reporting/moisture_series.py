@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.moisture_bands import Bands, make_bands
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import dataclass
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.records import NAN, Position
 
 Row = tuple[float, float, float]

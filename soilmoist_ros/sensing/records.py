@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from datetime import UTC, datetime
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 NAN = math.nan
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings

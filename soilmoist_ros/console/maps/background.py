@@ -14,13 +14,13 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariates.rasters import RasterBands

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, reduce
 
 import numpy as np
@@ -22,7 +22,6 @@ from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Co
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.targets import coincident

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -23,7 +23,6 @@ from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.mapping.field import Field

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
@@ -15,7 +15,6 @@ from soilmoist_ros.exploration.planning.dwell import FixedInterval, parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import GraphTravel
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.suggestions import did_you_mean, listing

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
@@ -13,7 +13,6 @@ from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.knowledge.drift import Changing

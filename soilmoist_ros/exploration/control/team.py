@@ -7,13 +7,13 @@ still to come can be put into the kriging as they are expected, and their worth 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.samples.samples import as_samples
 

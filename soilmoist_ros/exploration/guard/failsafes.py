@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
 from soilmoist_ros.exploration.mission.types import Response
-from soilmoist_ros.foundation.dataclass import dataclass
 
 
 class Cause(StrEnum):

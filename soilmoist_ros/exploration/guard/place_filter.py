@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Final
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 WINDOW_S: Final = 5.0
 """Time over which places are compared and the speed is measured [s]."""

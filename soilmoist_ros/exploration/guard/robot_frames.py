@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,7 +20,6 @@ from soilmoist_ros.exploration.guard.frames import (
     parse_datum,
 )
 from soilmoist_ros.exploration.guard.transforms import FramePose, Transform, TransformTree
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.foundation.plane_move import PlaneMove, fit_move, move_between

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-
-from soilmoist_ros.foundation.dataclass import dataclass
+from dataclasses import dataclass
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

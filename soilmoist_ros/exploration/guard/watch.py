@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import field, fields
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Final
 
@@ -17,7 +17,6 @@ from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.place_filter import PlaceFilter, PlaceFix, PlaceLimits, Verdict
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.record_check import StampLimits
 

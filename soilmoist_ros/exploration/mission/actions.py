@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from soilmoist_ros.exploration.mission.types import MissionEnd, PlanKind, Polygons, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,12 @@ All times ``now_s`` come from the mission's clock.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from soilmoist_ros.exploration.mission.types import Alarm, Changes, Polygon, Verb
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.records import CountRecord
 
 RESTART = "a restart of the planner"

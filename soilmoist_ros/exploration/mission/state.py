@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,6 @@ from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_dwell
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 _NO_CHANGES = Changes()
 

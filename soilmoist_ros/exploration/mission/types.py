@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
 
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Polygon = tuple[tuple[float, float], ...]
 Polygons = tuple[Polygon, ...]

@@ -17,12 +17,12 @@ before. The robot passes every way point closely: a turn begun early would cut t
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 CANCEL_AGAIN_S = 2.0
 """Time after which a goal that does not end is cancelled again [s]."""

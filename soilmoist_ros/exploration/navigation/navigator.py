@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.foundation.dataclass import dataclass
 
 
 class Outcome(StrEnum):

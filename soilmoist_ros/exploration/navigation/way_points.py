@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 MIN_LEG_M = 0.01
 """Corners closer together, or closer to a straight line than this, are left out [m]."""

@@ -7,10 +7,11 @@ No plan of a driving robot reaches less variance with this variogram.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 SOON_S = 600.0
 """Time ahead for which a gain is stated [s]."""

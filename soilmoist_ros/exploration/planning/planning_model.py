@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.soil_map import SoilMap
 

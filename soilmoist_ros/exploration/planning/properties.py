@@ -12,10 +12,11 @@ sill and range well.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -14,7 +15,6 @@ from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Worth
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import TravelModel
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -13,7 +13,7 @@ moved to where the variance is now, and stops are added or dropped as the time a
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ from soilmoist_ros.exploration.strategies.ground import NO_MAP_DWELL_S, Ground
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
 from soilmoist_ros.exploration.strategies.tour_design import Tour, design, renewed, stops_in
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from soilmoist_ros.exploration.strategies.rules import away_from, reachable
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
-from soilmoist_ros.foundation.dataclass import dataclass
 
 _APART_CELLS = 4
 

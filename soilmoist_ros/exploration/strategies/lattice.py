@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,6 @@ from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_r
 from soilmoist_ros.exploration.strategies.rules import reachable, whole_records
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.variogram.correlation import correlation_model
 from soilmoist_ros.mapping.variogram.model import Variogram

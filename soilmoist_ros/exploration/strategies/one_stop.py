@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,6 @@ from soilmoist_ros.exploration.strategies.rules import (
     weighted_order,
 )
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

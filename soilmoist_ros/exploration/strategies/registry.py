@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import dataclass
 from typing import Any
 
 from soilmoist_ros.exploration.strategies.information import VarianceReduction
@@ -13,7 +14,6 @@ from soilmoist_ros.exploration.strategies.route import require_solver
 from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset
 from soilmoist_ros.exploration.strategies.strategy import Strategy
 from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
 from soilmoist_ros.foundation.suggestions import did_you_mean

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.strategies.strategy import Situation
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

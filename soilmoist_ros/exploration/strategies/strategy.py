@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
 from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,8 @@ integrated variance after the tour decides between few stops with a long dwell a
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +20,6 @@ from soilmoist_ros.exploration.strategies.route import (
     shortened,
     timed_route,
 )
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,6 @@ from soilmoist_ros.exploration.strategies.rules import (
 )
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.mapping.field import Field

@@ -7,6 +7,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.configuration import read_yaml
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.suggestions import listing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
@@ -13,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

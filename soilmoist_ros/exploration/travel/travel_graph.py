@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.foundation.suggestions import did_you_mean, listing

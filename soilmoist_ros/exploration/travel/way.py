@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
 from soilmoist_ros.foundation.configuration import Section
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Derived = Literal["elevation", "slope", "aspect", "northness", "eastness", "curvature", "wetness"]
 DERIVED: tuple[Derived, ...] = get_args(Derived)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging
 from soilmoist_ros.mapping.moisture_bands import possible_moisture

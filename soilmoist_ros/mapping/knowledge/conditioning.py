@@ -8,12 +8,10 @@ the coefficients of :mod:`pattern` and b). The unknown mean of each survey is in
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

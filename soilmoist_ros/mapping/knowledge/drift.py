@@ -15,13 +15,12 @@ multiplied by ``1 + mean(u)``, and the covariance of u adds to that of the map.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.system import KrigingSystem
 from soilmoist_ros.mapping.kriging.targets import sample_correlation

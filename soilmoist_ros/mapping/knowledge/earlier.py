@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, TimedSamples, find_change
 from soilmoist_ros.mapping.samples.merging import SampleMerger, driven_spreads, survey_samples
 from soilmoist_ros.mapping.samples.samples import Samples, merge_records

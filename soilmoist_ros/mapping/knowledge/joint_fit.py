@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.knowledge.conditioning import LOADINGS, PatternState, SurveyView
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.knowledge.pattern import PatternFeatures

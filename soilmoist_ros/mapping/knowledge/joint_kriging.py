@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.targets import Points, sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
 from soilmoist_ros.mapping.knowledge.drift import Drift
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey

@@ -14,12 +14,11 @@ more inducing places than there are: there it is up to 3 and 8 % at single cells
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]

@@ -13,11 +13,11 @@ directions that earlier surveys have measured, and positive for covariates.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]

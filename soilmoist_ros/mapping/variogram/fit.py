@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.samples.surveys import Surveys
 from soilmoist_ros.mapping.variogram.amplitude import Box

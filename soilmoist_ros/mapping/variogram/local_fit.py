@@ -19,12 +19,11 @@ error changed by at most 1 %.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude, Box, knots, lattice, spline_matrix
 from soilmoist_ros.mapping.variogram.correlation import CorrelationModel, correlation_model

@@ -6,10 +6,11 @@ is a quarter too small on concrete of 5 counts/s and a half too large on grass o
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.reml import spatial_blocks

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.correlation import CorrelationModel, ModelName, correlation_model
 

@@ -7,12 +7,12 @@ et al. (2014), Journal of Computational and Graphical Statistics 23:295-315, wit
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.samples.surveys import Surveys
 from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
 from pathlib import Path
@@ -13,7 +14,6 @@ from typing import Any, Final, Self
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
 from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Message, Storage, open_storages

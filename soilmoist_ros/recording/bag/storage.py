@@ -6,13 +6,12 @@ import contextlib
 import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any, Final, Protocol
 
 import zstandard
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition

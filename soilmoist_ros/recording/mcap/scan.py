@@ -8,6 +8,7 @@ import struct
 import zlib
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
@@ -18,7 +19,6 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.recording.mcap.chunks import (
     MAX_CHUNK_BYTES,
     RECORD,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
 from soilmoist_ros.simulation.campaign.hindsight import hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.reporting.campaign.data import CampaignData
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import percent

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.knowledge.change import Estimate, FieldChange, field_change, mean_cells
 from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence, estimate_persistence
 from soilmoist_ros.mapping.soil_map import SoilMap

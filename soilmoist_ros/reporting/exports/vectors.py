@@ -6,13 +6,13 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.lazy import optional_module
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

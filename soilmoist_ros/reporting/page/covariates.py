@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.covariates.reading import coverage
 from soilmoist_ros.mapping.variogram.field_prior import Effect
 from soilmoist_ros.reporting.run import MapRun

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.foundation.dataclass import dataclass
+from dataclasses import dataclass
+
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import RunChange

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.moisture_bands import common_rate_sd
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series

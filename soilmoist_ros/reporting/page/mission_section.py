@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.reporting.page.charts.chart import Chart, Dots, Line, limits_of
 from soilmoist_ros.reporting.page.charts.forecast_chart import forecast_chart
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
 
 if TYPE_CHECKING:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import base64
 import io
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.reporting.colours import colour_ramp
 
 if TYPE_CHECKING:

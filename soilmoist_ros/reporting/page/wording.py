@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.moisture_bands import Bands
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import field_polygon

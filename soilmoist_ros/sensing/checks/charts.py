@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

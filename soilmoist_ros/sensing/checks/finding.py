@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord
 

@@ -18,12 +18,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.checks.alarms import alarm_probability, alarm_threshold
 from soilmoist_ros.sensing.checks.charts import FACTORS, Run, ShareCharts, share_ratios
 from soilmoist_ros.sensing.checks.shares import LEARNED_COUNTS, PRIOR_COUNTS, GoodShares

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 
 @dataclass(frozen=True)

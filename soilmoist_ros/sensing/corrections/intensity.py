@@ -8,9 +8,9 @@ atmospheric depth. With the rate C of the monitor and its reference C0 the corre
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Literal
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.corrections.atmosphere import atmospheric_depth_gcm2
 from soilmoist_ros.sensing.corrections.cutoff_rigidity import cutoff_rigidity_gv
 

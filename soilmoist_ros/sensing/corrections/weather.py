@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
+from dataclasses import dataclass
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 MAX_WEATHER_GAP_S = 1800.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.formats import units
 from soilmoist_ros.sensing.formats.logger_format import Humidity, LoggerFormat, Pressure, Temperature
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Literal, NoReturn
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing import gnss
 from soilmoist_ros.sensing.formats.log_layout import Layout, PositionLayout, Source
 from soilmoist_ros.sensing.formats.log_values import read_number, read_time

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 from typing import Protocol
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 
 class LinkState(enum.Enum):

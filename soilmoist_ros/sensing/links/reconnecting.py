@@ -6,9 +6,9 @@ import random
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.links.line_buffer import LineBuffer
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
 from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.configuration import read_yaml
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site

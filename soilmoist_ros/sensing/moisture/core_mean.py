@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.moisture.cores import SoilCore, profiles_of
 from soilmoist_ros.sensing.moisture.footprint import Footprint
 

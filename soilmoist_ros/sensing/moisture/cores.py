@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, Mistake
 
 _COLUMNS = "vwc, gravimetric_water, bulk_density_gcm3, weight, profile, distance_m, depth_cm, top_cm and bottom_cm"

@@ -6,13 +6,11 @@ Desilets, Zreda & Ferre (2010), Water Resources Research 46, W11505:
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 A0, A1, A2 = 0.0808, 0.372, 0.115
 _NEAR_POLE = 1.1

@@ -10,13 +10,12 @@ Köhli, Weimar, Schrön, Baatz & Schmidt (2021), Frontiers in Water 2:544847, eq
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.moisture.curve import check_parameters, sd_of_vwc
 
 Array = NDArray[np.float64]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.records import NAN, Position
 
 Offset = tuple[float, float]

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pynmea2
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import read_number

@@ -6,8 +6,8 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser

@@ -6,13 +6,12 @@ import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.checks import RecordChecks

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.foundation.workers import cores
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, load_campaign, mission_key, missions

@@ -9,7 +9,7 @@ import logging
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -25,7 +25,6 @@ from soilmoist_ros.foundation.configuration import (
     resource,
     resource_names,
 )
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.simulation.campaign.hindsight import LATTICE_DWELLS
 from soilmoist_ros.simulation.mission.setting import Setting as MissionSetting

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.mission_store import pack

@@ -12,7 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.simulation.campaign.campaign_file import Mission

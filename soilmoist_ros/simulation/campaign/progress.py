@@ -6,9 +6,8 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 

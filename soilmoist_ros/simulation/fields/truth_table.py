@@ -6,13 +6,13 @@ import csv
 import math
 import warnings
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.simulation.fields.formula_base import MAX_VWC, Quantity

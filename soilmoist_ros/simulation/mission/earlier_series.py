@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey

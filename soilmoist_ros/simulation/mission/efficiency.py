@@ -10,7 +10,7 @@ already. Then the variogram is that of the map.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.efficiency import least_variance
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS, spread_cells
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 
 class Fault(StrEnum):

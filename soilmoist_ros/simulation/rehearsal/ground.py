@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -10,7 +12,6 @@ from shapely.geometry.base import BaseGeometry
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -15,7 +16,6 @@ from soilmoist_ros.exploration.mission.actions import Finish
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.simulation.rehearsal.ground import Ground
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import Phase, Verb
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.sensing.records import CountRecord

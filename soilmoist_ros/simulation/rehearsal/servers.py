@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults
 
 Array = NDArray[np.float64]

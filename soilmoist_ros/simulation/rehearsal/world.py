@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.ground import Ground

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.foundation.dataclass import dataclass
+from dataclasses import dataclass
 
 RAIN_S = 300.0
 """Time that rain takes to change the rate [s]."""

@@ -6,10 +6,10 @@ import math
 import re
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.simulation.robot.scenario import Damage, LinkFaults
 
 SPLIT_DELAY_S = 0.5

@@ -8,10 +8,9 @@ import logging
 import os
 import socket
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.errors import InputError
 
 LOG = logging.getLogger(__name__)

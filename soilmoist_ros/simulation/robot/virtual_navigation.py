@@ -6,6 +6,7 @@ import bisect
 import enum
 import math
 from collections import deque
+from dataclasses import dataclass
 from itertools import pairwise
 from operator import itemgetter
 
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import zone_radius_m
 from soilmoist_ros.exploration.travel.travel import GraphTravel, TravelModel
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.simulation.robot.scenario import GoalFault, NavigationFaults
 from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 

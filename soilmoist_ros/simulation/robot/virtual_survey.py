@@ -7,13 +7,13 @@ logger), ``survey.nmea`` and the field and site files that ``soilmoist map`` nee
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.records import LoggerRecord, Position

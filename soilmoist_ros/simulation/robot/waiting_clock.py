@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.foundation.health import Health, Level
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.sensing.corrections.factors import Corrections
 
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from soilmoist_ros.foundation.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Colour = Literal["ink", "soft", "line", "orange", "purple", "green"]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from html import escape
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.dataclass import dataclass
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER, colour_ramp, coloured_png, hex_ramp
 from soilmoist_ros.reporting.geometry import rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
