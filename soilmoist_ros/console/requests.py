@@ -13,7 +13,8 @@ from soilmoist_ros.foundation.errors import InputError
 MAX_TEXT: Final = 200
 MAX_ITEMS: Final = 500
 _NUMBERS: Final = ("place", "geographic_place")
-_TEXTS: Final = ("verb", "who", "dwell", "strategy", "target", "home")
+_TEXTS: Final = ("verb", "who", "dwell", "strategy", "target", "home", "field")
+_NAMES: Final = ("stops", "earlier", "covariates")
 _NUMBER: Final = ("hours", "until_sd", "until_gain")
 _OF_THE_PAGE: Final = frozenset({"robot", "client"})
 _KNOWN: Final = frozenset(field.name for field in fields(OperatorRequest))
@@ -39,6 +40,12 @@ def request_from_json(content: Any, robots: Mapping[str, Any] | list[str]) -> tu
     } | {"verb": _text("verb", content.get("verb"))})  # fmt: skip
 
 
+def who_of(content: Any) -> str:
+    """Name of the operator of a page; empty if it is none."""
+    who = content.get("who", "") if isinstance(content, Mapping) else ""
+    return who[:60] if isinstance(who, str) and who.isprintable() else ""
+
+
 def _value(name: str, value: Any) -> Any:
     if name in _TEXTS:
         return _text(name, value)
@@ -48,7 +55,7 @@ def _value(name: str, value: Any) -> Any:
         raise InputError(f"{name} must be a list of at most {MAX_ITEMS} items", "reload the page")
     if name in _NUMBERS:
         return tuple(_number(name, one) for one in value)
-    if name == "stops":
+    if name in _NAMES:
         return tuple(_text(name, one) for one in value)
     corners = []
     for corner in value:

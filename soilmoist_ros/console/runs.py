@@ -71,6 +71,7 @@ def _about(path: Path) -> dict[str, Any]:
         "files": files[:MAX_FILES],
         "report": (path / REPORT).is_file(),
         "recording": (path / "bag").is_dir() or (path / "metadata.yaml").is_file(),
+        "finished": any((path / name).is_file() for name in (SUMMARY, "metadata.yaml", "bag/metadata.yaml")),
         **summary,
     }
 

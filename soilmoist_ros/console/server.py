@@ -8,7 +8,7 @@ import hashlib
 import json
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
 from functools import cache
 from pathlib import Path
@@ -20,7 +20,10 @@ from soilmoist_ros.console.controls import Controls
 from soilmoist_ros.console.jobs import Jobs
 from soilmoist_ros.console.maps.background_route import BackgroundRoute
 from soilmoist_ros.console.maps.map_layers import MapLayers
-from soilmoist_ros.console.requests import request_from_json
+from soilmoist_ros.console.plan.routes import PlanRoutes
+from soilmoist_ros.console.plan.survey_files import SurveyFiles
+from soilmoist_ros.console.plan.walk import Walk
+from soilmoist_ros.console.requests import request_from_json, who_of
 from soilmoist_ros.console.run_routes import RunRoutes
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.foundation.errors import InputError
@@ -38,8 +41,8 @@ REPLY_LIMIT_S: Final = 5.0
 """Longest wait for the answer of a planner [s]."""
 STOP_LIMIT_S: Final = 3.0
 """Longest wait for a planner that says that its emergency stop is pressed [s]."""
-PLAN_LIMIT_S: Final = 180.0
-"""Longest wait for a forecast [s]."""
+CHOICE_LIMIT_S: Final = 60.0
+"""Longest wait for a planner that opens a field, earlier runs and covariates [s]."""
 MAX_BODY: Final = 3 * 1024 * 1024
 """Longest request: a file with a boundary [bytes]."""
 MAX_CLIENT: Final = 64
@@ -78,7 +81,8 @@ class ConsoleServer:
     :param steering: receives the commands
     :param access: who may
     :param picture: the latest map
-    :param runs: folder of the runs on this computer
+    :param files: files on this computer: runs, and what may be chosen for the next mission
+    :param walks: walks by the names of the robots
     :param background: GeoTIFF or folder of tiles to show below the map; empty for none
     """
 
@@ -88,7 +92,8 @@ class ConsoleServer:
         steering: Steering,
         access: Access,
         picture: Callable[[], MapLayers | None],
-        runs: Path,
+        files: SurveyFiles,
+        walks: Mapping[str, Walk],
         background: str = "",
     ) -> None:
         self._web = optional_module("aiohttp.web", "console")
@@ -97,7 +102,8 @@ class ConsoleServer:
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
         self._viewers: set[web.WebSocketResponse] = set()
         self._controls = Controls()
-        self._runs, self._background = runs, background
+        self._files, self._walks = files, walks
+        self._background = background
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
@@ -142,9 +148,10 @@ class ConsoleServer:
         app.router.add_get("/at", self._on_at)
         app.router.add_get("/live", self._on_live)
         self._jobs = Jobs(self._board)
-        RunRoutes(web, self._runs, self._jobs).add(app, self._operators)
+        RunRoutes(web, self._files.runs, self._jobs).add(app, self._operators)
+        PlanRoutes(web, self._files, self._jobs, self._walks).add(app, self._operators)
         BackgroundRoute(web, self._background, self._board, self._jobs).add(app)
-        for name, handler in (("plan", self._on_plan), ("stop", self._on_stop), ("take", self._on_take)):
+        for name, handler in (("stop", self._on_stop), ("take", self._on_take)):
             app.router.add_post(f"/{name}", self._operators(handler))
         for name, handler in (("command", self._on_command), ("release", self._on_release)):
             app.router.add_post(f"/{name}", self._operators(handler, holder=True))
@@ -191,7 +198,9 @@ class ConsoleServer:
                 return self._web.json_response({"error": _READ_ONLY}, status=403)
             try:
                 content = await request.json()
-                if holder and not self._controls.take(_client(content), _who(content)):
+                if not isinstance(content, dict):
+                    raise InputError("a request is an object", "reload the page")
+                if holder and not self._controls.take(_client(content), who_of(content)):
                     error = f"{self._controls.who or 'nobody'} has the controls: take over first"
                     return self._web.json_response({"error": error}, status=409)
                 return self._web.json_response(await handler(content))
@@ -282,43 +291,32 @@ class ConsoleServer:
             while self._board.version == version and self._board.now_s() < sent_s + IDLE_S:
                 await asyncio.sleep(UPDATE_S / 5)
 
-    async def _on_plan(self, content: Any) -> Any:
-        """A forecast, or a field from what was drawn or from a file; made in another process."""
-        assert self._jobs is not None
-        given = json.dumps(content).encode()
-        try:
-            code, said = await self._jobs.answer(("-m", "soilmoist_ros.console.plan_work"), given, PLAN_LIMIT_S)
-        except TimeoutError:
-            raise InputError(f"not done after {PLAN_LIMIT_S:g} s", "plan a shorter mission") from None
-        if code:
-            raise InputError("this cannot be made", "look at the log of the console")
-        return json.loads(said.splitlines()[-1])
-
     # What is asked -------------------------------------------------------------------------------------------
 
     async def _on_command(self, content: Any) -> dict[str, Any]:
-        robot, request = request_from_json(content, self._board.get("robots", []))
+        robot, asked = request_from_json(content, self._board.get("robots", []))
+        request = self._files.resolved(asked)
+        opens = request.field or request.earlier or request.covariates
+        limit_s = CHOICE_LIMIT_S if opens else REPLY_LIMIT_S
         try:
             future = asyncio.wrap_future(self._steering.command(robot, request))
-            reply = await asyncio.wait_for(future, REPLY_LIMIT_S)
+            reply = await asyncio.wait_for(future, limit_s)
         except TimeoutError:
-            text = (
-                f"no answer from the planner in {REPLY_LIMIT_S:g} s: it is not known whether the command is used"
-            )
+            text = f"no answer from the planner in {limit_s:g} s: it is not known whether the command is used"
             return {"accepted": False, "code": "no_answer", "message": text}
         return {"accepted": reply.accepted, "code": str(reply.code), "message": reply.message}
 
     async def _on_take(self, content: Any) -> dict[str, Any]:
-        return {"holds": self._controls.take(_client(content), _who(content), over=True)}
+        return {"holds": self._controls.take(_client(content), who_of(content), over=True)}
 
     async def _on_stop(self, content: Any) -> dict[str, Any]:
         asked_s = self._board.now_s()
-        self._steering.press(_who(content))
+        self._steering.press(who_of(content))
         return await self._acknowledged(True, asked_s)
 
     async def _on_release(self, content: Any) -> dict[str, Any]:
         asked_s = self._board.now_s()
-        self._steering.release(_who(content))
+        self._steering.release(who_of(content))
         return await self._acknowledged(False, asked_s)
 
     async def _acknowledged(self, pressed: bool, asked_s: float) -> dict[str, Any]:
@@ -336,11 +334,6 @@ class ConsoleServer:
         while (left := missing()) and self._board.now_s() < asked_s + limit_s:
             await asyncio.sleep(0.05)
         return {"acknowledged": not left, "missing": [robot or "the planner" for robot in left]}
-
-
-def _who(content: Any) -> str:
-    who = content.get("who", "") if isinstance(content, dict) else ""
-    return who[:60] if isinstance(who, str) and who.isprintable() else ""
 
 
 def _client(content: Any) -> str:

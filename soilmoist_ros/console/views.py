@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.simulation.mission.settings import PRESETS
 
 _PHASES: Final = {
     Phase.IDLE: "Ready",
@@ -36,6 +40,7 @@ _ENDS: Final = {
 }
 MOVING: Final = frozenset({Phase.PLANNING, Phase.WAITING, Phase.TRAVELLING, Phase.COUNTING, Phase.RETURNING})
 """Phases in which the robot moves or may move by itself soon."""
+RECOMMENDED: Final = PRESETS["recommended"]["strategy"]
 PLACE_DIGITS: Final = 2
 """Centimetres are enough for a picture."""
 
@@ -48,6 +53,21 @@ def field_view(field: Field) -> dict[str, Any]:
         "no_go": [area.round(PLACE_DIGITS).tolist() for area in field.no_go],
         "datum": [field.frame.latitude_deg, field.frame.longitude_deg],
     }
+
+
+def choices_view() -> dict[str, Any]:
+    """What an operator may choose from: the strategies, the recommended one first, each with a plain word."""
+    names = sorted(
+        STRATEGIES.names(), key=lambda name: (name != RECOMMENDED, STRATEGIES.get(name).is_baseline, name)
+    )
+    kinds = [(name, STRATEGIES.get(name)) for name in names]
+    return {"strategies": [[name, kind.label or name, kind.about] for name, kind in kinds]}
+
+
+def battery_view(charge: float, voltage_v: float) -> dict[str, Any]:
+    """A battery: charge [%] and voltage [V], ``None`` if unknown."""
+    charge_percent = _whole(100 * charge)
+    return {"charge": charge_percent, "voltage": round(voltage_v, 1) if math.isfinite(voltage_v) else None}
 
 
 def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, Any]:
@@ -80,6 +100,7 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
         "queue": list(status.queue),
         "forecast": forecast.text if forecast else values.get("forecast", ""),
         "last_command": values.get("last_command", ""),
+        "settings": _settings(values.get("settings", "")),
     }
 
 
@@ -140,3 +161,14 @@ def _place(x_m: float, y_m: float) -> list[float]:
 
 def _whole(value: float) -> int | None:
     return round(value) if math.isfinite(value) else None
+
+
+def _settings(text: str) -> dict[str, Any]:
+    """Settings of a planner, with names of files instead of paths."""
+    try:
+        found = json.loads(text)
+    except ValueError:
+        return {}
+    named = {name: [Path(one).name for one in found[name]] for name in ("earlier", "covariates") if name in found}
+    field = {"field": Path(found["field"]).name} if "field" in found else {}
+    return {**found, **named, **field}

@@ -13,9 +13,10 @@ from nav_msgs.msg import Path as PathMessage
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from sensor_msgs.msg import NavSatFix, PointCloud2
+from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
 
+from msg_adapters.battery import battery_from_message
 from msg_adapters.diagnostics import diagnostics_from_message, health_from_status
 from msg_adapters.environment import fix_from_message
 from msg_adapters.mission import mission_from_message
@@ -26,9 +27,19 @@ from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.invitation import LOOPBACK, invitation, reachable
 from soilmoist_ros.console.maps.map_layers import MapLayers
+from soilmoist_ros.console.plan.survey_files import SurveyFiles
+from soilmoist_ros.console.plan.walk import Walk
 from soilmoist_ros.console.robot_history import RobotHistory
 from soilmoist_ros.console.server import ConsoleServer
-from soilmoist_ros.console.views import field_view, health_view, mission_view, sample_views, visit_view
+from soilmoist_ros.console.views import (
+    battery_view,
+    choices_view,
+    field_view,
+    health_view,
+    mission_view,
+    sample_views,
+    visit_view,
+)
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
@@ -53,7 +64,9 @@ class Console(Node):
     def __init__(self) -> None:
         super().__init__("console")
         values = Parameters(self, PARAMETERS)
-        self._field = load_field(resource("fields", values.text("field")))
+        start = resource("fields", values.text("field"))
+        self._field, self._start = load_field(start), start
+        self._chosen: dict[str, str] = {}
         self._board = Board()
         self._picture: MapLayers | None = None
         self._cells: dict[str, NDArray[Any]] = {}
@@ -63,14 +76,19 @@ class Console(Node):
         robots = [name.strip("/") for name in values.texts("robots")] or [""]
         self._history = {robot: RobotHistory(self._board, robot) for robot in robots}
         self._board.put("robots", robots)
+        self._walks = {robot: Walk(self._board, robot) for robot in robots}
         self._board.put("field", field_view(self._field))
+        self._board.put("choices", choices_view())
         self._subscribe(robots, values.text("map_topic"))
         self._steering = ConsoleSteering(self, robots, self._board)
         self._host = values.text("host")
         access = Access(
             (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names")), self._show_token
         )
-        runs, background = Path(values.text("runs")).expanduser(), values.text("background")
+        fields, covariates, runs = (
+            Path(values.text(name)).expanduser() for name in ("fields", "covariates", "runs")
+        )
+        files, background = SurveyFiles(fields, covariates, runs, start), values.text("background")
         if background and not Path(background).expanduser().exists():
             raise InputError("there is no such background", "check the parameter background", Path(background))
         self._server = ConsoleServer(
@@ -78,7 +96,8 @@ class Console(Node):
             self._steering,
             access,
             lambda: self._picture,
-            runs,
+            files,
+            self._walks,
             background and str(Path(background).expanduser().absolute()),
         )
         self._port = self._server.start(self._host, values.whole("port"))
@@ -97,6 +116,9 @@ class Console(Node):
                 DiagnosticStatus, f"{below}mission", partial(self._on_mission, robot), LATCHED
             )
             self.create_subscription(NavSatFix, f"{below}fix", partial(self._on_fix, robot), SENSOR)
+            self.create_subscription(
+                BatteryState, f"{below}battery_state", partial(self._on_battery, robot), SENSOR
+            )
             self.create_subscription(PathMessage, f"{below}plan", partial(self._on_plan, robot), LATCHED)
             self._subscribe_typed(robot, below)
         self.create_subscription(PointCloud2, "soil_map", self._on_map, LATCHED)
@@ -132,6 +154,23 @@ class Console(Node):
             [[float(corner.x), float(corner.y)] for corner in area.points] for area in message.ruled_out_areas
         ]
         self._board.put(f"ruled_out/{robot}", areas)
+        if message.field != self._chosen.get(robot, ""):
+            self._chosen[robot] = message.field
+            self._use_field(Path(message.field) if message.field else self._start)
+
+    def _use_field(self, path: Path) -> None:
+        """Show the field that a planner uses now."""
+        try:
+            self._field = load_field(path)
+        except InputError as error:
+            self._ignore("the field of the planner", error)
+            return
+        self._board.put("field", field_view(self._field))
+
+    def _on_battery(self, robot: str, message: BatteryState) -> None:
+        if (battery := battery_from_message(message)) is not None:
+            self._board.put(f"battery/{robot}", battery_view(*battery))
+            self._board.hear(f"battery/{robot}")
 
     def _on_fix(self, robot: str, message: NavSatFix) -> None:
         fix = fix_from_message(message)
@@ -141,6 +180,7 @@ class Console(Node):
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             return
         self._history[robot].place(float(x_m), float(y_m), position.horizontal_sd_m)
+        self._walks[robot].place(float(x_m), float(y_m), position.horizontal_sd_m)
 
     def _on_plan(self, robot: str, message: PathMessage) -> None:
         self._board.put(f"plan/{robot}", [[round(x_m, 2), round(y_m, 2)] for x_m, y_m in path_to_places(message)])

@@ -4,4 +4,4 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "nodes")]
+sys.path[:0] = [str(HERE), str(HERE / "plan"), str(HERE.parent / "nodes")]

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
+import time
+from pathlib import Path
 
 import pytest
+import shapely
 from axe_playwright_python.sync_playwright import Axe
 from browser import DESK, PHONE, chromium, slide
 from playwright.sync_api import expect
 from test_server import Served
+from test_walk import CORNERS, along
 
 from soilmoist_ros.console.access import Access
-from soilmoist_ros.console.views import field_view, health_view
+from soilmoist_ros.console.views import battery_view, choices_view, field_view, health_view
+from soilmoist_ros.exploration.control.operator_request import ReplyCode
 from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 pytestmark = pytest.mark.process
@@ -23,6 +29,10 @@ RULES = {
 IDLE = {
     "headline": "Ready", "reason": "waiting for start", "phase": "idle", "running": False, "paused": False,
     "moving": False, "emergency": False, "needs_operator": False, "stop_requests": 0, "counts": 0, "queue": [],
+    "settings": {
+        "hours": 2.0, "dwell": "optimal", "strategy": "gcb", "target": "rate", "home": "", "until_sd": 0.0,
+        "until_gain": 0.0,
+    },
 }  # fmt: skip
 
 
@@ -31,6 +41,7 @@ def served(tmp_path):
     made = Served(Access(), tmp_path)
     made.board.put("field", field_view(surrogate_field("half-wet").field))
     made.board.put("health", health_view([Health("/sensor_driver: GNSS", Level.WARN, "no RTK: wait")]))
+    made.board.put("choices", choices_view())
     made.board.put("mission/r1", IDLE)
     made.board.hear("mission/r1")
     yield made
@@ -63,19 +74,26 @@ def barriers(page):
 
 def test_a_mission_is_planned(browser, served):
     page = opened(browser, served, DESK, "#plan")
-    shows(page, "checks", "Sensor: not heard: start the sensor driver")
-    shows(page, "checks", "GNSS: no RTK: wait")
+    shows(page, "checks", "Sensor: not heardTo do: start the sensor driver.")
+    shows(page, "checks", "GNSS: no RTK")
+    shows(page, "checks", "Battery: not known")
+    served.board.put("battery/r1", battery_view(0.12, float("nan")))
+    served.board.hear("battery/r1")
+    shows(page, "checks", "Battery: 12 %To do: charge it or change it")
+    assert page.locator("#checks li:not([data-level='0']) .remedy").count() >= 7
     page.get_by_role("button", name="Draw boundary").click()
     box = page.locator("#map").bounding_box()
     for x, y in ((0.3, 0.3), (0.6, 0.3), (0.6, 0.6), (0.3, 0.6)):
         page.locator("#map").click(position={"x": x * box["width"], "y": y * box["height"]})
     page.get_by_role("button", name="Done").click()
-    shows(page, "draft-about", "Drawn: boundary with 0 no-go areas, 0.")
+    shows(page, "draft-about", "Drawn: a boundary with 0 no-go areas, 0.")
     page.locator("#plan-hours").fill("0.1")
     page.locator("#plan-wanted").fill("90")
     page.locator("#plan-run").click()
-    shows(page, "forecast-text", "After 6 min: ±")
-    shows(page, "forecast-text", "For ±90 % you need")
+    shows(page, "forecast-text", "For ± 90 % you need")
+    shows(page, "forecast-error", "± ")
+    shows(page, "forecast-end", "6 min")
+    shows(page, "forecast-way", " m")
     with page.expect_download() as download:
         page.get_by_role("button", name="Download field file").click()
     assert "polygon: [[" in download.value.path().read_text()
@@ -88,6 +106,60 @@ def test_a_mission_is_planned(browser, served):
     assert barriers(page) == ""
 
 
+def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(browser, served, tmp_path):
+    served.robots.code = ReplyCode.ACCEPTED
+    for name in ("may", "june"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "summary.json").write_text(json.dumps({"field": "North"}))
+    (tmp_path / "covariates").mkdir()
+    (tmp_path / "covariates" / "height.tif").touch()
+    page = opened(browser, served, PHONE, "#results")
+    page.locator("#who").evaluate("box => { box.value = 'Ada'; box.dispatchEvent(new Event('change')); }")
+    page.locator("#choose-may").check()
+    page.get_by_role("button", name="Start the next survey with what this one knows").click()
+    shows(page, "known-about", "Earlier surveys: may.")
+    page.get_by_label("height.tif").check()
+    page.get_by_role("button", name="Walk boundary").click()
+    shows(page, "draft-about", "Ada walks the boundary with the robot: 0 places")
+    for x_m, y_m in along(CORNERS):
+        served.walk.place(x_m, y_m, 0.02)
+    shows(page, "draft-about", "receiver ± 0.02 m at worst")
+    page.reload()  # the console records the walk, not the page
+    page.get_by_role("button", name="Finish the walk").click()
+    shows(page, "notice", "Receiver ± 0.02 m at worst")
+    shows(page, "draft-about", "Drawn: a boundary with 0 no-go areas, 0.2")
+    page.locator("#known summary").click()
+    page.get_by_label("height.tif").check()
+    page.locator("#plan-strategy").select_option("lattice")
+    shows(page, "plan-strategy-about", "Evenly spread stops")
+    page.locator("#plan-dwell").select_option("ami")
+    page.locator("#plan-dwell-by").fill("2.5")
+    page.get_by_text("End early, home, rows").click()
+    page.locator("#plan-good").fill("3")
+    page.locator("#plan-home").fill("n00")
+    assert barriers(page) == ""
+    slide(page, "Slide to start with this plan")
+    expect(page.locator("#draft-about")).to_contain_text("The next mission explores this field", timeout=LIMIT_MS)
+    start = wait_for(lambda: [one for one in served.robots.requests if one.verb == "start"])
+    (change,) = (one for one in served.robots.requests if one.verb == "change")
+    assert (change.who, start[0].who) == ("Ada", "Ada")
+    assert (change.strategy, change.dwell, change.until_sd, change.home) == ("lattice", "ami:2.5%", 0.03, "n00")
+    assert change.hours == 0.0, "the planner has them"
+    assert change.until_gain is None
+    assert change.covariates == (str(tmp_path / "covariates" / "height.tif"),)
+    field = load_field(Path(change.field))
+    assert change.field.startswith(str(tmp_path / "fields" / "drawn-field-"))
+    assert shapely.Polygon(field.polygon).symmetric_difference(shapely.Polygon(CORNERS)).area < 60
+
+
+def wait_for(found):
+    deadline = time.monotonic() + LIMIT_MS / 1000
+    while not (answer := found()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return answer
+
+
 def test_results_are_taken_home(browser, served, tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
@@ -98,7 +170,7 @@ def test_results_are_taken_home(browser, served, tmp_path):
     with page.expect_popup() as popup:
         page.get_by_role("link", name="Open the map page").first.click()
     expect(popup.value).to_have_title("null", timeout=LIMIT_MS)  # a report has no power over the page
-    page.locator("summary").first.click()
+    page.locator("#runs summary").first.click()
     with page.expect_download() as download:
         page.get_by_role("link", name="summary.json").first.click()
     assert json.loads(download.value.path().read_text()) == {"field": "North"}

@@ -20,6 +20,8 @@ from soilmoist_ros.console import server as module
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.maps.map_layers import MapLayers
+from soilmoist_ros.console.plan.survey_files import SurveyFiles
+from soilmoist_ros.console.plan.walk import Walk
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import field_view
 from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
@@ -31,13 +33,15 @@ class Robots:
     """Robots that do as they are told, or do not answer."""
 
     def __init__(self, board):
-        self.board, self.answers, self.asked = board, True, []
+        self.board, self.answers, self.asked, self.requests = board, True, [], []
+        self.code = ReplyCode.REFUSED
 
     def command(self, robot, request):
         self.asked.append((robot, request.verb, request.who))
+        self.requests.append(request)
         said = Future()
         if self.answers:
-            said.set_result(Reply(ReplyCode.REFUSED, "not now"))
+            said.set_result(Reply(self.code, "not now"))
         return said
 
     def press(self, who):
@@ -59,7 +63,11 @@ class Served:
         self.board.put("robots", ["r1"])
         self.board.put("field", field_view(surrogate_field("half-wet").field))
         self.robots, self.map = Robots(self.board), None
-        self.server = ConsoleServer(self.board, self.robots, access, lambda: self.map, folder, background)
+        self.walk = Walk(self.board, "r1")
+        files = SurveyFiles(folder / "fields", folder / "covariates", folder)
+        self.server = ConsoleServer(
+            self.board, self.robots, access, lambda: self.map, files, {"r1": self.walk}, background
+        )
         self.port = self.server.start("127.0.0.1", 0)
 
     def get(self, path, **headers):
@@ -207,7 +215,9 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
 
 
 def test_a_port_in_use_is_said(served):
-    other = ConsoleServer(served.board, served.robots, Access(), lambda: None, Path())
+    other = ConsoleServer(
+        served.board, served.robots, Access(), lambda: None, SurveyFiles(Path(), Path(), Path()), {}
+    )
     with pytest.raises(InputError, match="cannot listen on 127"):
         other.start("127.0.0.1", served.port)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import sys
 from itertools import groupby
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,14 +17,16 @@ pytest.importorskip("topological_navigation_msgs")
 from browser import DESK, PHONE, chromium, slide, tap
 from playwright.sync_api import expect
 from ros_system import NodeProcess
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import BatteryState, PointCloud2
 from test_commands import Commanded
-from virtual_navigation import START_S, VirtualNavigation, World
+from virtual_navigation import START_S, STOPS, VirtualNavigation, World
 
+from msg_adapters.battery import battery_to_message
 from msg_adapters.point_cloud import points_to_message
 from msg_adapters.soil_map import CELL
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 LIMIT_MS = 30_000
@@ -48,7 +52,8 @@ class Page:
         self.page.keyboard.press("Tab")
 
     def start(self, port):
-        self.process = self.ros.start("console", params={"field": self.field, "port": port})
+        folders = {name: str(Path(self.field).parent / name) for name in ("fields", "covariates", "runs")}
+        self.process = self.ros.start("console", params={"field": self.field, "port": port, **folders})
         said = self.ros.wait_for(lambda: re.search(r"console: http://127\.0\.0\.1:(\d+)/", self.process.output()))
         return int(said[1])
 
@@ -120,6 +125,48 @@ def test_a_mission_is_started_redirected_stopped_and_resumed_on_a_phone(ros, tmp
     assert [command for command, _ in groupby(planning.journalled())] == [
         (verb, "Ada") for verb in ("start", "measure", "pause", "resume", "pause")
     ]
+
+
+def test_an_imported_field_is_explored_from_the_next_start_on(ros, tmp_path, browser):
+    batteries = ros.node.create_publisher(BatteryState, "battery_state", SENSOR)
+    west = LocalFrame(53.268, -0.5245).to_geographic(np.array([[0, 0], [20, 0], [20, 30], [0, 30.0]]))[:, ::-1]
+    outline = {"type": "Polygon", "coordinates": [[*west.tolist(), west[0].tolist()]]}
+    with World(ros, rate=4.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Commanded(ros, tmp_path, fix_frozen_s=0.0, hours=1.5)
+        planning.wait(lambda status: status.reason == "waiting for start")
+        seen = Page(ros, tmp_path, browser)
+        page = seen.page
+        seen.shows("headline", "Ready")
+        page.get_by_role("button", name="Plan").click()
+        expect(page.locator("#plan-hours")).to_have_value("1.5", timeout=LIMIT_MS)
+        expect(page.locator("#plan-dwell-by")).to_have_value("600", timeout=LIMIT_MS)
+
+        def charged():
+            batteries.publish(battery_to_message(0.8, 48.0, START_S))
+            page.wait_for_timeout(100)
+            return "80 %, 48 V" in page.locator("#checks").inner_text()
+
+        ros.wait_for(charged, message="the battery")
+        page.locator("#import").set_input_files(
+            {"name": "west.geojson", "mimeType": "application/json", "buffer": json.dumps(outline).encode()}
+        )
+        seen.shows("draft-about", "Drawn: a boundary with 0 no-go areas, 0.06 ha")
+        page.locator("#plan-strategy").select_option("random")
+        slide(page, "Slide to start with this plan")
+        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "driving")
+        assert Path(planning.state.field).parent == tmp_path / "fields"
+        assert planning.state.strategy == "random"
+        seen.shows("field", "drawn field")
+        assert "by Ada" in Path(planning.state.field).read_text()
+        ros.wait_for(lambda: len(navigation.goals) > 0)
+        assert {stop.name: stop.x_m for stop in STOPS}[navigation.goals[0]] <= 20.1
+        seen.shows("plan-start", "A mission is under way")
+        page.locator("#field-file").select_option("(start)")
+        page.get_by_role("button", name="Change the mission to this plan").click()
+        seen.shows("notice", "a mission is under way: end it before field can change")
+        assert seen.errors == []
+    assert planning.process.stop() == 0
+    assert planning.journalled()[:2] == [("change", "Ada"), ("start", "Ada")]
 
 
 def test_a_terminal_watches_too(ros, tmp_path):

@@ -6,7 +6,7 @@ export let clockOffS = null;  // clock of the robot's computer, less that of thi
 const client = sessionStorage.getItem("client") || Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
 sessionStorage.setItem("client", client);
 const listeners = new Set();
-const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, STOP_MS = 6000;
+const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, CHOICE_MS = 65000, STOP_MS = 6000;
 let socket = null, heardAt = null, offset = 0, fresh = false;
 
 export const listen = (call) => listeners.add(call);
@@ -70,7 +70,8 @@ export const who = () => (localStorage.getItem("who") || "").trim();
 // Reply to a command: {accepted, message}. A reply that does not come is no acceptance.
 export async function command(robot, verb, details = {}) {
   try {
-    const reply = await post("command", { robot, verb, who: who() || "console", ...details }, COMMAND_MS);
+    const opens = details.field || details.earlier?.length || details.covariates?.length;
+    const reply = await post("command", { robot, verb, who: who() || "console", ...details }, opens ? CHOICE_MS : COMMAND_MS);
     return reply.error ? { accepted: false, message: reply.error } : reply;
   } catch {
     return { accepted: false, message: "The console did not answer. It is not known whether the command is used." };

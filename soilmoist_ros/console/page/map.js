@@ -151,6 +151,10 @@ function hatch(corners, colour) {
 }
 
 function drafts() {
+  for (const robot of sections.robots ?? []) {
+    const walk = sections[`walk/${robot}/places`] ?? [];
+    if (walk.length > 1) { path(walk, false); line("#fff", 6); line("#5a1a8a", 3.5); }
+  }
   if (draft.boundary.length) { path(draft.boundary, draft.drawing !== draft.boundary); line("#fff", 6); line("#5a1a8a", 3.5, [10, 5]); }
   for (const one of draft.areas) if (one.length > 2) hatch(one, "#a80018"); else if (one.length) { path(one, false); line("#a80018", 3); }
   for (const corner of [...draft.boundary, ...draft.areas.flat()]) disc(corner, 6, "#5a1a8a");

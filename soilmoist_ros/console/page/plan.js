@@ -1,81 +1,69 @@
-// Plan: is everything ready, where is the field, and what will a mission of some hours bring?
+// Plan: is everything ready, what is known before, and what will a mission of some hours bring?
 
-import { clockOffS, nowS, request, sections } from "./link.js";
-import { draft, draw } from "./map.js";
+import { request, sections, who } from "./link.js";
+import { chart } from "./chart.js";
+import { checks } from "./checks.js";
+import { field, fieldFile, fieldIsUsed, hasDraft, renderFiles, renderOutline, save, startOutline } from "./outline.js";
 import { $, button, duration, element, fill, setText, slide } from "./widgets.js";
 
-const SILENT_S = 10, CLOCK_S = 5, FAR_M = 500, MAX_FILE = 2_000_000;
-// What a mission needs: the parts of health that say so, and what to do if none is heard.
-const CHECKS = [
-  ["Sensor", /sensor_driver: (logger link|records)$/, "start the sensor driver, and check logger_uri"],
-  ["GNSS", /sensor_driver: GNSS/, "start the sensor driver, and check gnss_uri"],
-  ["Planner", /planner: (guard|frames|position)$/, "start the planner"],
-  ["Navigation", /planner: navigation$/, "start the navigation of the robot"],
-  ["Map", /mapper: /, "start the mapper"],
-  ["Disk and recording", /recorder: /, "start the recorder, or do without a recording"],
+export { addCorner } from "./outline.js";
+
+const DWELLS = [
+  ["optimal", "As long as it pays", null],
+  ["fmi", "A fixed time", ["Time at each stop [s]", "60"]],
+  ["ami", "Until the count is good enough", ["Error of a count [%]", "3"]],
 ];
-const FIELDS = [
-  ["hours", "Time [h]", { type: "number", step: "0.1", min: "0.1", max: "12", value: "2", required: true }],
-  ["strategy", "Strategy", { type: "text", value: "gcb" }],
-  ["dwell", "Dwell: fmi:SECONDS, ami:THRESHOLD or optimal", { type: "text", value: "optimal" }],
-  ["variation", "How much the field varies [% of the rate]", { type: "number", step: "1", min: "1", max: "100", value: "12" }],
-  ["wanted", "Wanted error of the map [% of the rate]", { type: "number", step: "0.1", min: "0.1", value: "5" }],
-];
-let page = null, busy = false, found = null, area = null;
+const DRIVES = [["free", "anywhere in the field"], ["lattice", "between the stops of a lattice"], ["rows", "along crop rows"]];
+let page = null, busy = false, found = null, files = null, runs = null, touched = new Set();
+const known = { earlier: null, covariates: null };  // names that are chosen; null: as they are
 
 const value = (name) => $(`plan-${name}`).value.trim();
-const drawn = () => draft.boundary.length > 2 && draft.drawing !== draft.boundary;
+const number = (name) => Number(value(name) || 0);
+const settings = () => page.mission()?.settings ?? {};
+const ofMoisture = () => settings().target === "vwc";
 
-// The field that is planned for: what is drawn, else that of the nodes.
-function field() {
-  const own = sections.field;
-  const areas = draft.areas.filter((one) => one.length > 2);
-  return {
-    name: drawn() ? "drawn field" : own.name, datum: draft.datum ?? own.datum,
-    boundary: drawn() ? draft.boundary : own.boundary, no_go: [...(drawn() ? [] : own.no_go), ...areas],
-  };
+function dwellText() {
+  if (value("dwell") === "optimal") return "optimal";
+  return value("dwell") === "fmi" ? `fmi:${number("dwell-by")}` : `ami:${number("dwell-by")}%`;
 }
 
-export function addCorner([x, y]) {
-  if (!draft.drawing) { page.notice("Choose what to draw first: boundary or no-go area."); return; }
-  draft.drawing.push([Math.round(x * 100) / 100, Math.round(y * 100) / 100]);
-  changed();
+function stops() {
+  const kind = value("drives");
+  return kind === "free" ? undefined : { kind, spacing_m: number("spacing"), rows_m: number("rows"), heading_deg: number("heading") };
 }
 
-function changed() { found = null; area = null; draw(); page.render(); }
-
-async function done() {
-  draft.drawing = null;
-  draft.areas = draft.areas.filter((one) => one.length > 2);
-  if (draft.boundary.length < 3) draft.boundary = [];
-  changed();
-  if (!drawn() && !draft.areas.length) return;
-  const answer = await request("plan", { task: "field", ...field() });
-  if (answer.error) page.notice(answer.error, true);
-  else { area = answer.area_m2; page.render(); }
+// What is changed with "change": what differs from what the planner has.
+function changes() {
+  const now = settings(), good = ofMoisture() ? number("good") : number("good") / 100;
+  const all = { hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), until_sd: good, until_gain: number("gain"), home: value("home") };
+  if (!all.home) delete all.home;
+  const same = (name, one) => (name === "dwell" ? sameDwell(one, now.dwell) : typeof one === "number" ? Math.abs(one - now[name]) < 1e-9 : one === now[name]);
+  return Object.fromEntries(Object.entries(all).filter(([name, one]) => !same(name, one)));
 }
 
-async function download() {
-  const answer = await request("plan", { task: "field", ...field() });
-  if (answer.error) { page.notice(answer.error, true); return; }
-  const link = element("a", { href: URL.createObjectURL(new Blob([answer.file], { type: "text/yaml" })), download: "field.yaml" });
-  link.click();
-  URL.revokeObjectURL(link.href);
+function sameDwell(one, other) {
+  if (one === other) return true;
+  const parts = [one, other].map((text) => /^(\w+):([\d.]+)(%?)$/.exec(text ?? ""));
+  return Boolean(parts[0] && parts[1]) && parts[0][1] === parts[1][1] && Math.abs(parts[0][2] / (parts[0][3] ? 100 : 1) - parts[1][2] / (parts[1][3] ? 100 : 1)) < 1e-9;
 }
 
-async function read(file) {
-  if (file.size > MAX_FILE) { page.notice(`The file has ${file.size} bytes; ${MAX_FILE} are read at most.`, true); return; }
-  const content = await new Promise((resolve) => { const reader = new FileReader(); reader.onload = () => resolve(reader.result.split(",")[1] ?? ""); reader.readAsDataURL(file); });
-  const answer = await request("plan", { task: "outline", name: file.name, content, datum: sections.field?.datum });
-  if (answer.error) { page.notice(answer.error, true); return; }
-  Object.assign(draft, { boundary: answer.boundary, areas: answer.no_go, drawing: null });
-  await done();
-}
-
-async function ruleOut() {
-  for (const polygon of draft.areas.filter((one) => one.length > 2)) if (!(await page.ask("rule_out", { polygon }))) return;
-  draft.areas = [];
-  changed();
+// Tell the planners the plan; whether they accept it.
+async function use() {
+  const own = changes(), survey = {};
+  const file = await fieldFile();
+  if (file === null) return false;
+  if (file) survey.field = file;
+  for (const name of ["earlier", "covariates"]) if (known[name] !== null) survey[name] = [...known[name]];
+  const shared = Object.keys(survey).length > 0;
+  if (shared) page.notice("The planner opens the field…");
+  for (const robot of shared ? sections.robots : []) {
+    if (!(await page.ask("change", robot === page.robot() ? { ...own, ...survey } : survey, robot))) return false;
+  }
+  if (!shared && Object.keys(own).length && !(await page.ask("change", own))) return false;
+  if (shared) { fieldIsUsed(); Object.assign(known, { earlier: null, covariates: null }); }
+  touched = new Set();
+  if (!shared && !Object.keys(own).length) page.notice("The planner has this plan already.");
+  return true;
 }
 
 async function forecast(event) {
@@ -84,103 +72,173 @@ async function forecast(event) {
   busy = true;
   page.render();
   found = await request("plan", {
-    task: "forecast", ...field(), hours: Number(value("hours")), strategy: value("strategy"), dwell: value("dwell"),
-    variation: Number(value("variation")) / 100, rate_cps: sections.map?.layers?.find((one) => one.key === "rate")?.mean,
+    task: "forecast", ...field(), hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), stops: stops(),
+    until_sd: ofMoisture() ? 0 : number("good") / 100, until_gain: number("gain"),
+    variation: number("variation") / 100, rate_cps: sections.map?.layers?.find((one) => one.key === "rate")?.mean,
   });
   busy = false;
   if (found.error) { page.notice(found.error, true); found = null; }
   page.render();
+  if (found) $("forecast-part").scrollIntoView({ block: "nearest" });
 }
 
-async function use() {
-  await page.ask("change", { hours: Number(value("hours")), strategy: value("strategy"), dwell: value("dwell") });
+async function travelMap() {
+  const answer = await request("plan", { task: "map", ...field(), stops: stops() });
+  if (answer.error) { page.notice(answer.error, true); return; }
+  save("map.yaml", answer.file);
+  page.notice(answer.summary);
 }
 
-function checks() {
-  const parts = sections.health ?? [];
-  const rows = CHECKS.map(([name, pattern, remedy]) => {
-    const mine = parts.filter((part) => pattern.test(part.name));
-    if (!mine.length) return [name, 2, `not heard: ${remedy}`];
-    const worst = mine.reduce((one, other) => (other.level > one.level ? other : one));
-    return [name, worst.level, worst.message];
-  });
-  const heard = sections.heard?.[`mission/${page.robot()}`];
-  if (heard === undefined || nowS() - heard > SILENT_S) rows.unshift(["Link to the robot", 2, "the planner is not heard: start it, or check the network"]);
-  const off = clockOffS;
-  if (off !== null) rows.push(["Clock", Math.abs(off) > CLOCK_S ? 1 : 0, Math.abs(off) > CLOCK_S ? `the robot's computer is ${Math.abs(Math.round(off))} s ${off > 0 ? "ahead of" : "behind"} this one: set the wrong one` : "agrees with this computer"]);
-  const place = sections[`place/${page.robot()}`], border = sections.field?.boundary ?? [];
-  if (place && border.length) {
-    const near = Math.min(...border.map(([x, y]) => Math.hypot(x - place[0], y - place[1])));
-    const size = Math.max(...border.map(([x, y]) => Math.hypot(x - border[0][0], y - border[0][1])));
-    const far = near > size + FAR_M;
-    rows.push(["Datum", far ? 2 : 0, far ? `the robot is ${Math.round(near)} m from the field: is this its field file?` : "the robot is at the field"]);
+// Knowledge from before -------------------------------------------------------------------------------------------------
+
+export async function showChoices() {
+  const get = async (path) => { try { return await (await fetch(path, { cache: "no-store" })).json(); } catch { return null; } };
+  [files, runs] = await Promise.all([get("files"), get("runs")]);
+  page.render();
+}
+
+// From the page Results: the next mission begins with what these runs know.
+export function know(names) { known.earlier = new Set(names); page.render(); }
+
+function choiceList(id, kind, names, facts) {
+  const now = settings()[kind], chosen = known[kind] ?? new Set(now ?? []);
+  fill(id, [names, [...chosen], page.maySteer(), facts], () => names.map((name, index) => {
+    const box = element("input", { type: "checkbox", id: `${kind}-${index}` });
+    box.checked = chosen.has(name);
+    box.disabled = !page.maySteer();
+    box.addEventListener("change", () => { const next = new Set(chosen); next[box.checked ? "add" : "delete"](name); known[kind] = next; page.render(); });
+    return element("li", {}, box, element("label", { for: box.id }, name, element("span", {}, facts[index])));
+  }));
+}
+
+function renderKnown() {
+  const usable = (runs?.runs ?? []).filter((run) => run.finished);
+  choiceList("earlier", "earlier", usable.map((run) => run.name), usable.map((run) => [run.field, run.start ? run.start.slice(0, 10) : "", run.stops ? `${run.stops} stops` : ""].filter(Boolean).join(" · ")));
+  choiceList("covariates", "covariates", files?.covariates ?? [], (files?.covariates ?? []).map(() => ""));
+  const names = (kind) => (known[kind] === null ? settings()[kind] : [...known[kind]]);
+  const say = (kind) => (names(kind) === undefined ? "as the nodes were started" : names(kind).join(", ") || "none");
+  const more = known.earlier !== null || known.covariates !== null ? " Start with this plan to use them." : "";
+  setText("known-about", `Earlier surveys: ${say("earlier")}. Covariates: ${say("covariates")}.${more}`);
+  setText("known-none", [usable.length ? "" : `There are no finished runs${runs ? ` in ${runs.folder}` : ""}.`, files?.covariates?.length ? "" : `Put GeoTIFFs into the folder ${files?.covariates_folder ?? "covariates"} to choose them here.`].filter(Boolean).join(" "));
+}
+
+// The form and the forecast ----------------------------------------------------------------------------------------------
+
+function input(name, text, attributes, hint = "") {
+  const node = element("input", { id: `plan-${name}`, type: "number", ...attributes });
+  return [element("label", { for: node.id }, text), node, ...(hint ? [element("p", { class: "small", id: `plan-${name}-hint` }, hint)] : [])];
+}
+
+function choice(name, text, options) {
+  const node = element("select", { id: `plan-${name}` }, ...options.map(([key, label]) => element("option", { value: key }, label)));
+  return [element("label", { for: node.id }, text), node, element("p", { class: "small", id: `plan-${name}-about` })];
+}
+
+function makeForm() {
+  const part = (id, ...nodes) => element("div", { id, class: "grid" }, ...nodes);
+  $("plan-form").append(
+    ...input("hours", "Time for the mission, way home included [h]", { step: "0.1", min: "0.1", max: "12", value: "2", required: true }),
+    ...choice("strategy", "How stops are chosen", []),
+    ...choice("dwell", "How long to count at a stop", DWELLS.map(([key, text]) => [key, text])),
+    part("plan-dwell-part", ...input("dwell-by", "", { step: "any", min: "0.1" })),
+    element("details", {}, element("summary", {}, "End early, home, rows"),
+      part("plan-more",
+        ...input("good", "", { step: "any", min: "0", placeholder: "never" }),
+        ...input("gain", "End when ten more minutes improve the map by less than [%]", { step: "any", min: "0", placeholder: "never" }),
+        ...input("home", "Stop to drive to at the end", { type: "text", list: "plan-nodes", placeholder: "as it is", autocomplete: "off" }),
+        element("datalist", { id: "plan-nodes" }),
+        ...choice("drives", "For the forecast, the robot drives", DRIVES),
+        part("plan-drives-part",
+          ...input("rows", "Distance between rows [m]", { step: "any", min: "0.2", value: "3" }),
+          ...input("heading", "Direction of the rows from north [°]", { step: "any", min: "-360", max: "360", value: "0" }),
+          ...input("spacing", "Distance between stops [m]", { step: "any", min: "1", value: "10" }),
+          button("Download these stops for the navigation", travelMap)))),
+    ...input("variation", "How much the field varies [% of the rate]", { step: "1", min: "1", max: "100", value: "12" }),
+    ...input("wanted", "Wanted error of the map [% of the rate]", { step: "0.1", min: "0.1", value: "5" }),
+    element("button", { type: "submit", id: "plan-run", class: "primary" }, "Forecast"));
+}
+
+// The form begins with what the planner has; what an operator has typed stays.
+function prefill() {
+  const now = settings();
+  fill("plan-strategy", sections.choices?.strategies ?? [], () => (sections.choices?.strategies ?? []).map(([key, label], index) => element("option", { value: key }, index ? label : `${label} (recommended)`)));
+  if (now.hours === undefined) return;
+  const [kind, amount] = now.dwell.split(":");
+  const given = { hours: now.hours, strategy: now.strategy, dwell: kind, good: (ofMoisture() ? now.until_sd : +(100 * now.until_sd).toPrecision(6)) || "", gain: now.until_gain || "", home: now.home };
+  if (amount) given["dwell-by"] = kind === "ami" ? +(100 * amount).toPrecision(6) : amount;
+  for (const [name, one] of Object.entries(given)) {
+    const node = $(`plan-${name}`);
+    if (!touched.has(name) && document.activeElement !== node && node.value !== String(one)) node.value = one;
   }
-  return rows;
+}
+
+function renderForm() {
+  prefill();
+  const about = (sections.choices?.strategies ?? []).find(([key]) => key === value("strategy"));
+  setText("plan-strategy-about", about?.[2] ?? "");
+  const dwell = DWELLS.find(([key]) => key === value("dwell")) ?? DWELLS[0];
+  setText("plan-dwell-about", dwell[2] ? "" : "Each stop is counted as long as it improves the map more than driving on.");
+  $("plan-dwell-part").hidden = !dwell[2];
+  if (dwell[2]) setText(document.querySelector("label[for=plan-dwell-by]"), dwell[2][0]);
+  if (dwell[2] && !value("dwell-by")) $("plan-dwell-by").value = dwell[2][1];
+  setText(document.querySelector("label[for=plan-good]"), ofMoisture() ? "End when the map is as good as ± [m³/m³]" : "End when the map is as good as ± [%]");
+  const drives = value("drives");
+  $("plan-drives-part").hidden = drives === "free";
+  for (const name of ["rows", "heading"]) for (const node of [$(`plan-${name}`), document.querySelector(`label[for=plan-${name}]`)]) node.hidden = drives !== "rows";
+  setText("plan-drives-about", drives === "free" ? "On the field, the map of the navigation decides where the robot can stop." : "On the field, the map of the navigation decides: give it the file that you download here.");
+  fill("plan-nodes", sections.nodes ?? [], () => (sections.nodes ?? []).map(([name]) => element("option", { value: name })));
 }
 
 export function renderPlan() {
-  const rows = checks();
-  fill("checks", rows, () => rows.map(([name, level, text]) => element("li", { "data-level": level }, element("b", {}, `${name}: `), text)));
-  const may = page.mayAsk(), kind = draft.drawing === null ? "" : draft.drawing === draft.boundary ? "boundary" : "area";
-  setText("draft-about", kind ? `Tap the corners on the map, in order. ${draft.drawing.length} so far.` : drawn() || draft.areas.length ? `Drawn: ${drawn() ? "boundary" : "the boundary of the nodes"} with ${field().no_go.length} no-go areas${area ? `, ${(area / 10000).toFixed(2)} ha` : ""}.` : "The field of the nodes. Draw another one, or further no-go areas.");
-  fill("drawing", [kind, draft.drawing?.length ?? 0, drawn(), draft.areas.length, may], () => {
-    if (!may) return [];
-    if (kind) {
-      const undo = button("Undo corner", () => { draft.drawing.pop(); changed(); });
-      return [element("div", { class: "buttons" }, undo, button("Done", done, "primary"))];
-    }
-    const nodes = [element("div", { class: "buttons" },
-      button("Draw boundary", () => { draft.boundary = []; draft.drawing = draft.boundary; changed(); }),
-      button("Draw no-go area", () => { const one = []; draft.areas.push(one); draft.drawing = one; changed(); }))];
-    if (drawn() || draft.areas.length) nodes.push(element("div", { class: "buttons" }, button("Download field file", download), button("Clear", () => { Object.assign(draft, { boundary: [], areas: [], drawing: null }); changed(); })));
-    if (draft.areas.length) nodes.push(button("Rule these areas out now", ruleOut));
-    return nodes;
-  });
+  const rows = checks(page.robot()), may = page.maySteer(), now = page.mission(), bad = rows.filter(([, level]) => level > 0).length;
+  setText("checks-about", bad ? `${bad} of ${rows.length} need a look.` : `All ${rows.length} checks are good.`);
+  fill("checks", rows, () => rows.map(([name, level, text, remedy]) => element("li", { "data-level": level }, element("b", {}, `${name}: `), text, ...(level && remedy ? [element("span", { class: "remedy" }, `To do: ${remedy}.`)] : []))));
+  renderOutline();
+  renderFiles(files);
+  renderKnown();
+  renderForm();
   $("plan-run").disabled = busy || !may;
   $("plan-run").textContent = busy ? "Simulating…" : "Forecast";
   $("forecast-part").hidden = !found;
   if (found) showForecast();
-  const now = page.mission();
-  fill("plan-start", [may, now?.running ?? null], () => (!may || !now ? [] : [
-    button("Use time, strategy and dwell", use),
-    ...(now.running ? [] : [slide("Slide to start", () => page.ask("start"))]),
-  ]));
+  const running = now?.running ?? null;
+  fill("plan-start", [may, running], () => {
+    if (!may || !now) return [];
+    if (running) return [element("p", {}, "A mission is under way: time, strategy, dwell and ends change at once, the field and what is known before with the next mission."), button("Change the mission to this plan", use)];
+    return [slide("Slide to start with this plan", async () => { if (await use()) await page.ask("start"); }), button("Only keep this plan for the next start", use)];
+  });
+}
+
+// When the error falls to what is wanted [s], and whether that is beyond the simulated time.
+function needed(wanted) {
+  const points = found.points.map(([s, e]) => [s, 100 * e]).filter(([s]) => s > 0);
+  const reached = points.findLastIndex(([, e]) => e > wanted) + 1;  // it stays below from then on
+  if (reached < points.length) return [points[reached][0], false];
+  const late = points.slice(-Math.ceil(points.length / 3)), end = late.at(-1);
+  if (late.length < 3) return [null, true];
+  const slope = Math.log(end[1] / late[0][1]) / Math.log(end[0] / late[0][0]);  // a power of time
+  const s = end[0] * (wanted / end[1]) ** (1 / slope);
+  return slope < -0.05 && s < 4 * end[0] ? [s, true] : [null, true];
 }
 
 function showForecast() {
-  const wanted = Number(value("wanted")), hours = Number(value("hours"));
-  const reached = found.points.find(([, error]) => 100 * error <= wanted);
-  const end = found.points.at(-1);
-  if (!end) { setText("forecast-text", "The time is too short for a map."); return; }
-  setText("forecast-text", `After ${duration(hours * 3600)}: ±${(100 * end[1]).toFixed(1)} %, ${found.stops} stops, ${found.distance_m} m. ` + (reached ? `For ±${wanted} % you need ${duration(reached[0])}.` : `±${wanted} % is not reached.`));
+  const wanted = number("wanted"), end = found.points.at(-1);
+  if (!end) { setText("forecast-text", "The time is too short for a map."); $("forecast-figures").hidden = true; fill("forecast-chart", [], () => []); return; }
+  const [s, beyond] = needed(wanted);
+  $("forecast-figures").hidden = false;
+  setText("forecast-error", `± ${(100 * end[1]).toFixed(1)} %`); setText("forecast-stops", String(found.stops));
+  setText("forecast-way", found.distance_m < 1000 ? `${found.distance_m} m` : `${(found.distance_m / 1000).toFixed(1)} km`); setText("forecast-end", duration(found.ends_s));
+  setText("forecast-text", s === null ? `± ${wanted} % is not reached, even in four times the time.` : beyond ? `For ± ${wanted} % you need about ${duration(s)}, longer than planned.` : `For ± ${wanted} % you need ${duration(s)}.`);
   setText("forecast-note", `From simulated missions on random fields of this outline, with ${found.rate_cps} counts/s that vary by ${Math.round(100 * found.variation)} %. Error: root mean square over the field.`);
-  fill("forecast-chart", [found.points, wanted], () => chart(found.points.map(([s, e]) => [s / 3600, 100 * e]), wanted));
-}
-
-function chart(points, wanted) {
-  const mark = (tag, attributes, text = "") => {
-    const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
-    for (const [name, given] of Object.entries(attributes)) node.setAttribute(name, given);
-    node.textContent = text;
-    return node;
-  };
-  const right = points.at(-1)[0] || 1, top = Math.max(...points.map(([, e]) => e), wanted) * 1.1;
-  const x = (h) => 40 + 310 * h / right, y = (e) => 150 - 140 * e / top;
-  const nodes = [0, 0.25, 0.5, 0.75, 1].flatMap((share) => [
-    mark("line", { x1: 40, x2: 350, y1: y(share * top), y2: y(share * top), stroke: "#aab3bd" }),
-    mark("text", { x: 36, y: y(share * top) + 4, "text-anchor": "end" }, (share * top).toFixed(1)),
-    mark("text", { x: x(share * right), y: 168, "text-anchor": share === 1 ? "end" : "middle" }, `${(share * right).toFixed(1)} h`),
-  ]);
-  return [...nodes,
-    mark("line", { x1: 40, x2: 350, y1: y(wanted), y2: y(wanted), stroke: "#a80018", "stroke-width": 2, "stroke-dasharray": "6 4" }),
-    mark("polyline", { points: points.map(([h, e]) => `${x(h)},${y(e)}`).join(" "), fill: "none", stroke: "#0b3d66", "stroke-width": 3 }),
-    mark("text", { x: 350, y: 14, "text-anchor": "end" }, "error of the map [%]")];
+  fill("forecast-chart", [found.points, wanted], () => chart(found.points.map(([t, e]) => [t / 3600, 100 * e]), wanted, beyond ? null : s / 3600));
+  $("forecast-chart").setAttribute("aria-label", `Expected error of the map against time: ± ${(100 * end[1]).toFixed(1)} % after ${duration(end[0])}`);
 }
 
 export function startPlan(given) {
-  page = given;
-  $("plan-form").append(...FIELDS.flatMap(([name, text, attributes]) => [element("label", { for: `plan-${name}` }, text), element("input", { id: `plan-${name}`, ...attributes })]), element("button", { type: "submit", id: "plan-run", class: "primary" }, "Forecast"));
+  page = { ...given, who, changed: () => { found = null; } };
+  makeForm();
+  startOutline(page);
   $("plan-form").addEventListener("submit", forecast);
-  $("plan-wanted").addEventListener("input", () => { if (found) showForecast(); });
-  $("import").addEventListener("change", async (event) => { const [file] = event.target.files; event.target.value = ""; if (file) await read(file); });
+  $("plan-form").addEventListener("input", (event) => { const name = event.target.id.replace("plan-", ""); touched.add(name); if (name !== "wanted") found = null; if (event.target.id === "plan-dwell") $("plan-dwell-by").value = ""; page.render(); });
+  $("plan-form").addEventListener("change", () => page.render());
 }

@@ -56,7 +56,8 @@ export function renderResults() {
   fill("runs-actions", [[...chosen], page.maySteer()], () => {
     const names = [...chosen];
     if (!names.length) return [];
-    const nodes = [element("p", { class: "small" }, `To start the next survey with what these know: earlier:=[${names.map((name) => `${list.folder}/${name}`).join(", ")}] in the launch file.`)];
+    const nodes = [element("p", { class: "small" }, `For other tools: earlier:=[${names.map((name) => `${list.folder}/${name}`).join(", ")}] in the launch file.`)];
+    if (page.maySteer()) nodes.unshift(button(names.length > 1 ? `Start the next survey with what these ${names.length} know` : "Start the next survey with what this one knows", () => page.know(names)));
     if (names.length > 1 && page.maySteer()) nodes.unshift(button(`Compare ${names.length} surveys`, () => make("compare", names), "primary"));
     return nodes;
   });

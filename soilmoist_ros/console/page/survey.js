@@ -2,7 +2,7 @@
 
 import { command, connect, connected, emergency, listen, nowS, sections, silentS, takeControls, valuesAt } from "./link.js";
 import { draft, draw, fade, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
-import { addCorner, renderPlan, startPlan } from "./plan.js";
+import { addCorner, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
 
@@ -26,17 +26,17 @@ const anyEmergency = () => (sections.robots ?? []).some((one) => sections[`missi
 
 // Commands -----------------------------------------------------------------------------------------------------------
 
-function notice(text, bad = false) {
+function notice(text, bad = false, ms = bad ? 15000 : 6000) {
   const node = $("notice");
   node.textContent = text;
   node.dataset.kind = bad ? "bad" : "";
   node.hidden = false;
   clearTimeout(noticeTimer);
-  noticeTimer = setTimeout(() => { node.hidden = true; }, bad ? 15000 : 6000);
+  noticeTimer = setTimeout(() => { node.hidden = true; }, ms);
 }
 
-async function ask(verb, details = {}) {
-  const reply = await command(robot, verb, details);
+async function ask(verb, details = {}, to = robot) {
+  const reply = await command(to, verb, details);
   notice(reply.accepted ? reply.message : `Not done: ${reply.message}`, !reply.accepted);
   return reply.accepted;
 }
@@ -296,6 +296,7 @@ function showTab(name) {
   draft.shown = tab === "plan";
   if (location.hash !== `#${tab}`) history.replaceState(null, "", `#${tab}`);
   if (tab === "results") showRuns();
+  if (tab === "plan") showChoices();
   render();
 }
 
@@ -320,8 +321,8 @@ $("who").value = localStorage.getItem("who") || "";
 $("who").addEventListener("change", () => localStorage.setItem("who", $("who").value));
 settingsForm();
 onPlace((where) => { if (tab === "plan") addCorner(where); else choose(where); });
-startPlan({ ask, notice, mayAsk: maySteer, mission, render, robot: () => robot });
-startResults({ notice, maySteer });
+startPlan({ ask, notice, maySteer, mission, render, robot: () => robot });
+startResults({ notice, maySteer, know: (names) => { know(names); showTab("plan"); scrollTo(0, 0); $("known").open = true; $("known").scrollIntoView(); } });
 addEventListener("hashchange", () => showTab(location.hash.slice(1)));
 showTab(location.hash.slice(1));
 listen(render);

@@ -14,7 +14,7 @@ export function element(tag, attributes = {}, ...children) {
 }
 
 export function setText(id, text) {
-  const node = $(id);
+  const node = typeof id === "string" ? $(id) : id;
   if (node.textContent !== text) node.textContent = text;
 }
 

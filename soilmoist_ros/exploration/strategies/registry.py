@@ -27,6 +27,7 @@ class StrategyKind:
 
     :param make: makes the strategy of one mission, from the constants of a preset
     :param label: name for reports
+    :param about: what it does, for people in the field
     :param needs_map: whether it cannot choose without a map once the warm-up is over
     :param whole_map: whether it looks at the variance of every cell. Otherwise those that represent the field to
         the look-ahead suffice, and a simulation maps the others at its end only
@@ -40,6 +41,7 @@ class StrategyKind:
 
     make: Callable[[Preset], Strategy]
     label: str = ""
+    about: str = ""
     needs_map: bool = True
     whole_map: bool = True
     warm_up_stops: int | None = None
@@ -69,25 +71,32 @@ def _variance_reduction(preset: Preset) -> Strategy:
 
 
 BUILT_IN = {
-    "greedy": StrategyKind(Greedy, "Greedy", colour="#d55e00"),
-    "monte_carlo": StrategyKind(MonteCarlo, "Monte Carlo", colour="#0072b2"),
-    "adaptive_sampling": StrategyKind(_with_solver(AdaptiveSampling), "Adaptive sampling", colour="#009e73"),
+    "greedy": StrategyKind(
+        Greedy, "Greedy", "Goes where the map is most uncertain, however far that is.", colour="#d55e00"
+    ),
+    "monte_carlo": StrategyKind(
+        MonteCarlo, "Monte Carlo", "Draws a place; uncertain ones come more often.", colour="#0072b2"
+    ),
+    "adaptive_sampling": StrategyKind(
+        _with_solver(AdaptiveSampling), "Adaptive sampling", "Drives tours through the most uncertain places.",
+        colour="#009e73",
+    ),
     "random": StrategyKind(
-        Random, "Random", needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, colour="#5d6b78",
-        dashes=(0, (1.2, 1.6)), width=1.7,
+        Random, "Random", "Goes to any place; for comparisons.", needs_map=False, warm_up_stops=0,
+        is_baseline=True, colour="#5d6b78", dashes=(0, (1.2, 1.6)), width=1.7,
     ),
     "lattice": StrategyKind(
-        _with_solver(lambda preset: Lattice()), "Lattice", needs_map=False, whole_map=False, warm_up_stops=0,
-        is_baseline=True, colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
+        _with_solver(lambda preset: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
+        needs_map=False, warm_up_stops=0, is_baseline=True, colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
     ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(
-        _variance_reduction, "Integrated variance", whole_map=False, warm_up_stops=1, warm_up=_variance_reduction,
-        colour="#22303c",
+        _variance_reduction, "Integrated variance", "Goes where a count improves the whole map most per second.",
+        warm_up_stops=1, warm_up=_variance_reduction, colour="#22303c",
     ),
     "gcb": StrategyKind(
-        _cost_benefit_tour, "Cost-benefit tour", whole_map=False, warm_up_stops=1, warm_up=_cost_benefit_tour,
-        colour="#c9a000",
+        _cost_benefit_tour, "Cost-benefit tour", "Plans a tour for all the time left, and again after each stop.",
+        warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000",
     ),
 }  # fmt: skip
 

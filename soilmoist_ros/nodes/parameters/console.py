@@ -37,5 +37,11 @@ PARAMETERS: Final = (
         description="picture below the map: a GeoTIFF, such as an orthophoto, or a folder of tiles z/x/y.png of a "
         "web map; empty for none",
     ),
+    Parameter(name="fields", default="fields", description="folder of field files; drawn fields are saved there"),
+    Parameter(
+        name="covariates",
+        default="covariates",
+        description="folder of GeoTIFFs that may be chosen as covariates",
+    ),
     Parameter(name="map_topic", default="/topological_map_2", description="topic of the navigation's map"),
 )

@@ -1,11 +1,10 @@
-"""Work for the page *Plan*, done in a process of its own: forecasts by simulation, files with outlines.
+"""Work for the page *Plan*, done in a process of its own: fields, travel maps, outlines, walks, forecasts.
 
 Reads a JSON object from its input and prints one: the answer, or ``{"error": ...}``.
 """
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 import resource
@@ -15,13 +14,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from soilmoist_ros.console.plan.outline import outline
+from soilmoist_ros.console.plan.walk import walked
 from soilmoist_ros.foundation.errors import InputError
 
 SEEDS: Final = (1, 2)
 """Simulated fields; the forecast is the mean of their squared errors."""
 MAX_HOURS: Final = 12.0
 MAX_BYTES: Final = 4 << 30
-SUFFIXES: Final = (".geojson", ".json", ".kml", ".zip")
+HEADLAND_M: Final = 5.0
+ROBOT_RADIUS_M: Final = 0.75
 _RANGE_SHARE: Final = 0.25
 """Range parameter of the simulated patterns as a share of the field's extent."""
 
@@ -65,10 +67,12 @@ def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
 def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
     """Error of the map against time, from simulated missions on fields that vary as given.
 
-    :param given: a field as for :func:`field_text`; ``hours``, ``strategy``, ``dwell``; ``rate_cps`` and
-        ``variation`` (standard deviation of the field as a share of the mean rate)
+    :param given: a field as for :func:`field_text`; ``hours``, ``strategy``, ``dwell``, ``until_sd``,
+        ``until_gain``; ``rate_cps`` and ``variation`` (standard deviation of the field as a share of the mean
+        rate); ``stops``, if the robot travels on a graph: ``kind`` (``lattice`` or ``rows``), ``spacing_m``,
+        ``rows_m`` between rows, ``heading_deg`` of the rows
     :returns: ``points``: [time [s], root of the mean squared error as a share of the mean rate] in order of time;
-        ``stops``, ``distance_m``, ``variation``
+        ``stops``, ``distance_m``, ``ends_s``, ``variation``
     :raises InputError: if a setting cannot be used
     """
     from soilmoist_ros.simulation.mission.settings import MissionSettings
@@ -84,7 +88,7 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
         for axis in (0, 1)
     )
     squares: dict[float, list[float]] = {}
-    stops, distances = [], []
+    stops, distances, ends = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         for seed in SEEDS:
             formula = {
@@ -97,6 +101,8 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
             settings = MissionSettings(
                 field=str(path), hours=hours, seed=seed, strategy=str(given.get("strategy") or "gcb"),
                 dwell=str(given.get("dwell") or "optimal"), series_every_s=hours * 3600 / 40,
+                until_sd=float(given.get("until_sd") or 0.0), until_gain=float(given.get("until_gain") or 0.0),
+                **_travel(path, given.get("stops")),
             )  # fmt: skip
             result = simulate_mission(settings)
             for row in result.series:
@@ -105,6 +111,7 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
                     squares.setdefault(step * settings.series_every_s, []).append(row.mse)
             stops.append(result.series[-1].samples)
             distances.append(result.series[-1].distance_m)
+            ends.append(result.series[-1].time_s)
     points = [
         [round(time_s), round(math.sqrt(sum(found) / len(found)) / rate, 5)]
         for time_s, found in sorted(squares.items())
@@ -114,55 +121,58 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
         "points": points,
         "stops": round(sum(stops) / len(stops)),
         "distance_m": round(sum(distances) / len(distances)),
+        "ends_s": round(sum(ends) / len(ends)),
         "variation": variation,
         "rate_cps": rate,
     }
 
 
-def outline(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Boundary and no-go areas of a file in metres about a datum.
+def _travel(field_file: Path, stops: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Settings of a mission that travels on a graph; none for one that drives anywhere."""
+    if not stops or stops.get("kind") not in ("lattice", "rows"):
+        return {}
+    path = field_file.with_suffix(".map.yaml")
+    path.write_text(_travel_map(field_file, stops)[0], encoding="utf-8")
+    return {"travel": "graph", "graph": str(path)}
 
-    :param given: ``name`` of the file, ``content`` (base64), ``datum`` [latitude, longitude] or nothing
-    :returns: ``boundary``, ``no_go``, ``datum``
-    :raises InputError: if the file has no polygon that can be read
+
+def travel_map(given: Mapping[str, Any]) -> dict[str, Any]:
+    """A topological map with rows or a lattice of stops, for the navigation.
+
+    :param given: a field as for :func:`field_text`, and ``stops`` as for :func:`forecast`
+    :returns: ``file``; ``summary``: what it has, in words
+    :raises InputError: if the field has no room for it
     """
-    import numpy as np
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "field.yaml")
+        path.write_text(field_text(given), encoding="utf-8")
+        text, summary = _travel_map(path, given["stops"])
+    return {"file": text, "summary": summary}
 
-    from soilmoist_ros.foundation.geodesy import LocalFrame
-    from soilmoist_ros.foundation.lazy import optional_module
 
-    suffix = Path(str(given["name"])).suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"{given['name']} cannot be read", f"choose one of: {', '.join(SUFFIXES)}")
-    pyogrio, shapely = optional_module("pyogrio", "gis"), optional_module("shapely", "gis")
-    pyproj = optional_module("pyproj", "gis")
-    try:
-        meta, _, shapes, _ = pyogrio.raw.read(base64.b64decode(given["content"], validate=True), columns=[])
-    except Exception as error:  # GDAL has many
-        raise InputError(f"{given['name']} cannot be read: {error}", "export one polygon again") from None
-    polygons = [
-        part
-        for shape in shapely.from_wkb(shapes)
-        if shape is not None
-        for part in shapely.get_parts(shape)
-        if part.geom_type == "Polygon"
-    ]
-    if not polygons:
-        raise InputError(f"{given['name']} has no polygon", "export the boundary as a polygon")
-    field = max(polygons, key=lambda polygon: float(polygon.area))
-    to_degrees = pyproj.Transformer.from_crs(meta["crs"] or "EPSG:4326", "EPSG:4326", always_xy=True)
-    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (field.exterior, *field.interiors)]
-    degrees = [np.column_stack(to_degrees.transform(ring[:, 0], ring[:, 1])) for ring in rings]
-    datum = given.get("datum") or np.round(degrees[0].mean(axis=0)[::-1], 7).tolist()
-    frame = LocalFrame(float(datum[0]), float(datum[1]))
-    metres = [frame.to_local(ring[:, 1], ring[:, 0]).round(2).tolist() for ring in degrees]
-    return {"boundary": metres[0], "no_go": metres[1:], "datum": [float(value) for value in datum]}
+def _travel_map(field_file: Path, stops: Mapping[str, Any]) -> tuple[str, str]:
+    """Text and summary of the travel map of a field file."""
+    from datetime import UTC, datetime
+
+    from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
+    from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+    from soilmoist_ros.mapping.field import load_field
+
+    field, spacing_m = load_field(field_file), float(stops.get("spacing_m") or 10.0)
+    if stops.get("kind") == "rows":
+        rows_m, heading_deg = float(stops.get("rows_m") or 3.0), float(stops.get("heading_deg") or 0.0)
+        built = crop_rows(field, rows_m, spacing_m, heading_deg, HEADLAND_M, margin_m=ROBOT_RADIUS_M)
+    else:
+        built = open_lattice(field, spacing_m, margin_m=ROBOT_RADIUS_M)
+    return make_topological_map(built.graph, field.name, datetime.now(UTC)).to_yaml(), built.summary
 
 
 TASKS: Final[Mapping[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
     "field": check_field,
     "forecast": forecast,
+    "map": travel_map,
     "outline": outline,
+    "walk": walked,
 }
 
 
@@ -182,11 +192,12 @@ def main() -> None:
     given = json.load(sys.stdin)
     try:
         answer = TASKS[given["task"]](given)
+        said = json.dumps(answer, allow_nan=False)
     except InputError as error:
-        answer = {"error": str(error)}
-    except (KeyError, TypeError, ValueError) as error:
-        answer = {"error": f"this cannot be used: {error}"}
-    print(json.dumps(answer, allow_nan=False))
+        said = json.dumps({"error": str(error)})
+    except (KeyError, TypeError, ValueError, OverflowError, MemoryError, RecursionError) as error:
+        said = json.dumps({"error": f"this cannot be used: {error!s:.200}"})
+    print(said)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,106 @@
+"""Files on this computer that a page may choose for the next mission, by their names: fields, runs, covariates."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from soilmoist_ros.console.runs import run_of
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest
+from soilmoist_ros.foundation.errors import InputError
+
+START: Final = "(start)"
+"""Name of the field with which the nodes were started."""
+MAX_FIELDS: Final = 500
+_RASTERS: Final = (".tif", ".tiff")
+_SUFFIX: Final = ".yaml"
+
+
+@dataclass(frozen=True)
+class SurveyFiles:
+    """What may be chosen.
+
+    :param fields: folder of field files; drawn ones are saved there
+    :param covariates: folder of GeoTIFFs
+    :param runs: folder of the runs
+    :param start: field file of the nodes' start, if it is known
+    """
+
+    fields: Path
+    covariates: Path
+    runs: Path
+    start: Path | None = None
+
+    def listed(self) -> dict[str, Any]:
+        """Names of the fields, the latest first, and of the covariates; and their folders."""
+        fields = sorted(_files(self.fields, (_SUFFIX,)), key=lambda path: path.stat().st_mtime, reverse=True)
+        return {
+            "fields": [path.name for path in fields[:MAX_FIELDS]],
+            "fields_folder": str(self.fields),
+            "covariates": [path.name for path in _files(self.covariates, _RASTERS)],
+            "covariates_folder": str(self.covariates),
+        }
+
+    def save(self, name: str, text: str, who: str) -> str:
+        """Save a field; nothing is overwritten.
+
+        :param name: name of the field
+        :param text: content of its file
+        :param who: who drew it
+        :returns: name of the file
+        :raises InputError: if it cannot be written, or there are too many
+        """
+        stem = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "field"
+        now = datetime.now(UTC)
+        if len(_files(self.fields, (_SUFFIX,))) >= MAX_FIELDS:
+            raise InputError(f"there are {MAX_FIELDS} fields already", f"remove files from {self.fields}")
+        file = f"{stem}-{now:%Y%m%d-%H%M%S-%f}{_SUFFIX}"
+        try:
+            self.fields.mkdir(parents=True, exist_ok=True)
+            said = f"# Drawn on the operator's page by {who or 'the operator'}, {now:%Y-%m-%d %H:%M} UTC.\n"
+            (self.fields / file).write_text(said + text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"the field cannot be saved: {error.strerror}", "make space on the disk") from None
+        return file
+
+    def resolved(self, request: OperatorRequest) -> OperatorRequest:
+        """A request with the paths of the names in it; a page cannot name other files of this computer.
+
+        :raises InputError: if there is no such file
+        """
+        changes: dict[str, Any] = {}
+        if request.field:
+            changes["field"] = str(self._field(request.field))
+        if request.earlier is not None:
+            changes["earlier"] = tuple(str(self._run(name)) for name in request.earlier)
+        if request.covariates is not None:
+            known = {path.name: path for path in _files(self.covariates, _RASTERS)}
+            changes["covariates"] = tuple(str(_one(known, name, "covariate")) for name in request.covariates)
+        return replace(request, **changes) if changes else request
+
+    def _field(self, name: str) -> Path:
+        if name == START and self.start is not None:
+            return self.start.absolute()
+        return _one({path.name: path for path in _files(self.fields, (_SUFFIX,))}, name, "field")
+
+    def _run(self, name: str) -> Path:
+        path = run_of(self.runs, name)
+        if path is None:
+            raise InputError(f"there is no run {name!r:.60}", "reload the list")
+        return path
+
+
+def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    try:
+        return sorted(path.absolute() for path in folder.iterdir() if path.suffix.lower() in suffixes)
+    except OSError:
+        return []
+
+
+def _one(known: dict[str, Path], name: str, what: str) -> Path:
+    if name not in known:
+        raise InputError(f"there is no {what} {name!r:.60}", "reload the list")
+    return known[name]
