@@ -6,8 +6,9 @@ standard deviation s has s^2 along each axis. Independent contributions add up.
 
 Covariances between supports are averages over both (block kriging; Gotway & Young 2002, Journal of the American
 Statistical Association 97:632-648). A few points with the mean and second moments of a support replace it: two for
-a line (Gauss-Legendre); for an area the centre and two on each principal axis, which also match the fourth moments
-of a Gaussian. Samples and targets use equal points, so the matrix remains positive definite whatever the error.
+a line (Gauss-Legendre), three for a small area; for a larger one the centre and two on each principal axis, which
+also match the fourth moments of a Gaussian. Samples and targets use equal points, so the matrix remains positive
+definite whatever the error.
 
 Errors of the correlations for practical ranges from 30 m, paths up to 10 m and a footprint of 10 m: 0.012 for
 smooth models and 0.05 for the exponential and the spherical model, which have a kink at every point. Without a
@@ -31,9 +32,13 @@ Indices = NDArray[np.intp]
 
 _MIN_WIDTH_M2 = MIN_SPREAD_M2 / 2
 """Areas with a smaller variance across count as lines."""
+_MAX_SMALL_M2 = 5.0
+"""Areas with a larger variance along have more than three points."""
 _LINE_WEIGHT, _LINE_ARM = 1 / 2, 1.0
+_SMALL_WEIGHT, _SMALL_ARMS = 1 / 3, np.array([[0.0, np.sqrt(2.0)], [np.sqrt(1.5), -np.sqrt(0.5)]])
 _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
-"""Weight of each point around the centre, and its distance from there in standard deviations."""
+"""Weight of each point around the centre, and its distance from there in standard deviations; of two of the three
+points of a small area across and along."""
 _LOG_STEP = 0.5
 _FEW_ELEMENTS = 30_000
 """Maximum size of temporary matrices; larger ones are slower because their memory is allocated anew each time."""
@@ -59,15 +64,22 @@ class Supports:
         variance, axes = _principal_axes(spread)
         arms = np.sqrt(np.maximum(variance, 0.0))[:, None] * axes  # of one standard deviation, in the columns
         area = variance[:, 0] >= _MIN_WIDTH_M2
-        line = ~area & (variance[:, 1] > 0)
-        arm = np.where(line[:, None], _LINE_ARM * arms[:, :, 1], 0.0)
-        weight = np.select([area, line], [1 - 4 * _AREA_WEIGHT, 1 - _LINE_WEIGHT], 1.0)
-        self.layers[0] = (slice(None), xy + arm, weight)
-        if line.any():
-            has = np.flatnonzero(line)
-            self.layers.append((has, (xy - arm)[has], _LINE_WEIGHT))
-        if area.any():
-            has = np.flatnonzero(area)
+        small = area & (variance[:, 1] <= _MAX_SMALL_M2)
+        large, line = area & ~small, ~area & (variance[:, 1] > 0)
+        first, second = arms @ _SMALL_ARMS[0], arms @ _SMALL_ARMS[1]
+        end = _LINE_ARM * arms[:, :, 1]
+        first = np.where(line[:, None], end, np.where(small[:, None], first, 0.0))
+        second = np.where(line[:, None], -end, second)
+        weight = np.select([large, small, line], [1 - 4 * _AREA_WEIGHT, _SMALL_WEIGHT, _LINE_WEIGHT], 1.0)
+        self.layers[0] = (slice(None), xy + first, weight)
+        if (line | small).any():
+            has = np.flatnonzero(line | small)
+            self.layers.append((has, xy[has] + second[has], weight[has]))
+        if small.any():
+            has = np.flatnonzero(small)
+            self.layers.append((has, xy[has] - first[has] - second[has], _SMALL_WEIGHT))
+        if large.any():
+            has = np.flatnonzero(large)
             for step in (_AREA_ARM, -_AREA_ARM):
                 self.layers += [(has, xy[has] + step * arms[has, :, axis], _AREA_WEIGHT) for axis in (0, 1)]
 

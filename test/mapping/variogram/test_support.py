@@ -100,6 +100,7 @@ def test_covariances_agree_with_brute_force_integration(model):
     supports = {
         "way": (path_spread([9.0, -7.0]), way([9.0, -7.0])),
         "footprint": (footprint_spread(10.0), footprint(10.0)),
+        "small": (footprint_spread(4.4), footprint(4.4)),
     }
     for spread, points in supports.values():
         found = Points(variogram, np.zeros((1, 2)), targets, spread[None]).correlation(EVERY)[:, 0]
