@@ -55,6 +55,7 @@ class SoilMap:
         :meth:`RasterKriging.update` did
     :param change: how the mean rate changed during the survey; the map is of its end
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
+    :param covariance: structured covariance of the samples, lower triangle, where it is known already
     """
 
     grid: FieldGrid
@@ -69,6 +70,7 @@ class SoilMap:
     made_by: PoissonKriging | TiledKriging | None
     clipped_variances: int
     change: Change = NO_CHANGE
+    covariance: Array | None = None
 
     def __repr__(self) -> str:
         rows, columns = self.grid.shape
@@ -132,7 +134,8 @@ class SoilMap:
         samples = self.samples
         prior = None if self.fit is None else self.fit.prior
         kriging = PoissonKriging(self.variogram, self.keep_nugget, self._noise_rate, prior)
-        return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
+        known = self.covariance if prior is None else None
+        return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread, covariance=known)
 
     @property
     def noise_variance(self) -> Array:
@@ -258,6 +261,7 @@ def make_soil_map(
         made_by=kriging,
         clipped_variances=clipped,
         change=NO_CHANGE if changing is None else changing.change,
+        covariance=None if rasters is None or raster is None else raster.covariance,
     )
 
 

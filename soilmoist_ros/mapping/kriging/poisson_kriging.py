@@ -15,6 +15,7 @@ large raster most of this work is not needed (:mod:`raster`).
 from __future__ import annotations
 
 import logging
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -132,6 +133,7 @@ class PoissonKriging:
         exposure_s: ArrayLike,
         spread: ArrayLike | None = None,
         uncertain: Array | None = None,
+        covariance: Array | None = None,
     ) -> PoissonKriging:
         """Replace the samples and factor the kriging matrix.
 
@@ -143,6 +145,8 @@ class PoissonKriging:
         :param uncertain: independent errors that the rates share and the targets have not, one standard deviation
             of each, shape (n, k) [counts/s], such as those of a drift; none by default. They add to the variance,
             but leave the weights as they are
+        :param covariance: structured covariance of the samples, lower triangle, shape (n, n), where it is known
+            already; not with a prior, or places that occur twice
         :returns: itself
         :raises ValueError: if there is no sample, or as :class:`Samples`
         :raises IllConditionedError: if the matrix cannot be factored
@@ -152,7 +156,7 @@ class PoissonKriging:
             raise ValueError("kriging needs at least one sample; wait for the first record")
         self._take(records)
         self._uncertain = np.empty((len(records), 0)) if uncertain is None else uncertain
-        self._rebuild()
+        self._rebuild(covariance)
         return self
 
     def add(
@@ -272,7 +276,6 @@ class PoissonKriging:
     def rate_and_covariance(self, xy: ArrayLike) -> tuple[Array, Array]:
         """The rate of :meth:`predict`, shape (m,) [counts/s], and :meth:`covariance`, together."""
         from scipy.linalg import solve_triangular
-        from scipy.spatial.distance import pdist, squareform
 
         targets, variogram, system, prior = check_xy(xy), self.variogram, self._system, self.prior
         structured, ones = variogram.structured_sill, system.ones
@@ -292,15 +295,15 @@ class PoissonKriging:
             rate *= amplitude
         rate += system.mean
         mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
-        between = squareform(variogram.correlation_of_square(pdist(variogram.scaled(targets), "sqeuclidean")))
-        np.fill_diagonal(between, 1.0)
-        between = variogram.modulated(between * structured, targets, targets)
+        between = solved.T @ solved
+        np.subtract(_prior_covariance(variogram, targets.tobytes()), between, out=between)
+        between += np.multiply.outer(mean, mean)
         if prior is not None and at is not None:
             between += prior.covariance(at, at)
             rate += prior.mean(at)
-        shared = system.shared(solved.T)
-        between -= solved.T @ solved
-        between += np.outer(mean, mean) + shared @ shared.T
+        if self._uncertain.size:
+            shared = system.shared(solved.T)
+            between += shared @ shared.T
         return rate, np.asarray(between)
 
     def shared(self, xy: ArrayLike) -> Array:
@@ -357,13 +360,13 @@ class PoissonKriging:
         totals = [np.bincount(self._record_place, one, len(self._places)) for one in shares.T]
         return np.array(totals).reshape(len(totals), len(self._places)).T / self._places.exposure_s[:, None]
 
-    def _rebuild(self) -> None:
+    def _rebuild(self, covariance: Array | None = None) -> None:
         """Factor the whole matrix, with as little jitter as makes it positive definite."""
         self.noise_mean_rate = self._wanted_mean_rate()
         scale = self.variogram.sill + float(np.mean(self._noise(self._places)))
         for relative in JITTER:
             self.jitter = relative * scale
-            if self._refactor(0, 0):
+            if self._refactor(0, 0, covariance):
                 if relative:
                     _log.warning("added %.3g to the diagonal: the kriging matrix is ill-conditioned", self.jitter)
                 return
@@ -373,9 +376,10 @@ class PoissonKriging:
             "use matern32 or exponential, a nugget, or merge close samples"
         )
 
-    def _refactor(self, first: int, known: int) -> bool:
+    def _refactor(self, first: int, known: int, covariance: Array | None = None) -> bool:
         """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before.
 
+        :param covariance: as :meth:`fit`
         :returns: whether the matrix is positive definite; if not, the factor is unchanged
         """
         from scipy.linalg import solve_triangular
@@ -383,8 +387,11 @@ class PoissonKriging:
 
         first = min(first, known)
         places, n = self._places, len(self._places)
-        rows = sample_correlation(self.variogram, places.xy, places.spread, first).T
-        rows *= self.variogram.structured_sill
+        if covariance is not None and len(covariance) == n:
+            rows = covariance.copy()
+        else:
+            rows = sample_correlation(self.variogram, places.xy, places.spread, first).T
+            rows *= self.variogram.structured_sill
         prior, features = self.prior, self._system.features
         if prior is not None:
             new = prior.at(places.xy[first:], places.spread[first:])
@@ -409,6 +416,23 @@ class PoissonKriging:
         uncertain = self._uncertain_places()
         self._system = KrigingSystem.of_factor(self.variogram, places, factor, prior, features, uncertain)
         return True
+
+
+@lru_cache(maxsize=2)
+def _prior_covariance(variogram: Variogram, xy: bytes) -> Array:
+    """Covariance of the smooth rate between places of shape (m, 2), given as bytes.
+
+    Plans of a mission have the same places, and mostly the same variogram as the one before.
+    """
+    from scipy.spatial.distance import pdist, squareform
+
+    places = np.frombuffer(xy).reshape(-1, 2)
+    between = squareform(variogram.correlation_of_square(pdist(variogram.scaled(places), "sqeuclidean")))
+    np.fill_diagonal(between, 1.0)
+    between *= variogram.structured_sill
+    between = variogram.modulated(between, places, places)
+    between.setflags(write=False)
+    return between
 
 
 def clip_negative(variance: Array, sill: float) -> int:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
+from soilmoist_ros.mapping.kriging.few_targets import MAX_TARGETS, FewTargets
 from soilmoist_ros.mapping.kriging.product_features import ProductFeatures
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, target_variance
@@ -42,10 +43,17 @@ class RasterKriging:
     :param y_m: centres of the rows, shape (ny,) [m]
     :param mask: cells wanted, shape (ny, nx)
     :param keep_nugget: as :class:`PoissonKriging`
+
+    Attributes
+    ----------
+    covariance : NDArray | None
+        structured covariance of the samples of the last :meth:`update`, lower triangle, shape (n, n)
+        [(counts/s)^2]; ``None`` if it was not needed as a whole
     """
 
     def __init__(self, x_m: Array, y_m: Array, mask: Mask, keep_nugget: bool) -> None:
         self.keep_nugget = keep_nugget
+        self.covariance: Array | None = None
         self._x_m, self._y_m, self._mask = x_m, y_m, mask
         self._outside = ~mask
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
@@ -54,7 +62,7 @@ class RasterKriging:
         if not self._is_empty:
             self._box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
         self._inside = x_m[self._box[1]], y_m[self._box[0]], mask[self._box]
-        self._cells: KrigingRows | None = None
+        self._cells: KrigingRows | FewTargets | None = None
         self._tile_shape: tuple[int, int] | None = None
         self._position = np.empty((0, 0), int)  # numbers of the cells of the box among its targets
         self._rows: dict[tuple[int, int], KrigingRows] = {}  # of Chebyshev points, by their numbers along y and x
@@ -75,6 +83,7 @@ class RasterKriging:
             matrix is nearly singular
         """
         places = samples if _are_distinct(samples.xy) else merge_exactly(samples)[0]
+        self.covariance = None
         found = self._interpolated_rows(places, variogram, rate)
         if found is None:
             found = self._rows_of_cells(places, variogram, rate)
@@ -219,17 +228,25 @@ class RasterKriging:
         x_m, y_m, mask = self._inside
         shape = tile_shape(variogram, x_m, y_m, mask)
         if self._cells is None or shape != self._tile_shape:
-            covariances: Covariances
             if shape is None:
                 row, column = np.nonzero(mask)
-                covariances = PointCovariances(np.column_stack([x_m[column], y_m[row]]), self.keep_nugget)
+                xy = np.column_stack([x_m[column], y_m[row]])
+                few = len(xy) <= MAX_TARGETS
+                self._cells = (
+                    FewTargets(xy, self.keep_nugget)
+                    if few
+                    else KrigingRows(PointCovariances(xy, self.keep_nugget))
+                )
                 self._position = np.zeros(mask.shape, int)
-                self._position[mask] = np.arange(covariances.size)
+                self._position[mask] = np.arange(len(xy))
             else:
                 covariances = TileCovariances(x_m, y_m, mask, self.keep_nugget, shape)
                 self._position = covariances.position
-            self._cells, self._tile_shape = KrigingRows(covariances), shape
+                self._cells = KrigingRows(covariances)
+            self._tile_shape = shape
         surfaces = self._cells.update(places, variogram, rate)
+        if isinstance(self._cells, FewTargets):
+            self.covariance = self._cells.covariance
         return None if surfaces is None else self._whole(surfaces.take(self._position, axis=1))
 
     # -- cells and rasters -----------------------------------------------------------------------------

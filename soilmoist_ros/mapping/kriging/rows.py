@@ -94,7 +94,7 @@ class KrigingRows:
         first = _first_difference(self._samples, samples)
         self._forget(first, samples)
         room = MAX_ELEMENTS - n // BLOCK * 3 * self._covariances.size
-        changed = _differences(self._kept, samples[:, :5])
+        changed = differences(self._kept, samples[:, :5])
         if n > MAX_ROWS or not self._covariances.keep(samples[:, :5], changed, room):
             self._kept = self._kept[:0]
             self._forget(0, samples)
@@ -134,18 +134,13 @@ class KrigingRows:
     # -- L ---------------------------------------------------------------------------------------------
 
     def _keep_between(self, variogram: Variogram, samples: Array, changed: NDArray[np.intp]) -> None:
-        """Compute the covariances of changed samples with all; those of a later with an earlier one are used."""
-        room, table = len(self._unit), self._between
+        """Compute the covariances of changed samples with all."""
+        room = len(self._unit)
         if len(samples) > room:
             more = max(room, len(samples) - room)
-            self._unit, table = np.pad(self._unit, (0, more)), np.pad(table, (0, more))
-            self._between = table
-        if not len(changed):
-            return
-        table[changed, : len(samples)] = _between(variogram, samples[changed], samples)
-        later = np.setdiff1d(np.arange(changed[0] + 1, len(samples)), changed)
-        if len(later):
-            table[later[:, None], changed] = _between(variogram, samples[later], samples[changed])
+            self._unit, self._between = np.pad(self._unit, (0, more)), np.pad(self._between, (0, more))
+        if len(changed):
+            keep_between(self._between, variogram, samples, changed)
 
     def _factorise(self, first: int, samples: Array) -> bool:
         """Rows of the inverse of L from ``first`` on.
@@ -262,6 +257,19 @@ class KrigingRows:
         return [slice(start, start + _AT_ONCE) for start in range(0, self._covariances.size, _AT_ONCE)]
 
 
+def keep_between(table: Array, variogram: Variogram, samples: Array, changed: NDArray[np.intp]) -> None:
+    """Compute the covariances of changed samples with all; those of a later with an earlier one are used.
+
+    :param table: takes the covariances below the diagonal
+    :param samples: x, y and the spread in the first columns, shape (n, 5 or more)
+    :param changed: numbers of the changed samples, at least one
+    """
+    table[changed, : len(samples)] = _between(variogram, samples[changed], samples)
+    later = np.setdiff1d(np.arange(changed[0] + 1, len(samples)), changed)
+    if len(later):
+        table[later[:, None], changed] = _between(variogram, samples[later], samples[changed])
+
+
 def _between(variogram: Variogram, later: Array, samples: Array) -> Array:
     """Structured covariance of some samples with others, shape (m, n)."""
     points, supports = SamplePoints(variogram, samples), Supports(later[:, :2], later[:, 2:5])
@@ -281,7 +289,7 @@ def _first_difference(known: Array, samples: Array) -> int:
     return int(differs.argmax()) if differs.any() else both
 
 
-def _differences(known: Array, samples: Array) -> NDArray[np.intp]:
+def differences(known: Array, samples: Array) -> NDArray[np.intp]:
     """Numbers of the rows of a table that are not as in another one, or not in it."""
     both = min(len(known), len(samples))
     differs = np.ones(len(samples), bool)

@@ -93,6 +93,11 @@ def small_tiles():
         yield
 
 
+def many_targets():
+    """No number of targets counts as few."""
+    return mock.patch.object(raster_module, "MAX_TARGETS", 0)
+
+
 def of_grid(grid, keep_nugget):
     return RasterKriging(grid.x_m, grid.y_m, grid.mask, keep_nugget)
 
@@ -119,11 +124,18 @@ def check_mission(grid, model, keep_nugget, first, actions, seed):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("few", [False, True])
 @pytest.mark.parametrize(("model", "keep_nugget"), [("matern32", True), ("exponential", False)])
 @settings(max_examples=8, deadline=None)
 @given(st.integers(1, 2 * BLOCK + MIN_TAIL), steps, st.integers(0, 99))
-def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(model, keep_nugget, first, actions, seed):
-    with mock.patch.object(covariances, "_AT_ONCE", 64), mock.patch.object(kriging_rows, "_AT_ONCE", 64):
+def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(
+    few, model, keep_nugget, first, actions, seed
+):
+    with (
+        contextlib.nullcontext() if few else many_targets(),
+        mock.patch.object(covariances, "_AT_ONCE", 64),
+        mock.patch.object(kriging_rows, "_AT_ONCE", 64),
+    ):
         check_mission(SMALL, model, keep_nugget, first, actions, seed)
 
 
@@ -224,6 +236,7 @@ def test_one_sample_is_enough():
     np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-12)
 
 
+@many_targets()
 def test_what_is_too_much_to_keep_is_kriged_at_once():
     raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
     mission.append(60)
@@ -250,7 +263,8 @@ def test_a_matrix_near_singular_is_left_to_kriging():
     assert update(raster, mission).tobytes() == good.tobytes()
 
 
-def test_near_the_least_pivot_rows_are_exact_enough():
+@pytest.mark.parametrize("context", [contextlib.nullcontext, many_targets])
+def test_near_the_least_pivot_rows_are_exact_enough(context):
     """Against kriging, whose Cholesky factor solves without an inverse."""
     mission = Mission("matern32", 5)
     mission.variogram = Variogram("matern32", 0.0, 60.0, 0.5)
@@ -259,10 +273,12 @@ def test_near_the_least_pivot_rows_are_exact_enough():
     mission.columns[:, 3] *= 3000  # m*/t down to some 1e-6 of the sill
     mission.columns[:, 2] = mission.rng.poisson(MEAN_RATE * mission.columns[:, 3])
     mission.columns[1::2, :2] = mission.columns[::2, :2] + [0.05, 0.0]
-    found = update(of_grid(SMALL, True), mission)
+    with context():
+        found = update(of_grid(SMALL, True), mission)
     np.testing.assert_allclose(found, kriged(mission, SMALL, True), rtol=0, atol=1e-9)
 
 
+@many_targets()
 def test_memory_does_not_grow_while_the_robot_stands():
     raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
     mission.append(BLOCK + 20)
