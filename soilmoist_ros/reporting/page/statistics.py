@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,8 @@ MAX_SAMPLES = 1000
 MAX_CELLS = 1500
 INTERVAL_SD = 1.96
 """Half width of a 95 % interval, in standard deviations."""
+_MEAN_SD: Final[WeakKeyDictionary[SoilMap, dict[bool, float | None]]] = WeakKeyDictionary()
+"""Results of :func:`mean_sd`."""
 
 
 @dataclass(frozen=True)
@@ -221,6 +224,14 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
 
     :returns: ``None`` if there are too many samples, or nothing to average
     """
+    # Page and summary ask several times.
+    known = _MEAN_SD.setdefault(soil_map, {})
+    if moisture not in known:
+        known[moisture] = _mean_sd(soil_map, moisture)
+    return known[moisture]
+
+
+def _mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     from soilmoist_ros.mapping import PoissonKriging
 
     kriging = _kriging(soil_map)
