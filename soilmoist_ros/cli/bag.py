@@ -1,4 +1,4 @@
-"""``soilmoist bag``: inspect, play and recover recordings."""
+"""``soilmoist bag``: inspect, verify, play and recover recordings."""
 
 from __future__ import annotations
 
@@ -32,6 +32,26 @@ def bag_info_command(bag: Path) -> None:
     info = bag_info(bag_of(bag))
     print_plain(Console(), info_table(info, quarantine_reasons(info)))
     if not info.whole:
+        sys.exit(1)
+
+
+@command.command("verify")
+@click.argument("bags", type=FILE, nargs=-1, required=True)
+@report_errors
+def bag_verify_command(bags: tuple[Path, ...]) -> None:
+    """Verify BAGS: checksums, every message, and what the metadata say. Exit code 1 if something is wrong."""
+    from rich.console import Console
+
+    from soilmoist_ros.recording.bag.tables import print_plain, verified_table
+    from soilmoist_ros.recording.bag.verify import verify_bag
+    from soilmoist_ros.recording.run_folder import bag_of
+
+    wrong = False
+    for bag in bags:
+        found = verify_bag(bag_of(bag))
+        wrong |= bool(found.problems)
+        print_plain(Console(), verified_table(found))
+    if wrong:
         sys.exit(1)
 
 

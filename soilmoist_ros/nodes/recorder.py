@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import os
 import time
 from collections.abc import Mapping
@@ -28,6 +29,7 @@ from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
+from soilmoist_ros.recording.bag.retention import Limits, delete_bags, excess_bags
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 from soilmoist_ros.recording.mcap.definitions import find_definition
 from soilmoist_ros.recording.mcap.metadata import Qos, Request, Topic, request_for
@@ -43,6 +45,7 @@ _DISCOVERY_S: Final = 0.2
 _OTHER_PUBLISHERS_S: Final = 1.0
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
+_LIMITS_S: Final = 60.0
 _OPEN_S: Final = 5.0
 _QUIET_S: Final = 0.1
 """Time without messages after which the bag is closed [s]."""
@@ -65,7 +68,12 @@ class Recorder(Node):
             lambda: next_bag(self._out, text("name"), self._distribution),
             number("flush_period_s"),
             int(number("queue_mb") * 1e6),
+            file_bytes=number("file_mb") * 1e6 or math.inf,
+            file_s=number("file_min") * 60 or math.inf,
+            notes=lambda: {f"messages of {name} lost on the way": str(n) for name, n in self._lost().items()},
         )
+        self._limits = Limits(number("keep_gb") * 1e9 or math.inf, number("keep_days") * 86_400 or math.inf)
+        self._beyond = ""
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
         self._publisher_counts: dict[str, int] = {}
         self._gaps = SequenceGaps()
@@ -84,6 +92,11 @@ class Recorder(Node):
         self.create_timer(_DISCOVERY_S, self._discover, clock=steady)
         self.create_timer(_OTHER_PUBLISHERS_S, lambda: self._discover(known=True), clock=steady)
         self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
+        if self._limits.exist:
+            self._aside.do(self._keep_limits, "the limits of bags")
+            self.create_timer(
+                _LIMITS_S, lambda: self._aside.do(self._keep_limits, "the limits of bags"), clock=steady
+            )
         self._configuration = RunConfiguration()
         self._complaint = ""
         self._collector = ParameterCollector(self, _RECORDED, self._take_parameters)
@@ -99,6 +112,8 @@ class Recorder(Node):
             time.sleep(_QUIET_S / 10)
         state = self._recorder.stop()
         self._listener.destroy_node()
+        if state.gone:
+            self.get_logger().error(state.gone)
         if state.bag is not None:
             self.get_logger().info(f"recorded {state.messages} messages to {state.bag}")
 
@@ -106,8 +121,8 @@ class Recorder(Node):
         """Record the messages that arrived; returns their number."""
         count = 0
         for topic, request, subscription in self._topics.values():
-            # Of the others only the latest matters, or several publishers number their messages.
-            numbered = request.reliable and not request.latched and self._publisher_counts[topic.name] == 1
+            # Of latched topics only the latest matters; several publishers number their messages, each for itself.
+            numbered = not request.latched and self._publisher_counts[topic.name] == 1
             with subscription.handle:
                 while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
                     data, info = taken
@@ -126,16 +141,32 @@ class Recorder(Node):
 
     def _stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         state = self._recorder.stop()
-        response.success = not state.problem
-        response.message = state.problem or f"{state.messages} messages in {state.bag}"
+        response.message = state.problem or state.gone or f"{state.messages} messages in {state.bag}"
+        response.success = not (state.problem or state.gone)
         return response
 
     def _diagnose(self) -> None:
         low_bytes = self._settings.number("low_disk_mb") * 1e6
         state, free = self._recorder.state, free_bytes(self._out)
-        health = recorder_health(state, free, low_bytes, len(self._skipped), self._gaps.lost)
+        soon_s = self._settings.number("full_soon_h") * 3600
+        health = recorder_health(state, free, low_bytes, len(self._skipped), soon_s, self._beyond, self._lost())
         now_s = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
+
+    def _lost(self) -> dict[str, int]:
+        return dict(self._gaps.lost)
+
+    def _keep_limits(self) -> None:
+        """Warn of bags beyond the limits, or delete them."""
+        try:
+            bags = excess_bags(self._out, self._limits, time.time())
+        except OSError:
+            return
+        if bags and self._settings.flag("delete_oldest"):
+            for bag in delete_bags(bags):
+                self.get_logger().warning(f"{bag} is deleted: it was beyond keep_days or keep_gb")
+            bags = [bag for bag in bags if bag.exists()]
+        self._beyond = f"{len(bags)} bags are beyond keep_days or keep_gb, the oldest is {bags[0]}" if bags else ""
 
     def _take_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         self._configuration.take(node, values)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import findings, mcap_files
+from soilmoist_ros.recording.bag.storage import read_metadata
 from soilmoist_ros.recording.bag.writer import is_being_written
-from soilmoist_ros.recording.mcap.metadata import Extent
+from soilmoist_ros.recording.mcap.metadata import Extent, joined
 from soilmoist_ros.recording.mcap.scan import McapScan
 
 _REGULAR_FROM: Final = 10
@@ -68,6 +69,7 @@ class BagInfo:
     :param recording: whether it is being recorded now
     :param problems: its problems, in words
     :param remedy: what to do about the problems; empty without problems
+    :param notes: what the recorder has noted, such as the number of messages that it lost
     """
 
     path: Path
@@ -78,6 +80,7 @@ class BagInfo:
     recording: bool
     problems: tuple[str, ...]
     remedy: str
+    notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def whole(self) -> bool:
@@ -109,7 +112,20 @@ def bag_info(path: Path) -> BagInfo:
     remedy = "soilmoist bag recover" if problems else ""
     if recording:
         remedy = "stop the recorder"
-    return BagInfo(path, "mcap", _size(files), _whole(topics), topics, recording, tuple(problems), remedy)
+    return BagInfo(
+        path, "mcap", _size(files), _whole(topics), topics, recording, tuple(problems), remedy, _notes(path)
+    )
+
+
+def _notes(path: Path) -> dict[str, str]:
+    """What the recorder has noted; empty if there is nothing that can be read."""
+    if not (path / "metadata.yaml").is_file():
+        return {}
+    try:
+        found = read_metadata(path).get("custom_data")
+    except (InputError, ValueError, OSError):
+        return {}
+    return {str(name): str(value) for name, value in found.items()} if isinstance(found, dict) else {}
 
 
 def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
@@ -167,14 +183,7 @@ def _topics(notes: Iterable[tuple[str, str, int, int]]) -> tuple[TopicInfo, ...]
 
 
 def _whole(topics: tuple[TopicInfo, ...]) -> Extent:
-    extents = [topic.extent for topic in topics]
-    if not extents:
-        return Extent()
-    return Extent(
-        sum(extent.messages for extent in extents),
-        min(extent.start_ns for extent in extents),
-        max(extent.end_ns for extent in extents),
-    )
+    return joined([topic.extent for topic in topics])
 
 
 def _size(files: Iterable[Path]) -> int:

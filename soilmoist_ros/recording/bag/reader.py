@@ -20,7 +20,7 @@ from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Message, Stora
 from soilmoist_ros.recording.bag.visit import visit_of
 from soilmoist_ros.recording.mcap.chunks import TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.metadata import Extent, Qos
+from soilmoist_ros.recording.mcap.metadata import Extent, Qos, joined
 from soilmoist_ros.sensing.records import CountRecord
 
 VISIT = "soilmoist_msgs/msg/Visit"
@@ -91,11 +91,7 @@ class BagReader:
     @property
     def extent(self) -> Extent:
         """All messages."""
-        extents = [content.extent for content in self._contents if content.extent.messages]
-        if not extents:
-            return Extent()
-        first, last = min(one.start_ns for one in extents), max(one.end_ns for one in extents)
-        return Extent(sum(one.messages for one in extents), first, last)
+        return joined([content.extent for content in self._contents])
 
     @property
     def offered(self) -> Mapping[str, tuple[Qos, ...]]:

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import errno
 import logging
+import math
 import re
 import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+from soilmoist_ros.recording.bag.writer import BagGoneError, BagWriter, is_being_written
 from soilmoist_ros.recording.mcap.metadata import Topic
 
 _LOG = logging.getLogger(__name__)
 _RETRY_S: Final = 2.0
+_SIZES, _SIZE_S = 60, 10.0
+"""Sizes of the bag from which its growth is computed, and time between two of them [s]."""
 _NO_SPACE: Final = (errno.ENOSPC, errno.EDQUOT)
 _RECOVER: Final = "to restore what it has: soilmoist bag recover"
 
@@ -34,6 +37,8 @@ class RecorderState:
     :param dropped: messages lost because the disk was too slow, full or gone
     :param waiting_bytes: size of messages that wait for the writer [bytes]
     :param size_bytes: size of the bag [bytes]
+    :param rate_bps: bytes written in a second, over the last minutes [B/s]; 0 if unknown
+    :param gone: bags that were deleted or moved while they were recorded, in words
     :param topics: topics with messages in the bag
     :param problem: what prevents writing now; empty without a problem
     """
@@ -44,6 +49,8 @@ class RecorderState:
     dropped: int = 0
     waiting_bytes: int = 0
     size_bytes: int = 0
+    rate_bps: float = 0.0
+    gone: str = ""
     topics: int = 0
     problem: str = ""
 
@@ -60,12 +67,16 @@ class BagRecorder:
     """Accepts messages at any time from any thread, and writes them to one bag after the other.
 
     While the disk is full, read-only or gone, messages wait up to the capacity, and writing is retried. After a
-    full disk the same bag is continued; after another error a new bag is started.
+    full disk the same bag is continued; after another error, and if the bag was deleted or moved, a new bag is
+    started.
 
     :param new_bag: makes the next bag; called in the writer's thread
     :param flush_period_s: time between flushes to the disk [s]; a crash loses at most the messages of this time
     :param capacity_bytes: size of messages that may wait [bytes]
     :param retry_s: time between two attempts after an error [s]
+    :param file_bytes: size of a file after which the bag continues in another one [bytes]
+    :param file_s: time after which the bag continues in another file [s]
+    :param notes: what else to keep in the metadata of a bag; called from the writer's thread
     """
 
     def __init__(
@@ -74,11 +85,19 @@ class BagRecorder:
         flush_period_s: float = 0.5,
         capacity_bytes: int = 64 << 20,
         retry_s: float = _RETRY_S,
+        file_bytes: float = math.inf,
+        file_s: float = math.inf,
+        notes: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         self._new_bag = new_bag
         self._flush_period_s = flush_period_s
         self._capacity_bytes = capacity_bytes
         self._retry_s = retry_s
+        self._file_bytes = file_bytes
+        self._file_s = file_s
+        self._notes = notes
+        self._sizes: deque[tuple[float, int]] = deque(maxlen=_SIZES)
+        self._in_bag = 0
         self._queue: deque[_Message] = deque()
         self._changed = threading.Condition()
         self._state = RecorderState()
@@ -99,6 +118,7 @@ class BagRecorder:
                 return
             self._state = RecorderState(recording=True)
             self._stopping = False
+            self._sizes.clear()
             self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
             self._thread.start()
 
@@ -161,7 +181,9 @@ class BagRecorder:
                 if problem:
                     bag.abandon()
                 else:
-                    bag.close()
+                    dropped = self.state.dropped
+                    noted = {"messages lost by a slow disk": str(dropped)} if dropped else {}
+                    bag.close({**self._notes(), **noted})
             except OSError as error:
                 problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"
         with self._changed:
@@ -177,20 +199,32 @@ class BagRecorder:
         try:
             if bag is None:
                 bag = self._new_bag()
+                self._in_bag = 0
+                self._sizes.clear()
                 self._report(bag=bag.folder, problem="")
                 _LOG.info("recording to %s", bag.folder)
             if self.state.problem:
                 bag.flush()  # first what the disk refused
             self._write_waiting(bag)
             bag.flush()
+            if bag.file_bytes >= self._file_bytes or bag.file_age_s >= self._file_s:
+                bag.split()
         except InputError as error:
             self._report(problem=str(error))
             return None
         except OSError as error:
             return self._after_error(bag, error)
         self._unsafe = 0
-        self._report(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts))
+        rate_bps = self._rate_bps(bag.size_bytes)
+        self._report(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts), rate_bps=rate_bps)
         return bag
+
+    def _rate_bps(self, size: int) -> float:
+        now_s = time.monotonic()
+        if not self._sizes or now_s - self._sizes[-1][0] >= _SIZE_S:
+            self._sizes.append((now_s, size))
+        first_s, first = self._sizes[0]
+        return (size - first) / (now_s - first_s) if now_s - first_s >= _SIZE_S else 0.0
 
     def _write_waiting(self, bag: BagWriter) -> None:
         due = time.monotonic() + self._flush_period_s
@@ -212,6 +246,7 @@ class BagRecorder:
                 return
 
     def _written(self, messages: list[_Message]) -> None:
+        self._in_bag += len(messages)
         with self._changed:
             self._state = replace(
                 self._state,
@@ -224,7 +259,12 @@ class BagRecorder:
             self._report(problem=f"the disk of {bag.folder} is full: make space; nothing is lost so far")
             return bag
         problem = f"cannot write: {error.strerror or error}"
-        if bag is not None:
+        gone, lost = self.state.gone, self._unsafe
+        if isinstance(error, BagGoneError) and bag is not None:
+            problem = f"{bag.folder} was deleted or moved while it was recorded, with {self._in_bag} messages"
+            gone, lost = problem, self._in_bag
+            bag.abandon()
+        elif bag is not None:
             problem = f"{bag.folder} can no longer be written: {error.strerror}; {_RECOVER}"
             bag.abandon()
         with self._changed:
@@ -232,8 +272,9 @@ class BagRecorder:
                 self._state,
                 bag=None,
                 problem=problem,
-                messages=self._state.messages - self._unsafe,
-                dropped=self._state.dropped + self._unsafe,
+                gone=gone,
+                messages=self._state.messages - lost,
+                dropped=self._state.dropped + lost,
             )
         self._unsafe = 0
         _LOG.error("%s", problem)

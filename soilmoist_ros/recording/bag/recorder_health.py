@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -14,6 +15,8 @@ def recorder_health(
     free_bytes: int | None,
     low_disk_bytes: float,
     skipped: int = 0,
+    full_soon_s: float = 0.0,
+    limits: str = "",
     lost: Mapping[str, int] = MappingProxyType({}),
 ) -> Health:
     """Health of the recorder.
@@ -22,14 +25,21 @@ def recorder_health(
     :param free_bytes: space left on its disk [bytes], ``None`` if unknown
     :param low_disk_bytes: free space below which the recorder warns [bytes]
     :param skipped: topics that are not recorded because their type is not installed
+    :param full_soon_s: time to a full disk below which the recorder warns [s]
+    :param limits: what exceeds the limits of the recordings, in words
     :param lost: messages that did not reach the recorder, by topic
     """
-    if state.problem:
-        level, message = Level.ERROR, state.problem
+    full_s = free_bytes / state.rate_bps if free_bytes is not None and state.rate_bps > 0 else math.inf
+    if state.problem or state.gone:
+        level, message = Level.ERROR, state.problem or state.gone
     elif not state.recording:
         level, message = Level.WARN, "not recording"
     elif free_bytes is not None and free_bytes < low_disk_bytes:
         level, message = Level.WARN, f"only {free_bytes / 1e6:.0f} MB left on the disk"
+    elif full_s < full_soon_s:
+        level, message = Level.WARN, f"the disk will be full in {full_s / 60:.0f} min"
+    elif limits:
+        level, message = Level.WARN, limits
     elif state.dropped:
         level, message = Level.WARN, f"{state.dropped} messages lost: the disk is too slow"
     elif lost:
@@ -46,6 +56,8 @@ def recorder_health(
         "topics skipped": str(skipped),
         "size [MB]": f"{state.size_bytes / 1e6:.3f}",
         "waiting [MB]": f"{state.waiting_bytes / 1e6:.3f}",
+        "written [kB/s]": f"{state.rate_bps / 1e3:.3g}",
+        "disk full in [h]": f"{full_s / 3600:.1f}" if math.isfinite(full_s) else "unknown",
         "disk free [MB]": "unknown" if free_bytes is None else f"{free_bytes / 1e6:.0f}",
     }
     return Health("bag", level, message, values)

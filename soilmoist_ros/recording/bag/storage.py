@@ -84,14 +84,28 @@ def inside(folder: Path, path: Path) -> Path:
     return path
 
 
-def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool]:
-    """The files that ``metadata.yaml`` lists, unpacked, and whether each message is compressed."""
-    from soilmoist_ros.foundation.configuration import parse_yaml
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """What ``metadata.yaml`` of a bag says.
+
+    :raises InputError: if it is no YAML, too large, or a link to another folder
+    :raises OSError: if it cannot be read
+    :raises ValueError: if it is not that of a bag
+    """
+    from soilmoist_ros.foundation.configuration import parse_yaml  # slow to import
 
     path = inside(folder, folder / "metadata.yaml")
     with path.open("rb") as file:
         text = file.read(4 << 20).decode()
-    metadata: dict[str, Any] = parse_yaml(text, path)["rosbag2_bagfile_information"]
+    content = parse_yaml(text, path)
+    found = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    if not isinstance(found, dict):
+        raise ValueError("metadata.yaml is not that of a bag")
+    return found
+
+
+def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool]:
+    """The files that ``metadata.yaml`` lists, unpacked, and whether each message is compressed."""
+    metadata = read_metadata(folder)
     files = [inside(folder, folder / PurePath(name).name) for name in metadata["relative_file_paths"]]
     missing = [file.name for file in files if not file.is_file()]
     if missing:

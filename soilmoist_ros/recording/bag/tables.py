@@ -12,6 +12,7 @@ from rich.text import Text
 
 from soilmoist_ros.recording.bag.info import BagInfo, TopicInfo
 from soilmoist_ros.recording.bag.recovery import RecoveredBag
+from soilmoist_ros.recording.bag.verify import Verified
 from soilmoist_ros.recording.mcap.metadata import Extent
 from soilmoist_ros.sensing.problems import reason_text
 
@@ -42,6 +43,7 @@ def info_table(info: BagInfo, quarantined: Mapping[str, Mapping[str, int]] | Non
         Text(f"{name}: quarantined records: {_reasons_text(reasons)}", style="yellow")
         for name, reasons in (quarantined or {}).items()
     ]
+    bad += [Text(f"{name}: {value}", style="yellow") for name, value in info.notes.items()]
     if info.recording:
         verdict = Text("being recorded now", style="yellow")
     elif info.whole:
@@ -59,6 +61,16 @@ def recovery_table(bag: RecoveredBag) -> RenderableType:
         table.add_row(name, str(count))
     problems = Text("\n".join(bag.problems) or f"{bag.source} was whole", style="yellow" if bag.problems else "")
     return Group(problems, Text(f"recovered to {bag.folder}: {_extent_text(bag.extent)}", no_wrap=True), table)
+
+
+def verified_table(bag: Verified) -> RenderableType:
+    """The result of :func:`verify_bag`."""
+    messages = sum(file.extent.messages for file in bag.files)
+    sums = f"{bag.checksums} checksums are right" if bag.checksums else "without checksums"
+    head = Text(f"{bag.bag}  {len(bag.files)} MCAP files, {messages} messages, {sums}", no_wrap=True)
+    if bag.problems:
+        return Group(head, Text("\n".join(bag.problems), style="red"))
+    return Group(head, Text("whole", style="green"))
 
 
 def print_plain(console: Console, content: RenderableType) -> None:

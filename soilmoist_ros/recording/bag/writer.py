@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import hashlib
 import os
+import time
+from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import IO, Any, Final, Self, cast
 
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.mcap.metadata import Extent, Topic, bag_metadata, to_yaml
+from soilmoist_ros.recording.mcap.metadata import BagFile, Extent, Topic, bag_metadata, joined, to_yaml
 from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 
 _WRITE_AT: Final = 1 << 20
@@ -20,8 +24,16 @@ _CHUNK_BYTES: Final = 16 << 10
 """Size at which a chunk is closed [bytes]: one flipped bit costs a chunk."""
 
 
+CHECKSUMS: Final = "SHA256SUMS"
+"""File with the checksums of a bag's files, for ``soilmoist bag verify`` and ``sha256sum --check``."""
+
+
+class BagGoneError(OSError):
+    """The file of a bag is no longer where it was made."""
+
+
 class BagWriter:
-    """A bag: the folder ``NAME`` with ``NAME_0.mcap``, and with ``metadata.yaml`` after it was closed.
+    """A bag: the folder ``NAME`` with ``NAME_0.mcap``; after it was closed with ``metadata.yaml`` and checksums.
 
     A disk error loses nothing: the unwritten data are kept, and the next :meth:`flush` tries again. The lock on
     the open file shows other programs that the recording continues.
@@ -33,23 +45,48 @@ class BagWriter:
 
     def __init__(self, folder: Path, distribution: str = "jazzy") -> None:
         self.folder = folder
-        self.path = folder / f"{folder.name}_0.mcap"
         self._distribution = distribution
-        self._file = _AppendedFile(_make(folder, self.path))
+        self._done: list[BagFile] = []
+        self._sums: dict[str, str] = {}
+        self._counts: dict[Topic, int] = {}
+        self._done_bytes = 0
+        self.path = folder / f"{folder.name}_0.mcap"
+        self._begin(_make(folder, self.path))
+
+    def _begin(self, descriptor: int) -> None:
+        """Begin a file; topics are described in each."""
+        self._file = _AppendedFile(descriptor, self.path)
         self._mcap = Writer(cast(IO[bytes], self._file), chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._mcap.start(profile="ros2")
         self._schemas: dict[str, int] = {}
         self._channels: dict[Topic, int] = {}
-        self._counts: dict[Topic, int] = {}
-        self.extent = Extent()
+        self._in_file: dict[Topic, int] = {}
+        self._extent = Extent()
+        self._began_s = time.monotonic()
+        self._finished = False
         self._unflushed = False
         self._new: list[Schema | Channel] = []
         self._new_at = 0
 
     @property
-    def size_bytes(self) -> int:
-        """Bytes in the file and bytes that wait to be written."""
+    def extent(self) -> Extent:
+        """All messages."""
+        return joined([file.extent for file in self._done] + [self._extent])
+
+    @property
+    def file_age_s(self) -> float:
+        """Time since the current file was begun [s]."""
+        return time.monotonic() - self._began_s
+
+    @property
+    def file_bytes(self) -> int:
+        """Size of the current file, with what waits to be written [bytes]."""
         return self._file.tell()
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes in the files and bytes that wait to be written."""
+        return self._done_bytes + (0 if self._file.closed else self._file.tell())
 
     @property
     def counts(self) -> dict[Topic, int]:
@@ -70,7 +107,8 @@ class BagWriter:
             channel = self._add(topic)
         self._mcap.add_message(channel, log_time=log_ns, publish_time=publish_ns, data=data)
         self._counts[topic] += 1
-        self.extent = self.extent.with_message(log_ns)
+        self._in_file[topic] += 1
+        self._extent = self._extent.with_message(log_ns)
         self._unflushed = True
         self._describe_again()
         if self._file.waiting >= _WRITE_AT:
@@ -80,27 +118,66 @@ class BagWriter:
         """Write everything so far to the disk.
 
         :raises OSError: if the disk refuses it now; nothing is lost, call it again
+        :raises BagGoneError: if the file was deleted or moved
         """
         if self._unflushed:
             self._mcap.flush()  # type: ignore[no-untyped-call]
             self._unflushed = False
             self._describe_again()
         self._file.sync()
+        if self._finished:  # the rest of a split
+            self._write_sums()
+            path = self.folder / f"{self.folder.name}_{len(self._done) + 1}.mcap"
+            descriptor = _create(path)
+            self._file_done()
+            self.path = path
+            self._begin(descriptor)
 
-    def close(self) -> None:
-        """Finish the file and write ``metadata.yaml``.
+    def split(self) -> None:
+        """Finish the file, and continue in the next one.
 
+        :raises OSError: if the disk refuses it now; nothing is lost, call :meth:`flush` before the next message
+        """
+        self._finish({})
+        self.flush()
+
+    def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Finish the file and write ``metadata.yaml`` and the checksums.
+
+        :param notes: what else to keep in the metadata, such as how many messages were lost
         :raises OSError: if the disk refuses it; :func:`recover_bag` restores what is on the disk
         """
-        metadata = bag_metadata(self.path.name, self.extent, self._counts, self._distribution)
         try:
-            self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(metadata).strip()})
-            self._mcap.finish()  # type: ignore[no-untyped-call]
+            self._finish(notes)
             self._file.sync()
-            text = to_yaml({"rosbag2_bagfile_information": metadata})
-            write_whole(self.folder / "metadata.yaml", text.encode())
+            self._file_done()
+            metadata = bag_metadata(self._done, self._counts, self._distribution, notes)
+            text = to_yaml({"rosbag2_bagfile_information": metadata}).encode()
+            self._sums["metadata.yaml"] = hashlib.sha256(text).hexdigest()
+            self._write_sums()
+            write_whole(self.folder / "metadata.yaml", text)
         finally:
             self._file.close()
+
+    def _finish(self, notes: Mapping[str, str]) -> None:
+        """Complete the file in memory."""
+        if self._finished:
+            return
+        metadata = bag_metadata([BagFile(self.path.name, self._extent)], self._in_file, self._distribution, notes)
+        self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(metadata).strip()})
+        self._mcap.finish()  # type: ignore[no-untyped-call]
+        self._unflushed, self._finished = False, True
+
+    def _file_done(self) -> None:
+        self._done.append(BagFile(self.path.name, self._extent))
+        self._done_bytes += self._file.tell()
+        self._extent = Extent()
+        self._file.close()
+
+    def _write_sums(self) -> None:
+        self._sums[self.path.name] = self._file.checksum
+        lines = [f"{checksum}  {name}\n" for name, checksum in self._sums.items()]
+        write_whole(self.folder / CHECKSUMS, "".join(lines).encode())
 
     def abandon(self) -> None:
         """Close the file without finishing it."""
@@ -133,7 +210,8 @@ class BagWriter:
         self._new.append(Channel(channel, topic.name, "cdr", metadata, schema))
         self._new_at = self._file.tell()
         self._channels[topic] = channel
-        self._counts[topic] = 0
+        self._counts.setdefault(topic, 0)
+        self._in_file[topic] = 0
         return channel
 
     def _describe_again(self) -> None:
@@ -163,11 +241,22 @@ class _AppendedFile:
     With a buffered file of Python it is unknown how much of a failed write is in the file.
     """
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, path: Path) -> None:
         self._descriptor = descriptor
+        self._path = path
+        self._hash = hashlib.sha256()
         self._waiting = bytearray()
         self._written = 0
         self._synced = 0
+
+    @property
+    def checksum(self) -> str:
+        """SHA-256 of what was written."""
+        return self._hash.hexdigest()
+
+    @property
+    def closed(self) -> bool:
+        return self._descriptor < 0
 
     @property
     def waiting(self) -> int:
@@ -186,14 +275,26 @@ class _AppendedFile:
     def write_out(self) -> None:
         while self._waiting:
             count = os.write(self._descriptor, self._waiting)
+            self._hash.update(memoryview(self._waiting)[:count])
             del self._waiting[:count]
             self._written += count
 
     def sync(self) -> None:
         self.write_out()
+        self._check()
         if self._synced < self._written:
             os.fdatasync(self._descriptor)
             self._synced = self._written
+
+    def _check(self) -> None:
+        """Writing to a file that was deleted or moved succeeds: nobody would notice."""
+        mine = os.fstat(self._descriptor)
+        try:
+            there = os.stat(self._path)
+        except FileNotFoundError:
+            there = None
+        if there is None or (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino):
+            raise BagGoneError(errno.ENOENT, "it was deleted or moved")
 
     def close(self) -> None:
         if self._descriptor >= 0:
@@ -206,15 +307,21 @@ def _make(folder: Path, path: Path) -> int:
     try:
         folder.mkdir(parents=True)
         try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+            descriptor = _create(path)
         except OSError:
             folder.rmdir()
             raise
     except OSError as error:
         raise _refusal(folder, path, error) from None
-    fcntl.flock(descriptor, fcntl.LOCK_EX)
-    sync_folder(folder)
     sync_folder(folder.parent)
+    return descriptor
+
+
+def _create(path: Path) -> int:
+    """Make a file, and return the descriptor of it, locked."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    sync_folder(path.parent)
     return descriptor
 
 

@@ -99,22 +99,42 @@ class Extent:
         return self.end_ns - self.start_ns
 
 
-def bag_metadata(file_name: str, extent: Extent, topics: Mapping[Topic, int], distribution: str) -> dict[str, Any]:
-    """Content of ``metadata.yaml`` of a bag of one MCAP file.
+@dataclass(frozen=True)
+class BagFile:
+    """A file of a bag.
 
-    :param file_name: name of the file
-    :param extent: all of its messages
+    :param name: name of the file
+    :param extent: its messages
+    """
+
+    name: str
+    extent: Extent
+
+
+def joined(extents: Sequence[Extent]) -> Extent:
+    """The extent of all messages."""
+    some = [extent for extent in extents if extent.messages]
+    if not some:
+        return Extent()
+    first, last = min(one.start_ns for one in some), max(one.end_ns for one in some)
+    return Extent(sum(one.messages for one in some), first, last)
+
+
+def bag_metadata(
+    files: Sequence[BagFile], topics: Mapping[Topic, int], distribution: str, notes: Mapping[str, str]
+) -> dict[str, Any]:
+    """Content of ``metadata.yaml`` of a bag of MCAP files.
+
+    :param files: its files in the order of recording
     :param topics: topics, and number of messages of each
     :param distribution: name of the ROS distribution of the recorder
+    :param notes: custom data
     """
-    span = {
-        "duration": {"nanoseconds": extent.duration_ns},
-        "starting_time": {"nanoseconds_since_epoch": extent.start_ns},
-    }
+    extent = joined([file.extent for file in files])
     return {
         "version": _VERSION,
         "storage_identifier": "mcap",
-        **_copied(span),
+        **_span(extent),
         "message_count": extent.messages,
         "topics_with_message_count": [
             {
@@ -131,9 +151,11 @@ def bag_metadata(file_name: str, extent: Extent, topics: Mapping[Topic, int], di
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [{"path": file_name, **_copied(span), "message_count": extent.messages}],
-        "custom_data": None,
+        "relative_file_paths": [file.name for file in files],
+        "files": [
+            {"path": file.name, **_span(file.extent), "message_count": file.extent.messages} for file in files
+        ],
+        "custom_data": dict(notes) or None,
         "ros_distro": distribution,
     }
 
@@ -232,6 +254,9 @@ def _nanoseconds(duration: Mapping[str, int]) -> int:
     return min(INFINITE_NS, duration["sec"] * _GIGA + duration["nsec"])
 
 
-def _copied(span: dict[str, dict[str, int]]) -> dict[str, dict[str, int]]:
-    """A separate copy: YAML would write an anchor for a second occurrence."""
-    return {key: dict(value) for key, value in span.items()}
+def _span(extent: Extent) -> dict[str, dict[str, int]]:
+    """Time span, made anew: YAML would write an anchor for a second occurrence."""
+    return {
+        "duration": {"nanoseconds": extent.duration_ns},
+        "starting_time": {"nanoseconds_since_epoch": extent.start_ns},
+    }

@@ -1,18 +1,27 @@
 import errno
 import os
 import random
+import shutil
+import subprocess
 import threading
 import time
 
 import pytest
-from bags import NOTES, START_NS, text_message
+from bags import NOTES, PRESSURE, START_NS, number_message, text_message
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recorder import BagRecorder, RecorderState, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
+from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+from soilmoist_ros.recording.bag.verify import verify_bag
+from soilmoist_ros.recording.mcap.metadata import Extent
 from soilmoist_ros.recording.mcap.scan import McapScan
 
 DATA = text_message("x" * 90)
@@ -286,3 +295,116 @@ def test_topics_are_chosen(name, wanted):
 def test_a_bad_pattern_is_reported():
     with pytest.raises(InputError, match=r"include: '\*' is not a regular expression"):
         TopicChoice(include="*")
+
+
+def removed(bag):
+    shutil.rmtree(bag)
+
+
+def moved(bag):
+    bag.rename(bag.with_name("elsewhere"))
+
+
+def replaced(bag):
+    path = bag / f"{bag.name}_0.mcap"
+    path.unlink()
+    path.write_bytes(b"another file")
+
+
+@pytest.mark.parametrize("lose", [removed, moved, replaced])
+def test_a_bag_that_is_gone_is_an_error_and_a_new_one_begins(make, tmp_path, lose):
+    recorder = make()
+    recorder.start()
+    for number in range(5):
+        recorder.put(NOTES, START_NS + number, START_NS, DATA)
+    wait_for(lambda: recorder.state.messages == 5)
+    lose(tmp_path / "run")
+    wait_for(lambda: recorder.state.gone and recorder.state.bag is not None and not recorder.state.problem)
+    recorder.put(NOTES, START_NS + 9, START_NS, DATA)
+    wait_for(lambda: recorder.state.messages == 1)
+    state = recorder.stop()
+    assert (state.messages, state.dropped) == (1, 5)
+    assert state.gone == f"{tmp_path / 'run'} was deleted or moved while it was recorded, with 5 messages"
+    assert stamps(state.bag) == [START_NS + 9]
+    health = recorder_health(state, 10**12, 1e6)
+    assert (health.level, health.message) == (Level.ERROR, state.gone)
+
+
+def test_a_bag_that_is_gone_at_the_end_is_not_reported_as_recorded(make, tmp_path):
+    recorder = make(flush_period_s=30.0)
+    recorder.start()
+    wait_for(lambda: recorder.state.size_bytes > 0)
+    recorder.put(NOTES, START_NS, START_NS, DATA)
+    shutil.rmtree(tmp_path / "run")
+    state = recorder.stop()
+    assert (state.bag, state.messages, state.dropped) == (None, 0, 1)
+    assert "deleted or moved" in state.gone
+
+
+@pytest.mark.parametrize("limits", [{"file_bytes": 2000.0}, {"file_s": 0.05}])
+def test_a_bag_in_several_files_is_one_bag_for_every_reader(make, tmp_path, limits):
+    recorder = make(**limits, notes=lambda: {"messages of /fix lost on the way": "7"})
+    recorder.start()
+    sent = 0
+    while len(list((tmp_path).glob("run/*.mcap"))) < 4:
+        recorder.put(
+            [NOTES, PRESSURE][sent % 2], START_NS + sent, START_NS, [DATA, number_message(sent)][sent % 2]
+        )
+        sent += 1
+        time.sleep(0.002)
+    recorder.stop()
+    bag = tmp_path / "run"
+    files = sorted(bag.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2]))
+    metadata = YAML(typ="safe").load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert metadata["relative_file_paths"] == [path.name for path in files]
+    assert metadata["message_count"] == sum(one["message_count"] for one in metadata["files"]) == sent
+    assert stamps(bag) == list(range(START_NS, START_NS + sent))  # rosbags
+    with BagReader(bag) as reader:
+        assert reader.extent == Extent(sent, START_NS, START_NS + sent - 1)
+        assert [message.log_ns for message in reader.messages()] == stamps(bag)
+    for path, said in zip(files, metadata["files"], strict=True):
+        with path.open("rb") as stream:  # each alone, by the library of the format
+            own = make_reader(stream)
+            found = [message.log_time for _, _, message in own.iter_messages()]
+            assert own.get_summary().statistics.message_count == len(found) == said["message_count"]
+        if found:
+            assert said["starting_time"]["nanoseconds_since_epoch"] == found[0]
+    assert bag_info(bag).whole
+    assert bag_info(bag).notes == {"messages of /fix lost on the way": "7"}
+    assert verify_bag(bag).problems == ()
+    assert subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=bag).returncode == 0
+    assert recover_bag(bag, tmp_path / "again").extent.messages == sent
+
+
+def test_a_split_that_the_disk_refuses_loses_nothing(make, tmp_path, monkeypatch):
+    full = threading.Event()
+    real = os.write
+
+    def write(descriptor, data):
+        if full.is_set():
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(descriptor, data)
+
+    monkeypatch.setattr(os, "write", write)
+    recorder = make(file_bytes=2000.0)
+    recorder.start()
+    for number in range(300):
+        recorder.put(NOTES, START_NS + number, START_NS, text_message(str(number) * 40))
+        if number % 100 == 50:
+            full.set()
+        if number % 100 == 70:
+            wait_for(lambda: recorder.state.problem)
+            full.clear()
+        time.sleep(0.001)
+    state = recorder.stop()
+    assert (state.messages, state.dropped, state.problem, state.gone) == (300, 0, "", "")
+    assert sorted(stamps(tmp_path / "run")) == list(range(START_NS, START_NS + 300))
+    assert verify_bag(tmp_path / "run").problems == ()
+
+
+def test_the_time_to_a_full_disk_is_a_warning():
+    state = RecorderState(recording=True, rate_bps=1e6)
+    health = recorder_health(state, 1_800_000_000, 5e8, full_soon_s=3600)
+    assert (health.level, health.message) == (Level.WARN, "the disk will be full in 30 min")
+    assert health.values["disk full in [h]"] == "0.5"
+    assert recorder_health(state, 10**10, 5e8, full_soon_s=3600).level is Level.OK

@@ -1,0 +1,52 @@
+"""Bags beyond the limits of a recorder: retention.py."""
+
+import math
+import os
+
+import pytest
+from bags import NOTES, START_NS, text_message
+
+from soilmoist_ros.recording.bag.retention import Limits, delete_bags, excess_bags
+from soilmoist_ros.recording.bag.writer import BagWriter
+
+NOW_S = 1_780_000_000.0
+
+
+@pytest.fixture
+def bags(tmp_path):
+    """Bags that ended 1 to 4 days ago; one that was never closed, and one that is being recorded, are older."""
+    made = []
+    for days in (4, 3, 2, 1):
+        with BagWriter(tmp_path / f"days_{days}") as writer:
+            writer.write(NOTES, START_NS, START_NS, text_message("note"))
+        os.utime(writer.folder / "metadata.yaml", times=(0, NOW_S - days * 86_400))
+        made.append(writer.folder)
+    killed = BagWriter(tmp_path / "killed")
+    killed.abandon()
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "link").symlink_to(made[0])
+    recorded = BagWriter(tmp_path / "recorded")
+    yield made
+    recorded.abandon()
+
+
+def size(folder):
+    return sum(file.stat().st_size for file in folder.glob("*.mcap"))
+
+
+def test_old_bags_are_found(bags, tmp_path):
+    assert excess_bags(tmp_path, Limits(age_s=2.5 * 86_400), NOW_S) == bags[:2]
+    assert excess_bags(tmp_path, Limits(), NOW_S) == []
+    assert not Limits().exist
+    assert Limits(age_s=1.0).exist
+
+
+def test_the_oldest_bags_go_until_the_others_have_space(bags, tmp_path):
+    total = sum(size(folder) for folder in tmp_path.iterdir() if not folder.is_symlink())
+    assert excess_bags(tmp_path, Limits(size_bytes=total), NOW_S) == []
+    assert excess_bags(tmp_path, Limits(size_bytes=total - 1), NOW_S) == bags[:1]
+    assert excess_bags(tmp_path, Limits(size_bytes=total - 1 - size(bags[0])), NOW_S) == bags[:2]
+    found = excess_bags(tmp_path, Limits(size_bytes=0, age_s=math.inf), NOW_S)
+    assert found == bags
+    assert delete_bags(found) == bags
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "link", "notes", "recorded"]
