@@ -44,6 +44,10 @@ class Disk:
         """See ``Store``."""
         self._driver.write([record])
 
+    def close(self) -> None:
+        """Release the driver's log."""
+        self._driver.close()
+
     def open_map(self, field_map: FieldMap) -> Sources:
         """See ``Store``."""
         return Sources(field_map, self._session, self._folder / "journal")

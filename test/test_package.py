@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -238,3 +239,17 @@ def test_the_python_of_a_page_runs(page, capsys, tmp_path, monkeypatch):
         assert names["rate"].shape == names["variance"].shape == (3,)
     if "mission" in names:
         assert capsys.readouterr().out.startswith(f"{names['mission'].series[-1].vwc_rmse} [")
+
+
+def test_every_dependency_is_listed_with_its_licence():
+    check = subprocess.run([sys.executable, ROOT / "scripts/licences", "--check"], capture_output=True, text=True)
+    assert check.returncode == 0, check.stdout
+    assert "unknown" not in PAGES["docs/dependencies.md"]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
+def test_systemd_understands_the_unit(tmp_path):
+    unit = ROOT / "config/systemd/soilmoist.service"
+    found = subprocess.run(["systemd-analyze", "verify", unit], capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    assert "soilmoist.service" not in found.stderr

@@ -9,7 +9,8 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from copy import deepcopy
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -91,6 +92,7 @@ def started(tools):
         running.append(process)
         return process
 
+    start.environment = environment
     yield start
     for process in running:
         with suppress(ProcessLookupError):
@@ -223,3 +225,45 @@ def test_a_late_worker_of_another_version_is_closed():
 
 def test_a_worker_of_another_version_computes_nothing(slow):
     assert not isinstance(cluster._compute(None, slow.simulate, "9.9"), Finished)
+
+
+@contextmanager
+def dask_config(path):
+    """Dask as if the environment variable ``DASK_CONFIG`` named a file."""
+    import dask.config
+
+    before = deepcopy(dask.config.config)
+    try:
+        dask.config.refresh(paths=[str(path)], env={})
+        yield
+    finally:
+        dask.config.config.clear()
+        dask.config.config.update(before)
+
+
+def test_a_cluster_with_keys_computes_encrypted_and_refuses_others(tmp_path, slow, started):
+    script = Path(__file__).resolve().parents[3] / "scripts" / "cluster_keys"
+    told = subprocess.run([script, tmp_path / "keys"], check=True, capture_output=True, text=True).stdout
+    config = Path(told.strip().removeprefix("export DASK_CONFIG="))
+    assert {path.stat().st_mode & 0o077 for path in config.parent.iterdir()} == {0}
+    assert subprocess.run([script, config.parent], capture_output=True).returncode == 2, "keys are never replaced"
+    started.environment["DASK_CONFIG"] = str(config)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tls://127.0.0.1:{port}"
+    scheduler = "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host"
+    started(*scheduler, address.rpartition(":")[0], "--port", port)
+    started("-m", "distributed.cli.dask_worker", address, "--nthreads", 1, "--no-dashboard")
+    with pytest.raises(InputError, match="keys"):
+        cluster.connect(address, 1.0)
+    with dask_config(config):
+        wait_until(lambda: answers(address))
+        run_campaign(load_campaign(written(tmp_path, 3)), tmp_path / "out", slow.simulate, scheduler=address)
+        assert len(stored(tmp_path / "out")) == 3
+        strange = tmp_path / "strange"
+        subprocess.run([script, strange], check=True, capture_output=True)
+    with dask_config(strange / "dask.yaml"), pytest.raises(InputError):
+        cluster.connect(address, 2.0)
+    with pytest.raises(InputError):
+        cluster.connect(address.replace("tls", "tcp"), 2.0)
