@@ -82,21 +82,22 @@ BUILT_IN = {
         colour="#009e73",
     ),
     "random": StrategyKind(
-        Random, "Random", "Goes to any place; for comparisons.", needs_map=False, warm_up_stops=0,
-        is_baseline=True, colour="#5d6b78", dashes=(0, (1.2, 1.6)), width=1.7,
+        Random, "Random", "Goes to any place; for comparisons.", needs_map=False, whole_map=False,
+        warm_up_stops=0, is_baseline=True, colour="#5d6b78", dashes=(0, (1.2, 1.6)), width=1.7,
     ),
     "lattice": StrategyKind(
         _with_solver(lambda preset: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
-        needs_map=False, warm_up_stops=0, is_baseline=True, colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
+        needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, colour="#8c4a8c",
+        dashes=(0, (5, 2)), width=1.5,
     ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(
         _variance_reduction, "Integrated variance", "Goes where a count improves the whole map most per second.",
-        warm_up_stops=1, warm_up=_variance_reduction, colour="#22303c",
+        whole_map=False, warm_up_stops=1, warm_up=_variance_reduction, colour="#22303c",
     ),
     "gcb": StrategyKind(
         _cost_benefit_tour, "Cost-benefit tour", "Plans a tour for all the time left, and again after each stop.",
-        warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000",
+        whole_map=False, warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000",
     ),
 }  # fmt: skip
 

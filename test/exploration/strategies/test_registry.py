@@ -70,6 +70,8 @@ def test_the_presets_are_the_published_constants():
     assert PRESETS["paper"] == Preset("paper", 3, 0.0, 0.0, 0.0, None)
     assert PRESETS["authors"] == Preset("authors", 3, 4.0, 0.9, 0.5, 5.0)
     assert [name for name in STRATEGIES.names() if not STRATEGIES.get(name).needs_map] == ["random", "lattice"]
+    some_cells = {name for name in STRATEGIES.names() if not STRATEGIES.get(name).whole_map}
+    assert some_cells == {"random", "lattice", "ivr", "gcb"}
 
 
 def test_unknown_names_are_answered_with_the_known_ones():
