@@ -24,6 +24,7 @@ from sensor_msgs.msg import PointCloud2
 from soilmoist_msgs.msg import Mission
 from soilmoist_msgs.srv import Command
 from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 from test_planner import Planning
 from virtual_navigation import FIELD, START_S, STOPS, VirtualNavigation, World
 
@@ -192,21 +193,32 @@ def test_another_field_is_chosen_between_missions_and_the_mapper_follows(ros, tm
         shown = soil_map_from_message(maps[-1]) if maps else np.zeros(0, CELL)
         return shown["x"][np.isfinite(shown["rate"])].max(initial=0.0)
 
+    def parameters(node):
+        request = GetParameters.Request(names=["field", "earlier"])
+        answer = ros.call(GetParameters, f"{node}/get_parameters", request)
+        return [parameter_value_to_python(value) for value in answer.values]
+
     with World(ros, rate=5.0) as world, VirtualNavigation(ros, world) as navigation:
         planning = Commanded(ros, tmp_path)
-        mapper = ros.start("mapper", params={"field": str(tmp_path / "field.yaml"), "use_sim_time": True})
+        saved = str(tmp_path / "saved")
+        params = {"field": str(tmp_path / "field.yaml"), "use_sim_time": True, "save_dir": saved}
+        mapper = ros.start("mapper", params=params)
         planning.wait(lambda status: status.reason == "waiting for start")
         ros.wait_for(lambda: counts.get_subscription_count() > 0)
         counts.publish(counts_to_message(records))
         ros.wait_for(lambda: cells() > 30, message="the map of the whole field")
         planning.refused("bad_setting", "change", field=str(tmp_path / "gone.yaml"))
         planning.refused("bad_setting", "change", earlier=(str(tmp_path),))
-        planning.accepted("change", field=str(tmp_path / "west.yaml"), earlier=())
+        assert ros.call(Trigger, "mapper/save").success
+        planning.accepted("change", field=str(tmp_path / "west.yaml"), earlier=(saved,))
         ros.wait_for(lambda: 0 < cells() < 20, message="the map of its west")
         for node in ("planner", "mapper"):
-            request = GetParameters.Request(names=["field"])
-            answer = ros.call(GetParameters, f"{node}/get_parameters", request)
-            assert parameter_value_to_python(answer.values[0]) == str(tmp_path / "west.yaml"), node
+            ros.wait_for(
+                lambda node=node: parameters(node) == [str(tmp_path / "west.yaml"), [saved]], message=node
+            )
+        planning.accepted("change", earlier=())
+        for node in ("planner", "mapper"):
+            ros.wait_for(lambda node=node: not parameters(node)[1], message=node)
         planning.accepted("start")
         planning.refused("refused", "change", field=str(tmp_path / "field.yaml"))
         ros.wait_for(lambda: len(navigation.goals) > 0, message="a goal")
@@ -220,7 +232,7 @@ def test_another_field_is_chosen_between_missions_and_the_mapper_follows(ros, tm
         ros.wait_for(lambda: cells() > 30, message="the map of the whole field again")
         assert {stop.name: stop.x_m for stop in STOPS}[navigation.goals[0]] <= 20
     assert (again.process.stop(), mapper.stop()) == (0, 0)
-    assert [who for verb, who in again.journalled() if verb == "change"] == ["Ada", "Ada", "ros2 param"]
+    assert [who for verb, who in again.journalled() if verb == "change"] == ["Ada", "Ada", "Ada", "ros2 param"]
 
 
 def test_an_emergency_stop_is_heard_from_any_publisher_and_lasts(ros, tmp_path):

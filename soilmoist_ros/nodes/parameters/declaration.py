@@ -81,12 +81,8 @@ class Parameters:
 
     def show(self, values: Mapping[str, Value]) -> None:
         """Show the present values of live parameters; :meth:`watch` passes those that differ to its function."""
-        shown = {name: self._node.get_parameter(name) for name in values}
-        new = [
-            RosParameter(name, shown[name].type_, value)  # an empty list has no type
-            for name, value in values.items()
-            if value != shown[name].value
-        ]
+        shown = {name: self._node.get_parameter(name).value for name in values}
+        new = [RosParameter(name, value=value) for name, value in values.items() if value != shown[name]]
         self._node.set_parameters(new)
 
     def text(self, name: str) -> str:

@@ -93,7 +93,10 @@ class Parameter:
         """Descriptor for tools such as ``ros2 param describe``."""
         unit = f" [{self.unit}]" if self.unit else ""
         descriptor = ParameterDescriptor(
-            name=self.name, description=f"{self.description}{unit}", read_only=not self.live
+            name=self.name,
+            description=f"{self.description}{unit}",
+            read_only=not self.live,
+            dynamic_typing=self.live and isinstance(self.default, list),  # to ROS an empty list is one of bytes
         )
         if self.choices:
             descriptor.additional_constraints = f"one of: {', '.join(self.choices)}"
