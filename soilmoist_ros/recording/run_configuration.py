@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.run_folder import BAG, CONFIGURATION, write_parameters
+from soilmoist_ros.recording.run_folder import BAG, CONFIGURATION, read_parameters, write_parameters
 from soilmoist_ros.recording.whole_file import write_whole
 
 _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_format": "loggers"}
@@ -24,6 +24,7 @@ class RunConfiguration:
     """Writes the configuration of each recording.
 
     Existing files stay, unless an operator chooses another field: the program that started the nodes wrote them.
+    What they lack is added: the parameters that the nodes had by default.
     """
 
     def __init__(self) -> None:
@@ -56,7 +57,11 @@ class RunConfiguration:
             if known == values:
                 continue
             if known is None and (run / CONFIGURATION / f"{node}.yaml").exists():
-                first = self._others.setdefault(node, values)
+                first = self._others.get(node)
+                if first is None:
+                    done += [node] if _complete(run, node, values) else []
+                    self._others[node] = values
+                    continue
                 if all(first.get(name) == values.get(name) for name in _CHOSEN):
                     continue
             kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
@@ -64,6 +69,22 @@ class RunConfiguration:
             self._written[node] = values
             done.append(node)
         return done
+
+
+def _complete(run: Path, node: str, values: Mapping[str, object]) -> bool:
+    """Add what a file of parameters lacks, and the node had by default; returns whether something was added.
+
+    Without it, a later version with other defaults would read the file otherwise.
+    """
+    try:
+        had = read_parameters(run / CONFIGURATION, node)
+    except InputError:  # not a file of parameters
+        return False
+    missing = {name: value for name, value in values.items() if name not in had}
+    if missing:
+        kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in missing.items()}
+        write_parameters(run, node, {**had, **kept})
+    return bool(missing)
 
 
 def _run_of(bag: Path) -> Path:

@@ -4,7 +4,13 @@ from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.recording.run_configuration import RunConfiguration
-from soilmoist_ros.recording.run_folder import configuration_of, copy_configuration, read_parameters
+from soilmoist_ros.recording.run_folder import (
+    configuration_of,
+    copy_configuration,
+    read_parameters,
+    write_parameters,
+)
+from soilmoist_ros.replay.replay_settings import ReplaySettings, robot_survey
 from soilmoist_ros.sensing.moisture.site import load_site
 
 SQUARE = "name: {name}\ndatum: {{latitude_deg: 53.2, longitude_deg: -0.5}}\npolygon: [[0, 0], [9, 0], [9, 9]]\n"
@@ -125,3 +131,22 @@ def test_the_field_that_an_operator_chooses_is_kept_with_what_others_wrote(files
         assert configuration.write(bag) == written
     folder = configuration_of(bag)
     assert load_field(folder / read_parameters(folder, "mapper")["field"]).name == "other"
+
+
+def test_defaults_that_the_nodes_had_are_added_to_what_others_wrote(files, tmp_path):
+    """A replay would take a file without the choice of a drift for one of an earlier version, which had none."""
+    bag = tmp_path / "run" / "bag"
+    bag.mkdir(parents=True)
+    write_parameters(bag.parent, "mapper", {"field": str(files / "other.yaml"), "model": "matern52"})
+    configuration = RunConfiguration()
+    had = {"field": "elsewhere", "model": "matern52", "local": "auto", "drift_model": "auto", "site": "example"}
+    configuration.take("mapper", had)
+    assert configuration.write(bag) == ["mapper"]
+    assert configuration.write(bag) == []
+    folder = configuration_of(bag)
+    found = read_parameters(folder, "mapper")
+    assert found["field"] == str(files / "other.yaml")
+    assert (found["model"], found["local"], found["drift_model"]) == ("matern52", "auto", "auto")
+    assert (folder / found["site"]).is_file()
+    survey, _ = robot_survey(bag, folder, ReplaySettings())
+    assert (survey.map.settings.drift_model, survey.map.settings.local) == ("auto", "auto")

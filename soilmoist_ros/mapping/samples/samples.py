@@ -240,10 +240,13 @@ def merge_records(
 
 
 class _Buckets:
-    """Places in square cells as wide as a radius: all within the radius of one are in its cell or the next."""
+    """Places in square cells as wide as a radius: all within the radius of one are in its cell or the next.
+
+    Cells are wider than a tiny radius, so that their numbers are finite and have a next one.
+    """
 
     def __init__(self, xy: Array, radius_m: float) -> None:
-        self._cell = np.floor(xy / (radius_m * (1 + 1e-9)))
+        self._cell = np.floor(xy / max(radius_m * (1 + 1e-9), np.abs(xy).max() * 2.0**-50))
         order = np.lexsort(self._cell.T)
         ends = np.flatnonzero((np.diff(self._cell[order], axis=0) != 0).any(axis=1)) + 1
         self._members = {tuple(self._cell[cell[0]].tolist()): cell for cell in np.split(order, ends)}

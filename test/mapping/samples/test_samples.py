@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -137,6 +137,14 @@ def test_merge_records_without_radius_merges_same_places_only():
     np.testing.assert_array_equal(merged.counts, [3, 3])
 
 
+@pytest.mark.parametrize("radius_m", [5e-324, 1e-310, 1e-20, 1e-12])
+def test_a_radius_as_small_as_a_number_can_be_merges_what_is_at_one_place(radius_m):
+    merged = merge_records(
+        [[1e5, 4], [1e5, 4], [1e5, 4.0000001], [-3, 0], [5e-324, 0]], [1] * 5, [10] * 5, radius_m
+    )
+    np.testing.assert_array_equal(merged.counts, [2, 1, 1, 1])
+
+
 @pytest.mark.parametrize("radius_m", [-1.0, np.nan, np.inf])
 def test_merge_records_refuses_a_bad_radius(radius_m):
     with pytest.raises(ValueError, match="radius_m must be >= 0 and finite"):
@@ -176,6 +184,7 @@ def test_impossible_spreads_are_refused(spread):
 @given(
     st.lists(st.tuples(RECORD, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=20), st.floats(0, 30)
 )
+@example([((0.0, 0.0, 1, 10.0), 0.0, 0.0), ((1.0, 0.0, 1, 10.0), 0.0, 0.0)], 5e-324)
 def test_merging_conserves_the_second_moments(many, radius_m):
     """But for spreads that the noise of positions may have made."""
     spread = path_spread([(x, y) for _, x, y in many])
