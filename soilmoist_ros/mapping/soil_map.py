@@ -16,6 +16,7 @@ from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.knowledge.pooling import pooled
+from soilmoist_ros.mapping.kriging.few_targets import KnownCovariances
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
@@ -55,7 +56,7 @@ class SoilMap:
         :meth:`RasterKriging.update` did
     :param change: how the mean rate changed during the survey; the map is of its end
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
-    :param covariance: structured covariance of the samples, lower triangle, where it is known already
+    :param known: covariances of the samples, and with the cells inside, where they are known already
     """
 
     grid: FieldGrid
@@ -70,7 +71,7 @@ class SoilMap:
     made_by: PoissonKriging | TiledKriging | None
     clipped_variances: int
     change: Change = NO_CHANGE
-    covariance: Array | None = None
+    known: KnownCovariances | None = None
 
     def __repr__(self) -> str:
         rows, columns = self.grid.shape
@@ -134,7 +135,7 @@ class SoilMap:
         samples = self.samples
         prior = None if self.fit is None else self.fit.prior
         kriging = PoissonKriging(self.variogram, self.keep_nugget, self._noise_rate, prior)
-        known = self.covariance if prior is None else None
+        known = None if self.known is None else self.known.of_samples
         return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread, covariance=known)
 
     @property
@@ -261,7 +262,7 @@ def make_soil_map(
         made_by=kriging,
         clipped_variances=clipped,
         change=NO_CHANGE if changing is None else changing.change,
-        covariance=None if rasters is None or raster is None else raster.covariance,
+        known=None if rasters is None or raster is None else raster.known,
     )
 
 

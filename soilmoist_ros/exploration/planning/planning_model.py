@@ -107,7 +107,10 @@ class PlanningModel:
 
     @cached_property
     def _posterior(self) -> tuple[Array, Array]:
-        return self._kriging.rate_and_covariance(self._nodes)
+        known, of = None, self._map
+        if isinstance(of, SoilMap) and of.known is not None and np.array_equal(of.grid.cells, self.cells_xy):
+            known = of.known.with_targets
+        return self._kriging.rate_and_covariance(self._nodes, known)
 
     @cached_property
     def covariance(self) -> Array:

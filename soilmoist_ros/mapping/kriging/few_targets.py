@@ -7,6 +7,8 @@ what was kept: it equals a fresh computation bit for bit.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,18 @@ _MIN_ROOM = 64
 """Samples for which memory is allocated at the start."""
 
 
+@dataclass(frozen=True, eq=False)
+class KnownCovariances:
+    """Structured covariances, in units of the amplitude at the places [(counts/s)^2].
+
+    :param of_samples: lower triangle of those between the samples, shape (n, n)
+    :param with_targets: those of the samples with the targets, shape (n, g)
+    """
+
+    of_samples: Array
+    with_targets: Array
+
+
 class FewTargets:
     """Kriges few targets repeatedly; covariances are kept from one set of samples to the next.
 
@@ -32,9 +46,8 @@ class FewTargets:
 
     Attributes
     ----------
-    covariance : NDArray
-        structured covariance of the samples of the last update, lower triangle, shape (n, n), in units of the
-        amplitude at the samples [(counts/s)^2]
+    known : KnownCovariances | None
+        covariances of the samples of the last update
     """
 
     def __init__(self, xy: Array, nugget: bool) -> None:
@@ -47,7 +60,7 @@ class FewTargets:
         self._kept = np.empty((0, 5))  # places and spreads of the samples whose covariances are
         self._between = np.empty((_MIN_ROOM, _MIN_ROOM))
         self._with_targets = np.empty((_MIN_ROOM, len(xy)))
-        self.covariance = np.empty((0, 0))
+        self.known: KnownCovariances | None = None
 
     def update(self, places: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         """Krige the targets; parameters and result as of :meth:`KrigingRows.update`."""
@@ -62,15 +75,17 @@ class FewTargets:
         amplitude, of_mean = variogram.amplitude_at(places.xy), np.ones(1)
         if amplitude is not None and self._amplitude is not None:
             noise, data, of_mean = noise / amplitude**2, data / amplitude, 1 / self._amplitude
-        self.covariance = self._between[:n, :n].copy()
-        matrix = self.covariance.copy()
+        self.known = KnownCovariances(self._between[:n, :n].copy(), self._with_targets[:n].copy())
+        matrix = self._between[:n, :n].copy()
         matrix[np.diag_indices(n)] += variogram.nugget + noise
         total = matrix.diagonal().copy()
         factor, info = dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)  # the transpose of L
         if info or (factor.diagonal() ** 2 < MIN_PIVOT * total).any():
             return None
-        right = np.concatenate([data, self._with_targets[:n].T]).T  # all solved for together
-        solved = dtrsm(1.0, factor, right.T, side=1, lower=0)
+        with_targets = self._with_targets[:n].copy()
+        for row, sample in zip(with_targets, self._kept, strict=True):
+            self._needles.add(variogram.nugget, row, sample)
+        solved = dtrsm(1.0, factor, np.concatenate([data, with_targets.T]), side=1, lower=0)  # all together
         values, ones = np.ascontiguousarray(solved[:2])
         of_targets = solved[2:]
         whole = float(ones @ ones)
@@ -103,6 +118,4 @@ class FewTargets:
         keep_between(self._between, variogram, samples, changed)
         rows = np.empty((len(changed), len(self._xy)))
         SamplePoints(variogram, samples[changed]).covariance(*self._scaled, rows)
-        for row, sample in zip(rows, samples[changed], strict=True):
-            self._needles.add(variogram.nugget, row, sample)
         self._with_targets[changed] = rows

@@ -273,13 +273,21 @@ class PoissonKriging:
         """
         return self.rate_and_covariance(xy)[1]
 
-    def rate_and_covariance(self, xy: ArrayLike) -> tuple[Array, Array]:
-        """The rate of :meth:`predict`, shape (m,) [counts/s], and :meth:`covariance`, together."""
+    def rate_and_covariance(self, xy: ArrayLike, with_first: Array | None = None) -> tuple[Array, Array]:
+        """The rate of :meth:`predict`, shape (m,) [counts/s], and :meth:`covariance`, together.
+
+        :param xy: as :meth:`covariance`
+        :param with_first: structured covariances of the samples with the first k of them, shape (n, k), where they
+            are known already
+        """
         from scipy.linalg import solve_triangular
 
         targets, variogram, system, prior = check_xy(xy), self.variogram, self._system, self.prior
         structured, ones = variogram.structured_sill, system.ones
-        known = self._targets(targets).correlation(slice(0, len(targets))) * structured
+        new = targets if with_first is None else targets[with_first.shape[1] :]
+        known = self._targets(new).correlation(slice(0, len(new))) * structured
+        if with_first is not None:
+            known = np.concatenate([with_first.T, known])
         at = None if prior is None else prior.at(targets)
         if prior is not None and at is not None:
             known += prior.covariance(at, system.features)

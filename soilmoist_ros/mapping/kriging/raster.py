@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
-from soilmoist_ros.mapping.kriging.few_targets import MAX_TARGETS, FewTargets
+from soilmoist_ros.mapping.kriging.few_targets import MAX_TARGETS, FewTargets, KnownCovariances
 from soilmoist_ros.mapping.kriging.product_features import ProductFeatures
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, target_variance
@@ -46,14 +46,14 @@ class RasterKriging:
 
     Attributes
     ----------
-    covariance : NDArray | None
-        structured covariance of the samples of the last :meth:`update`, lower triangle, shape (n, n)
-        [(counts/s)^2]; ``None`` if it was not needed as a whole
+    known : KnownCovariances | None
+        those of the samples of the last :meth:`update`, and with the wanted cells; ``None`` if they were not
+        needed as a whole
     """
 
     def __init__(self, x_m: Array, y_m: Array, mask: Mask, keep_nugget: bool) -> None:
         self.keep_nugget = keep_nugget
-        self.covariance: Array | None = None
+        self.known: KnownCovariances | None = None
         self._x_m, self._y_m, self._mask = x_m, y_m, mask
         self._outside = ~mask
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
@@ -83,7 +83,7 @@ class RasterKriging:
             matrix is nearly singular
         """
         places = samples if _are_distinct(samples.xy) else merge_exactly(samples)[0]
-        self.covariance = None
+        self.known = None
         found = self._interpolated_rows(places, variogram, rate)
         if found is None:
             found = self._rows_of_cells(places, variogram, rate)
@@ -246,7 +246,7 @@ class RasterKriging:
             self._tile_shape = shape
         surfaces = self._cells.update(places, variogram, rate)
         if isinstance(self._cells, FewTargets):
-            self.covariance = self._cells.covariance
+            self.known = self._cells.known
         return None if surfaces is None else self._whole(surfaces.take(self._position, axis=1))
 
     # -- cells and rasters -----------------------------------------------------------------------------

@@ -48,7 +48,11 @@ def test_the_kriging_of_a_map_takes_the_covariance_over():
     make_soil_map(some(60), grid, STATIONARY, raster=raster)
     kept = make_soil_map(SAMPLES, grid, STATIONARY, raster=raster)
     fresh = make_soil_map(SAMPLES, grid, STATIONARY)
-    assert kept.covariance is not None
-    assert fresh.covariance is None
+    assert kept.known is not None
+    assert fresh.known is None
     for one, other in zip(kept.kriging.predict(TARGETS), fresh.kriging.predict(TARGETS), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10)
+    places = np.vstack([grid.cells, TARGETS])
+    found = kept.kriging.rate_and_covariance(places, kept.known.with_targets)
+    for one, other in zip(found, fresh.kriging.rate_and_covariance(places), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
