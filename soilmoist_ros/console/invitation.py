@@ -30,9 +30,12 @@ def reachable(host: str) -> str:
         return socket.gethostname()
 
 
-def invitation(host: str, port: int, token: str) -> str:
-    """Text with the address that lets one browser steer from another machine, and its QR code if possible."""
-    address = f"http://{reachable(host)}:{port}/?token={token}"
+def invitation(page: str, token: str) -> str:
+    """Text with the address that lets one browser steer from another machine, and its QR code if possible.
+
+    :param page: address of the page
+    """
+    address = f"{page.rstrip('/')}/?token={token}"
     text = f"to steer from another machine, open {address} (once)"
     try:
         code = optional_module("segno", "console").make(address, error="l")

@@ -220,7 +220,9 @@ class ConsoleServer:
         session = self._access.session(token)
         response = self._web.Response(status=303, headers={"Location": "./"})  # the token leaves the address
         if session is not None:
-            response.set_cookie(COOKIE, session, httponly=True, samesite="Strict", path="/")
+            response.set_cookie(
+                COOKIE, session, httponly=True, samesite="Strict", path="/", secure=self._access.secure
+            )
         return response
 
     async def _on_file(self, request: Any) -> Any:

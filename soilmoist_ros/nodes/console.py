@@ -81,10 +81,10 @@ class Console(Node):
         self._board.put("choices", choices_view())
         self._subscribe(robots, values.text("map_topic"))
         self._steering = ConsoleSteering(self, robots, self._board)
-        self._host = values.text("host")
-        access = Access(
-            (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names")), self._show_token
-        )
+        host, public = values.text("host"), values.text("address")
+        names = (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names"))
+        access = Access(names, self._show_token, public)
+        self._invites = bool(public) or host not in LOOPBACK
         fields, covariates, runs = (
             Path(values.text(name)).expanduser() for name in ("fields", "covariates", "runs")
         )
@@ -100,8 +100,9 @@ class Console(Node):
             self._walks,
             background and str(Path(background).expanduser().absolute()),
         )
-        self._port = self._server.start(self._host, values.whole("port"))
-        self.get_logger().info(f"console: http://{reachable(self._host)}:{self._port}/")
+        port = self._server.start(host, values.whole("port"))
+        self._page = public or f"http://{reachable(host)}:{port}/"
+        self.get_logger().info(f"console: {self._page}")
         self._show_token(access.token)
         self.create_timer(SHOW_S, self._show_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -253,8 +254,8 @@ class Console(Node):
 
     def _show_token(self, token: str) -> None:
         """Log the address that lets one visitor from another machine steer."""
-        if self._host not in LOOPBACK:
-            self.get_logger().info(invitation(self._host, self._port, token))
+        if self._invites:
+            self.get_logger().info(invitation(self._page, token))
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()

@@ -16,8 +16,8 @@ def test_everywhere_is_an_address_to_open():
 
 
 def test_the_address_comes_with_a_code_for_phones(monkeypatch):
-    text, *code = invitation("192.168.1.5", 8050, "abc").splitlines()
+    text, *code = invitation("http://192.168.1.5:8050/", "abc").splitlines()
     assert "http://192.168.1.5:8050/?token=abc" in text
     assert len([line for line in code if line.strip()]) > 10
     monkeypatch.setitem(sys.modules, "segno", None)
-    assert invitation("192.168.1.5", 8050, "abc").splitlines() == [text]
+    assert invitation("http://192.168.1.5:8050", "abc").splitlines() == [text]

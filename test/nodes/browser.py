@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 import socket
+import ssl
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 
 FLAGS = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--host-resolver-rules=MAP *.example 127.0.0.1",
 )  # fmt: skip
 PHONE, DESK = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
 
@@ -46,10 +48,11 @@ class Link:
     """A link to a server on this machine that can be lost and found again. Use as a context manager.
 
     :param port: port of the server
+    :param tls: encrypts the link, as a proxy does
     """
 
-    def __init__(self, port: int) -> None:
-        self._target = port
+    def __init__(self, port: int, tls: ssl.SSLContext | None = None) -> None:
+        self._target, self._tls = port, tls
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = self._server.getsockname()[1]
         self.is_lost = False
@@ -80,6 +83,8 @@ class Link:
         while True:
             try:
                 near, _ = self._server.accept()
+                if self._tls is not None:
+                    near = self._tls.wrap_socket(near, server_side=True)
                 far = socket.create_connection(("127.0.0.1", self._target))
             except OSError:
                 if self._server.fileno() < 0 or self._server.getsockname()[1] != self.port:

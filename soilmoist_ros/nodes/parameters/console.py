@@ -22,6 +22,12 @@ PARAMETERS: Final = (
         "computer are always allowed",
     ),
     Parameter(
+        name="address",
+        default="",
+        description="address of the page behind a proxy, such as https://robot.example/; then nobody steers "
+        "without the token in the log; empty without a proxy",
+    ),
+    Parameter(
         name="robots",
         default=[],
         description="namespaces of the robots on the field; that of this node if empty",
