@@ -98,9 +98,7 @@ class Run:
     def add(self, value: float, stamp_s: float) -> None:
         """Continue with the next count; ``surprise`` is minus the logarithm of the run's highest probability."""
         if value == self.value:
-            from scipy.special import gammaln  # slow to import, and needed with the first records only
-
-            likeliest = value * math.log(value) - value - float(gammaln(value + 1)) if value > 0 else 0.0
+            likeliest = value * math.log(value) - value - math.lgamma(value + 1) if value > 0 else 0.0
             self.surprise += max(-likeliest - math.log(max(self.step, 1)), 0.0)
             return
         if not math.isnan(self.value):  # counts of some loggers are multiples of a number

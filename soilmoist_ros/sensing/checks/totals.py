@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from soilmoist_ros.sensing.checks.alarms import alarm_probability
+from soilmoist_ros.sensing.checks.alarms import MAX_PER_RECORD, alarm_probability, least_chance
 from soilmoist_ros.sensing.checks.finding import Finding
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord
@@ -70,10 +70,11 @@ class Dispersion:
     @property
     def is_high(self) -> bool:
         """Whether the scatter is higher than counting statistics, clearly and significantly."""
-        from scipy.special import chdtrc  # slow to import, and needed with the first records only
+        if self.pairs < MIN_PAIRS or self.index <= HIGH_DISPERSION:
+            return False
+        from scipy.special import chdtrc  # slow to import, and needed for odd records only
 
-        known = self.pairs >= MIN_PAIRS and self.index > HIGH_DISPERSION
-        return known and bool(chdtrc(self.pairs, self._sum) < SIGNIFICANCE)
+        return bool(chdtrc(self.pairs, self._sum) < SIGNIFICANCE)
 
     def add(self, record: CountRecord) -> None:
         """Add a record in order of time."""
@@ -110,15 +111,12 @@ class TotalChecks:
         :param record: the corrected record, with its place if known
         :param recorded: the same record with the counts of all tubes, bad ones included; ``None`` if none was bad
         """
-        from scipy.special import pdtrc  # see above
-
         self.recorded.add(record if recorded is None else recorded)
         if record.quarantine or not (record.effective_exposure_s > 0 and record.exposure_s > 0):
             return []
         counted = _Counted(record.stamp_s, record.raw_counts, record.effective_exposure_s)
         level = alarm_probability(record.exposure_s) / 2
-        limit_cps = MAX_N0_FACTOR * self._n0_cps
-        if pdtrc(counted.counts - 1, limit_cps * counted.exposure_s) < level and counted.counts > 0:
+        if _are_above(counted.counts, MAX_N0_FACTOR * self._n0_cps * counted.exposure_s, level):
             message = f"{record.corrected_rate:.1f} counts/s are impossible with N0 = {self._n0_cps:g} counts/s"
             remedy = "check the detector, and 'n0_cps' in the site file"
             return [Finding(Kind.IMPOSSIBLE_COUNT, message, remedy, bad=True)]
@@ -151,19 +149,27 @@ class TotalChecks:
 
     def _chance(self, counted: _Counted, near: list[_Counted], change: tuple[float, float]) -> tuple[float, float]:
         """Expected rate [counts/s], and the probability of a count so far from it if the rate is possible."""
-        from scipy.special import bdtr, bdtrc, pdtr, pdtrc  # see above
-
         fall, rise = change
         if not near:
             mean = self.typical_cps * counted.exposure_s
             if math.isnan(mean):
                 return math.nan, 1.0
+            if mean / fall <= counted.counts <= rise * mean:  # both chances are 1/2 or more
+                return self.typical_cps, 0.5
+            from scipy.special import pdtr, pdtrc  # see above
+
             above = pdtrc(counted.counts - 1, rise * mean) if counted.counts else 1.0
             return self.typical_cps, float(min(above, pdtr(counted.counts, mean / fall)))
         counts, exposure_s = sum(one.counts for one in near), math.fsum(one.exposure_s for one in near)
         total, ratio = counts + counted.counts, counted.exposure_s / exposure_s
-        above = bdtrc(counted.counts - 1, total, ratio * rise / (ratio * rise + 1)) if counted.counts else 1.0
-        below = bdtr(counted.counts, total, ratio / fall / (ratio / fall + 1))
+        largest, smallest = ratio * rise / (ratio * rise + 1), ratio / fall / (ratio / fall + 1)
+        least = min(least_chance(counted.counts, total, largest), least_chance(counts, total, 1 - smallest))
+        if least > MAX_PER_RECORD:
+            return counts / exposure_s, least
+        from scipy.special import bdtr, bdtrc  # see above
+
+        above = bdtrc(counted.counts - 1, total, largest) if counted.counts else 1.0
+        below = bdtr(counted.counts, total, smallest)
         return counts / exposure_s, float(min(above, below))
 
     @property
@@ -186,3 +192,12 @@ def _young(records: Iterable[_Counted], stamp_s: float) -> list[_Counted]:
 def _same_place(one: CountRecord, other: CountRecord) -> bool:
     """Whether two records were counted at one place; unknown places count as different."""
     return math.hypot(one.x_m - other.x_m, one.y_m - other.y_m) <= STOP_RADIUS_M
+
+
+def _are_above(counts: int, mean: float, level: float) -> bool:
+    """Whether so many counts have a probability below a level, which is below 1/2."""
+    if not counts > mean:
+        return False
+    from scipy.special import pdtrc  # see above
+
+    return bool(pdtrc(counts - 1, mean) < level)

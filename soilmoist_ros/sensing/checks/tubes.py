@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.checks.alarms import alarm_probability, alarm_threshold
+from soilmoist_ros.sensing.checks.alarms import alarm_probability, alarm_threshold, least_chance
 from soilmoist_ros.sensing.checks.charts import FACTORS, Run, ShareCharts, share_ratios
 from soilmoist_ros.sensing.checks.shares import LEARNED_COUNTS, PRIOR_COUNTS, GoodShares
 from soilmoist_ros.sensing.problems import Kind
@@ -171,7 +171,9 @@ class TubeChecks:
         """
         weights = self.shares * live_s
         tubes = np.flatnonzero(use)
-        if len(tubes) < 2 or _smallest(self._p_values(counts, weights, tubes, level)) > level:
+        if len(tubes) < 2 or _clearly_agree(counts[tubes], weights[tubes], level):
+            return use, {}
+        if _smallest(self._p_values(counts, weights, tubes, level)) > level:
             return use, {}
         groups = {tuple(self._agreeing(counts, weights, tubes, int(anchor), level)) for anchor in tubes}
         scores = sorted(((self._score(counts, weights, tubes, group), group) for group in groups), reverse=True)
@@ -212,7 +214,7 @@ class TubeChecks:
 
     def _p_values(self, counts: Array, weights: Array, tubes: NDArray[np.intp], level: float) -> Array:
         """Two-sided binomial p-values of some tubes given their total."""
-        from scipy.special import betainc, ndtri  # slow to import, and needed with the first records only
+        from scipy.special import betainc, ndtri  # slow to import, and needed for odd records only
 
         total, share = counts[tubes].sum(), weights[tubes] / weights[tubes].sum()
         behind = self._good.counts[tubes]
@@ -271,6 +273,16 @@ class TubeChecks:
         rates = [np.maximum(sum(c for c, _ in part), 0.5) / sum(w for _, w in part) for part in (before, after)]
         changes = np.abs(np.log(rates[1] / rates[0]))
         return bool(changes[tube] >= changes[good].max())
+
+
+def _clearly_agree(counts: Array, weights: Array, level: float) -> bool:
+    """Whether a lower limit of all p-values is above the level; margins of the shares would only raise it."""
+    total, shares = counts.sum(), weights / weights.sum()
+    least = min(
+        min(least_chance(number, total, share), least_chance(total - number, total, 1 - share))
+        for number, share in zip(counts.tolist(), shares.tolist(), strict=True)
+    )
+    return bool(2 * least * len(counts) > level)
 
 
 def _smallest(p_values: Array) -> float:
