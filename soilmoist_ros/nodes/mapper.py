@@ -113,7 +113,8 @@ class Mapper(Node):
         self._aside.offer(Trigger, "~/reset", self._on_reset)
         self._aside.offer(Trigger, "~/save", self._on_save)
         parameters.watch(self._on_parameters)
-        self._follow_planners(["", *(f"{name}/" for name in others)])
+        above = [f"{self.get_namespace().removesuffix('/' + named.strip('/'))}/"] if named else []  # the planner's
+        self._follow_planners(["", *(f"{name}/" for name in others), *above])
         # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -14,6 +14,7 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import PointCloud2
+from soilmoist_msgs.msg import Mission
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -291,6 +292,19 @@ def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, s
     assert [one["name"] for one in summary["earlier"]] == ["may"]
     assert summary["change"]["since"] == "may"
     assert (tmp_path / "saved" / "change.tif").is_file()
+
+
+def test_the_map_of_a_property_is_of_the_field_that_is_chosen_at_its_planner(ros, field, tmp_path):
+    chosen = tmp_path / "chosen.yaml"
+    chosen.write_text(field.read_text().replace("Test field", "Chosen field"))
+    params = {"field": str(field), "start_property": "salt"}
+    mapper = ros.start("mapper", params=params, namespace="/r1/salt")
+    states = ros.node.create_publisher(Mission, "/r1/mission_state", qos.LATCHED)
+    states.publish(Mission(field=str(chosen)))
+    ros.wait_for(lambda: "the map is of Chosen field now" in mapper.output())
+    states.publish(Mission(field=str(tmp_path / "gone.yaml")))
+    ros.wait_for(lambda: "the map is still of" in mapper.output())
+    assert mapper.stop() == 0
 
 
 @pytest.mark.slow

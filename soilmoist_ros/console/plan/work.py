@@ -18,8 +18,10 @@ from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.console.plan.walk import walked
 from soilmoist_ros.foundation.errors import InputError
 
-SEEDS: Final = (1, 2)
-"""Simulated fields; the forecast is the mean of their squared errors."""
+MIN_FIELDS, MAX_FIELDS = 2, 4
+"""Simulated fields of a forecast, which is the mean of their squared errors."""
+SIMULATED_H: Final = 8.0
+"""Mission time of a forecast, in all its fields [h]; it takes about a second of processor time per hour."""
 MAX_HOURS: Final = 12.0
 MAX_BYTES: Final = 4 << 30
 HEADLAND_M: Final = 5.0
@@ -87,10 +89,11 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
         max(corner[axis] for corner in given["boundary"]) - min(corner[axis] for corner in given["boundary"])
         for axis in (0, 1)
     )
+    fields = max(MIN_FIELDS, min(MAX_FIELDS, int(SIMULATED_H / hours)))
     squares: dict[float, list[float]] = {}
     stops, distances, ends = [], [], []
     with tempfile.TemporaryDirectory() as folder:
-        for seed in SEEDS:
+        for seed in range(1, fields + 1):
             formula = {
                 "family": "matern32", "mean": rate, "sd": rate * variation,
                 "range_m": round(_RANGE_SHARE * extent, 1), "seed": seed,
@@ -115,7 +118,7 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
     points = [
         [round(time_s), round(math.sqrt(sum(found) / len(found)) / rate, 5)]
         for time_s, found in sorted(squares.items())
-        if len(found) == len(SEEDS)
+        if len(found) == fields
     ]
     return {
         "points": points,
