@@ -181,8 +181,9 @@ class BagRecorder:
                 if problem:
                     bag.abandon()
                 else:
-                    dropped = self.state.dropped
-                    noted = {"messages lost by a slow disk": str(dropped)} if dropped else {}
+                    state = self.state
+                    told = f"{state.dropped}{f' ({state.gone})' if state.gone else ''}"
+                    noted = {"messages lost in writing": told} if state.dropped else {}
                     bag.close({**self._notes(), **noted})
             except OSError as error:
                 problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"

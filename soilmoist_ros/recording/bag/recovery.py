@@ -12,6 +12,7 @@ from pathlib import Path
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.storage import TOO_MUCH, inside
 from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES
 from soilmoist_ros.recording.mcap.metadata import Extent
 from soilmoist_ros.recording.mcap.scan import McapScan, ScannedMessage
 
@@ -92,6 +93,11 @@ def findings(scan: McapScan) -> list[str]:
     if scan.too_much:
         found.append(f"{name} {TOO_MUCH}; the rest of it was not read")
         return found
+    if scan.too_large:
+        limit = f"{MAX_CHUNK_BYTES >> 20} MB"
+        found.append(
+            f"{name} has {scan.too_large} chunk{'s'[: scan.too_large > 1]} of more than {limit}: not read"
+        )
     if scan.damaged:
         found.append(f"{name} is damaged in {scan.damaged} place{'s'[: scan.damaged > 1]}")
     if scan.orphans:

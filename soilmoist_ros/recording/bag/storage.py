@@ -175,6 +175,8 @@ class _Mcap:
     def _check(scan: McapScan) -> None:
         if scan.too_much:
             raise ValueError(TOO_MUCH)
+        if scan.too_large:
+            raise ValueError(f"{scan.path.name} has chunks of more than {MAX_CHUNK_BYTES >> 20} MB")
         if scan.damaged:
             raise ValueError(f"{scan.path.name} is damaged in {scan.damaged} places")
         if not scan.finished:

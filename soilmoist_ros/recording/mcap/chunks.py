@@ -87,6 +87,11 @@ class Chunk(NamedTuple):
     begin: int
     end: int
 
+    @property
+    def too_large(self) -> bool:
+        """Whether it is larger than what is unpacked."""
+        return max(self.size, self.end - self.begin) > MAX_CHUNK_BYTES
+
 
 def chunk_at(data: mmap, start: int) -> Chunk | None:
     """The head of a chunk, ``None`` if there cannot be one.
@@ -104,17 +109,17 @@ def chunk_at(data: mmap, start: int) -> Chunk | None:
         return None
     compression = data[name_at : name_at + name_length]
     (length,) = struct.unpack_from("<Q", data, begin - 8)
-    if compression not in (b"", b"lz4", b"zstd") or max(size, length) > MAX_CHUNK_BYTES:
+    if compression not in (b"", b"lz4", b"zstd"):
         return None
     return Chunk(start_ns, size, checksum, compression, begin, begin + length)
 
 
 def whole_chunk(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes | None:
-    """Records of a chunk, as one piece; ``None`` if it is damaged.
+    """Records of a chunk, as one piece; ``None`` if it is damaged or too large.
 
     :raises TooMuchError: if the file has unpacked to too much
     """
-    if chunk.end > len(data):
+    if chunk.end > len(data) or chunk.too_large:
         return None
     records = _unpacked(data, chunk, allowance)
     if len(records) != chunk.size or (chunk.checksum and zlib.crc32(records) != chunk.checksum):
@@ -134,7 +139,7 @@ def begun_chunk(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes:
 
     :raises TooMuchError: if the file has unpacked to too much
     """
-    return _unpacked(data, chunk, allowance)
+    return b"" if chunk.too_large else _unpacked(data, chunk, allowance)
 
 
 def split(data: bytes) -> Iterator[Record]:

@@ -86,6 +86,8 @@ class McapScan:
         """Places in the middle that cannot be read, or fail their checksum."""
         self.orphans = 0
         """Number of complete messages of topics without a description."""
+        self.too_large = 0
+        """Number of chunks that are too large to be read."""
         self.too_much = False
         """Whether reading ended because the file unpacks to more than a recording of its size can."""
         self.statistics: Statistics | None = None
@@ -191,7 +193,10 @@ class McapScan:
                 chunked = True
                 chunk = chunk_at(data, start)
                 records = None if chunk is None else whole_chunk(data, chunk, allowance)
-                self.damaged += records is None
+                if chunk is not None and chunk.too_large:
+                    self.too_large += 1
+                else:
+                    self.damaged += records is None
                 yield at, split(records or b"")
             elif opcode in _READ:
                 if chunked or in_summary or at == len(_MAGIC) or length > MAX_CHUNK_BYTES:
@@ -329,7 +334,7 @@ def _next_chunk(data: mmap.mmap, after: int, allowance: Allowance) -> int | None
     for match in _A_CHUNK.finditer(data, after):
         at = match.start()
         chunk = chunk_at(data, at + RECORD.size)
-        if chunk is None or chunk.end > len(data):
+        if chunk is None or chunk.end > len(data) or chunk.too_large:
             continue
         if not allowance.search(chunk.end - chunk.begin + chunk.size):
             return None

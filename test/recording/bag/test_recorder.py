@@ -326,6 +326,7 @@ def test_a_bag_that_is_gone_is_an_error_and_a_new_one_begins(make, tmp_path, los
     assert (state.messages, state.dropped) == (1, 5)
     assert state.gone == f"{tmp_path / 'run'} was deleted or moved while it was recorded, with 5 messages"
     assert stamps(state.bag) == [START_NS + 9]
+    assert bag_info(state.bag).notes == {"messages lost in writing": f"5 ({state.gone})"}
     health = recorder_health(state, 10**12, 1e6)
     assert (health.level, health.message) == (Level.ERROR, state.gone)
 
