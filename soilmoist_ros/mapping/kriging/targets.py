@@ -47,20 +47,8 @@ class Points:
 
     def correlation(self, tile: slice) -> Array:
         """See :class:`Targets`."""
-        from scipy.spatial.distance import cdist
-
         variogram, scaled = self._variogram, self._scaled[tile]
-
-        def with_points(xy: Array) -> Array:
-            points = variogram.scaled(xy)
-            correlation = np.empty((len(scaled), len(points)))
-            step = max(1, _AT_ONCE // max(1, len(points)))
-            for some in (slice(start, start + step) for start in range(0, len(scaled), step)):
-                square = cdist(scaled[some], points, "sqeuclidean")
-                correlation[some] = variogram.correlation_of_square(square)
-            return correlation
-
-        return self._places.average(with_points)
+        return self._places.average(lambda points: _correlation(variogram, scaled, variogram.scaled(points)))
 
 
 class RasterCells:
@@ -127,19 +115,24 @@ def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = N
     :param xy: places of the samples, shape (n, 2) [m]
     :param spread: their spreads, shape (n, 3) [m^2]; all points if ``None``
     """
-    from scipy.spatial.distance import cdist
-
     every = Supports(xy, spread)
 
     def with_points(points: Array) -> Array:
         scaled = variogram.scaled(points)
-
-        def of_every(others: Array) -> Array:
-            return variogram.correlation_of_square(cdist(scaled, variogram.scaled(others), "sqeuclidean"))
-
-        return every.average(of_every).T
+        return every.average(lambda others: _correlation(variogram, scaled, variogram.scaled(others))).T
 
     return Supports(xy[first:], None if spread is None else spread[first:]).average(with_points)
+
+
+def _correlation(variogram: Variogram, scaled: Array, others: Array) -> Array:
+    """Correlation between points of shapes (n, 2) and (m, 2), as of :meth:`Variogram.scaled`; shape (n, m)."""
+    from scipy.spatial.distance import cdist
+
+    correlation = np.empty((len(scaled), len(others)))
+    step = max(1, _AT_ONCE // max(1, len(others)))
+    for some in (slice(start, start + step) for start in range(0, len(scaled), step)):
+        correlation[some] = variogram.correlation_of_square(cdist(scaled[some], others, "sqeuclidean"))
+    return correlation
 
 
 def coincident(xy: Array, places_xy: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
