@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
-from soilmoist_ros.mapping.kriging.few_targets import MAX_TARGETS, FewTargets, KnownCovariances
+from soilmoist_ros.mapping.kriging.few_targets import MAX_SAMPLES, MAX_TARGETS, FewTargets, KnownCovariances
 from soilmoist_ros.mapping.kriging.product_features import ProductFeatures
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, target_variance
@@ -227,16 +227,12 @@ class RasterKriging:
     def _rows_of_cells(self, places: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         x_m, y_m, mask = self._inside
         shape = tile_shape(variogram, x_m, y_m, mask)
-        if self._cells is None or shape != self._tile_shape:
+        few = shape is None and np.count_nonzero(mask) <= MAX_TARGETS and len(places) <= MAX_SAMPLES
+        if self._cells is None or shape != self._tile_shape or few != isinstance(self._cells, FewTargets):
             if shape is None:
                 row, column = np.nonzero(mask)
-                xy = np.column_stack([x_m[column], y_m[row]])
-                few = len(xy) <= MAX_TARGETS
-                self._cells = (
-                    FewTargets(xy, self.keep_nugget)
-                    if few
-                    else KrigingRows(PointCovariances(xy, self.keep_nugget))
-                )
+                xy, nugget = np.column_stack([x_m[column], y_m[row]]), self.keep_nugget
+                self._cells = FewTargets(xy, nugget) if few else KrigingRows(PointCovariances(xy, nugget))
                 self._position = np.zeros(mask.shape, int)
                 self._position[mask] = np.arange(len(xy))
             else:

@@ -132,7 +132,7 @@ def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(
     few, model, keep_nugget, first, actions, seed
 ):
     with (
-        contextlib.nullcontext() if few else many_targets(),
+        mock.patch.object(raster_module, "MAX_SAMPLES", 2 * BLOCK) if few else many_targets(),
         mock.patch.object(covariances, "_AT_ONCE", 64),
         mock.patch.object(kriging_rows, "_AT_ONCE", 64),
     ):
