@@ -14,6 +14,7 @@ from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, P
 from soilmoist_ros.exploration.planning.forecast import forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation.plain_values import read_json
 
 
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:
@@ -85,14 +86,14 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             counting_s=float(values["counting_s"]),
             raw_counts=int(values["raw_counts"]),
             failures=int(values["failures"]),
-            blacklisted=tuple(json.loads(values["ruled_out"])),
+            blacklisted=tuple(read_json(values["ruled_out"])),
             estimated_end_s=None if math.isnan(end_s) else end_s,
             needs_operator=values.get("needs_operator") == "True",  # missing in messages of earlier versions
             silent=values.get("silent") == "True",
             ended=MissionEnd(values["ended"]) if values.get("ended") else None,
             emergency=values.get("emergency") == "True",
             stop_requests=int(values.get("stop_requests", 0)),
-            queue=tuple(json.loads(values.get("queue", "[]"))),
+            queue=tuple(read_json(values.get("queue", "[]"))),
             forecast=forecast_from_text(values.get("forecast_data", "")),
         )
     except KeyError as error:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude
@@ -54,7 +55,7 @@ def model_from_message(message: String) -> Model:
     :raises ValueError: if the message is not JSON, or a key is missing or impossible; names the key
     """
     try:
-        content = json.loads(message.data)
+        content = read_json(message.data)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"the model is not JSON: {error}") from None
     if not isinstance(content, Mapping):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
+
+from soilmoist_ros.foundation.plain_values import read_json
 
 SUMMARY: Final = "summary.json"
 REPORT: Final = "report.html"
@@ -79,7 +80,7 @@ def _about(path: Path) -> dict[str, Any]:
 def _summary(path: Path) -> dict[str, Any]:
     """What the summary of a run says for a list; nothing if there is none that can be read."""
     try:
-        content = json.loads((path / SUMMARY).read_text(encoding="utf-8"))
+        content = read_json((path / SUMMARY).read_text(encoding="utf-8"))
         stops = (content.get("mission") or {}).get("stops")
         moisture = ((content.get("map") or {}).get("vwc") or {}) if isinstance(content.get("map"), dict) else {}
         return {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, P
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.foundation.health import Health
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.simulation.mission.settings import PRESETS
@@ -166,7 +166,7 @@ def _whole(value: float) -> int | None:
 def _settings(text: str) -> dict[str, Any]:
     """Settings of a planner, with names of files instead of paths."""
     try:
-        found = json.loads(text)
+        found = read_json(text)
     except ValueError:
         return {}
     named = {name: [Path(one).name for one in found[name]] for name in ("earlier", "covariates") if name in found}

@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
+
+
+def read_json(text: str | bytes) -> Any:
+    """The value of a JSON text, which may come from a stranger.
+
+    :raises ValueError: if it is not valid JSON, or is nested more deeply than Python can read
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def nan_as_text(value: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -18,6 +17,7 @@ from soilmoist_ros.foundation.configuration import Section, load_model
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_and_bearing, distance_text
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.covariates.source import CovariateSection, CovariateSource
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
@@ -233,7 +233,7 @@ def _require_plausible(
 def _read_geojson(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Exterior and holes, as longitude and latitude, of the only polygon in a GeoJSON file."""
     try:
-        content = json.loads(path.read_bytes().decode("utf-8-sig"))
+        content = read_json(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", "check 'geojson' in the field file", path) from None
     except ValueError as error:

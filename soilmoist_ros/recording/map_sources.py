@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.journal import ENTRIES, LoadedJournal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail, logs_below
@@ -186,7 +187,7 @@ class MapSources:
 def _journal_seq(session: Path) -> int:
     """Last entry of the journal that is older than the session."""
     path = session / SESSION
-    return int(json.loads(path.read_bytes())["journal_seq"]) if path.is_file() else 0
+    return int(read_json(path.read_bytes())["journal_seq"]) if path.is_file() else 0
 
 
 def _bags(path: Path, session: Path) -> list[Path]:

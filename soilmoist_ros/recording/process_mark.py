@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from soilmoist_ros.exploration.control.mission_clock import boot_id
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.whole_file import write_whole
 
@@ -66,7 +67,7 @@ class ProcessMark:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_bytes())
+        content = read_json(path.read_bytes())
     except (OSError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.foundation.plain_values import text_of_csv
+from soilmoist_ros.foundation.plain_values import read_json, text_of_csv
 from soilmoist_ros.recording.record_table import COLUMNS, read_records
 
 if TYPE_CHECKING:
@@ -195,7 +194,7 @@ def open_run(folder: Path | str) -> OpenedRun:
 
 def _json(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return read_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {error}", "make the run again", path) from None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import stat
@@ -15,6 +14,7 @@ from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 
 SUMMARY = "summary.json"
@@ -179,7 +179,7 @@ def _held(folder: Path) -> list[str]:
 def _summary(folder: Path) -> dict[str, Any] | None:
     """The summary in a folder, ``None`` if there is none of this package."""
     try:
-        content = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        content = read_json((folder / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     ours = isinstance(content, dict) and content.get("software") == "soilmoist_ros"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 import struct
 import tempfile
 import zipfile
@@ -14,6 +13,7 @@ from typing import Any, Final
 from xml.etree import ElementTree
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plain_values import read_json
 
 MAX_CORNERS: Final = 2000
 """Corners of an outline; one with more is simplified."""
@@ -91,7 +91,7 @@ def _few_corners(ring: Any) -> list[list[float]]:
 def _geojson(content: bytes) -> Found:
     import shapely
 
-    data = json.loads(content)
+    data = read_json(content)
     named = (data.get("crs") or {}).get("properties", {}).get("name")  # of old files; the standard has WGS 84
     system = str(named) if named else _WGS84
     features = data.get("features", [data]) if isinstance(data.get("features", []), list) else []

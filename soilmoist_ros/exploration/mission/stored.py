@@ -5,7 +5,6 @@ A journal stores them, replays the events, or continues from a stored state.
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields
 from functools import cache
 from typing import Any, get_args
@@ -16,7 +15,7 @@ from soilmoist_ros.exploration.mission.events import Event
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import nan_as_text
+from soilmoist_ros.foundation.plain_values import nan_as_text, read_json
 
 
 def state_to_dict(state: MissionState) -> dict[str, Any]:
@@ -30,7 +29,7 @@ def state_from_json(text: str) -> MissionState:
     :raises InputError: if the text is not a snapshot
     """
     try:
-        content = json.loads(text)
+        content = read_json(text)
     except ValueError as error:
         raise InputError(f"the mission's state is not valid JSON: {error}", "start without it") from None
     return state_from_dict(content)

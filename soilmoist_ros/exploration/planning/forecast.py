@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from soilmoist_ros.foundation.plain_values import read_json
+
 SOON_S = 600.0
 """Time ahead for which a gain is stated [s]."""
 
@@ -105,7 +107,7 @@ def forecast_from_text(text: str) -> Forecast | None:
     if not text:
         return None
     try:
-        values = json.loads(text)
+        values = read_json(text)
         lists = {name: tuple(float(value) for value in values[name]) for name in ("times_s", "sds", "factors")}
         return Forecast(**{**values, **lists})
     except (TypeError, KeyError, ValueError) as error:

@@ -20,6 +20,7 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.configuration import read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.foundation.suggestions import listing
 
 ZONE_RADIUS_M = 0.75
@@ -115,7 +116,7 @@ def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap
         edge targets. Nodes that cannot be reached are kept: which part is used depends on where the robot stands
     """
     try:
-        content = json.loads(text)
+        content = read_json(text)
     except (ValueError, RecursionError) as error:
         raise InputError(
             f"the topological map is not valid JSON: {error}", "check what publishes it", path

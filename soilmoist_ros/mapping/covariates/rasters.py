@@ -120,7 +120,7 @@ class RasterBands:
                 init_dest_nodata=True,
                 tolerance=0.01,
             )
-        except (rasterio.errors.RasterioError, rasterio.errors.CRSError) as error:
+        except Exception as error:  # the errors of GDAL have no common public base
             raise InputError(
                 f"cannot be moved to the field: {error}", "export it again from a GIS", self.path
             ) from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.record_table import RECORDS, read_records
@@ -84,7 +84,7 @@ def read_run(path: Path, name: str = "", first: bool = True) -> RunRecords | Non
 def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
     """Records of an output folder."""
     try:
-        about = json.loads((path / SUMMARY).read_text(encoding="utf-8"))
+        about = read_json((path / SUMMARY).read_text(encoding="utf-8"))
         datum = about["datum"]
         frame = LocalFrame(float(datum["latitude_deg"]), float(datum["longitude_deg"]))
         names = [str(one["name"]) for one in about.get("properties") or ()]
