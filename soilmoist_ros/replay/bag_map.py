@@ -8,6 +8,7 @@ from pathlib import Path
 
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.recording.bag.reader import BagReader, bags_of
+from soilmoist_ros.recording.bag.storage import recorder_notes
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference
@@ -89,6 +90,10 @@ def replay_bag(
         survey, remarks = robot_survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
         content = _read(reader, survey, chosen, configuration, remarks)
+    for one_bag in bags_of(bag):
+        lost_messages = "; ".join(f"{name}: {value}" for name, value in recorder_notes(one_bag).items())
+        if lost_messages:
+            remarks.append(Note(NoteCode.LOST_MESSAGES, f"The recorder noted of {one_bag.name}: {lost_messages}."))
     survey = content.survey
     first, raw, reference = content.properties[0], content.raw, content.reference
     lost = loss_rows(raw.problems if raw else ())

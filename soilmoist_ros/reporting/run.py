@@ -143,6 +143,7 @@ class NoteCode(StrEnum):
     FAR_FROM_SITE = "far_from_site"
     IMPOSSIBLE_DATE = "impossible_date"
     NOT_MAPPED = "not_mapped"
+    LOST_MESSAGES = "lost_messages"
     OTHER_CORRECTIONS = "other_corrections"
     ILLUSTRATIVE_CALIBRATION = "illustrative_calibration"
     RATE_BELOW_CURVE = "rate_below_curve"

@@ -17,6 +17,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.replay import ReplaySettings, replay_bag
 from soilmoist_ros.replay.comparison import Comparison
 from soilmoist_ros.replay.statuses import Status, last_mission
@@ -227,6 +229,22 @@ def test_a_run_in_several_bags_of_both_storages_is_one_run(tmp_path):
         assert values.tobytes() == bands(replay.run.soil_map)[band].tobytes()
     assert replay.comparisons == own.comparisons
     assert len([item for item in replay.run.inputs if item.role == "bag"]) == 2
+
+
+def test_a_bag_in_several_files_is_mapped_as_one_and_what_was_lost_is_noted(tmp_path):
+    writer = BagWriter(tmp_path / "run")
+    for number, message in enumerate(McapScan(GOLDEN / "one_stop" / "bag" / "bag_0.mcap").messages()):
+        writer.write(message.topic, message.log_ns, message.publish_ns, message.data)
+        if number % 5 == 4:
+            writer.split()
+    writer.close({"messages of /counts lost on the way": "3"})
+    assert len(list((tmp_path / "run").glob("*.mcap"))) == 4
+    replay, own = replay_bag(tmp_path / "run", with_files("one_stop")), replay_bag(GOLDEN / "one_stop")
+    for band, values in bands(own.run.soil_map).items():
+        assert values.tobytes() == bands(replay.run.soil_map)[band].tobytes()
+    assert replay.comparisons == own.comparisons
+    (note,) = [note for note in replay.run.notes if note.code is NoteCode.LOST_MESSAGES]
+    assert note.message == "The recorder noted of run: messages of /counts lost on the way: 3."
 
 
 def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import findings, mcap_files
-from soilmoist_ros.recording.bag.storage import read_metadata
+from soilmoist_ros.recording.bag.storage import recorder_notes
 from soilmoist_ros.recording.bag.writer import is_being_written
 from soilmoist_ros.recording.mcap.metadata import Extent, joined
 from soilmoist_ros.recording.mcap.scan import McapScan
@@ -113,19 +113,16 @@ def bag_info(path: Path) -> BagInfo:
     if recording:
         remedy = "stop the recorder"
     return BagInfo(
-        path, "mcap", _size(files), _whole(topics), topics, recording, tuple(problems), remedy, _notes(path)
+        path,
+        "mcap",
+        _size(files),
+        _whole(topics),
+        topics,
+        recording,
+        tuple(problems),
+        remedy,
+        recorder_notes(path),
     )
-
-
-def _notes(path: Path) -> dict[str, str]:
-    """What the recorder has noted; empty if there is nothing that can be read."""
-    if not (path / "metadata.yaml").is_file():
-        return {}
-    try:
-        found = read_metadata(path).get("custom_data")
-    except (InputError, ValueError, OSError):
-        return {}
-    return {str(name): str(value) for name, value in found.items()} if isinstance(found, dict) else {}
 
 
 def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:

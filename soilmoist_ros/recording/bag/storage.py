@@ -103,6 +103,17 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     return found
 
 
+def recorder_notes(path: Path) -> dict[str, str]:
+    """What the recorder of a bag has noted, such as lost messages; empty if there is nothing that can be read."""
+    if not (path / "metadata.yaml").is_file():
+        return {}
+    try:
+        found = read_metadata(path).get("custom_data")
+    except (InputError, ValueError, OSError):
+        return {}
+    return {str(name): str(value) for name, value in found.items()} if isinstance(found, dict) else {}
+
+
 def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool]:
     """The files that ``metadata.yaml`` lists, unpacked, and whether each message is compressed."""
     metadata = read_metadata(folder)
