@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import struct
 from collections import Counter
 from collections.abc import Collection
 from functools import cache
@@ -44,7 +45,7 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
                 cloud = _store().deserialize_cdr(message.data, CLOUD)
                 if frame in ("", cloud.header.frame_id):
                     records += count_records(cloud)
-            except ValueError as error:
+            except (ValueError, LookupError, TypeError, struct.error) as error:
                 _log.warning("%s: a message of %s is skipped: %s", path, message.topic.name, error)
     return records
 

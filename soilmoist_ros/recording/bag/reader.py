@@ -137,7 +137,10 @@ class BagReader:
     def _learn(self, type_name: str) -> None:
         definition = self._definitions.pop(type_name, None)
         if definition is not None:
-            new = _types_in(definition)
+            new, known = _types_in(definition), get_typestore(Stores.ROS2_JAZZY).fielddefs
+            for name in new.keys() & known.keys():
+                if new[name][1] != known[name][1]:  # who reads a message relies on the fields of its type
+                    raise ValueError(f"its definition of {name} is not that of ROS 2")
             self._types.register({name: new[name] for name in new if name not in self._types.fielddefs})
 
     def find_topic(self, name: str, type_name: str) -> str:

@@ -19,7 +19,8 @@ from soilmoist_ros.recording.bag.point_cloud import count_records, points
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.tables import info_table
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.metadata import Extent
+from soilmoist_ros.recording.mcap.definitions import Definition
+from soilmoist_ros.recording.mcap.metadata import Extent, Topic
 from soilmoist_ros.recording.stored_counts import quarantine_reasons, stored_counts
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -169,6 +170,14 @@ def test_messages_of_chunks_that_overlap_are_sorted(tmp_path):
     with BagReader(path) as reader:
         found = [(message.log_ns, int(reader.decode(message).data)) for message in reader.messages()]
     assert found == sorted(zip(times, range(300), strict=True))
+
+
+def test_a_definition_that_is_not_that_of_its_type_is_refused(tmp_path):
+    topic = Topic("/counts", Definition(CLOUD, "string data"))
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(topic, START_NS, START_NS, text_message("no cloud"))
+    with BagReader(tmp_path / "bag") as reader, pytest.raises(InputError, match="is not that of ROS 2"):
+        reader.read_counts()
 
 
 def test_counts_of_another_frame_can_be_left_out(tmp_path):
