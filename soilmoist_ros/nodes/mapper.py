@@ -141,6 +141,8 @@ class Mapper(Node):
 
     def _choose(self, chosen: dict[str, Any]) -> None:
         """Make the map anew, with all its records, of what an operator has chosen."""
+        if chosen == self._chosen and not self._refused:  # at the planner of another robot
+            return
         try:
             survey = open_survey(**(self._options | chosen))
         except InputError as error:

@@ -214,6 +214,32 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
     assert min(gaps) > 0.3
 
 
+def test_what_a_plan_names_is_checked(served, tmp_path):
+    square = {"datum": [53.2, -0.5], "boundary": [[0, 0], [20, 0], [20, 20]], "who": "Ada", "name": "../x"}
+    code, answer = served.post("/field", square)
+    assert (code, answer["area_m2"]) == (200, 200)
+    assert (tmp_path / "fields" / answer["file"]).is_file()
+    assert json.loads(served.get("/files")[1])["fields"] == [answer["file"]]
+    asked = {"robot": "r1", "verb": "change", "field": answer["file"], "client": "c"}
+    assert served.post("/command", asked)[0] == 200
+    assert served.robots.requests[-1].field == str(tmp_path / "fields" / answer["file"])
+    for path, wrong, said in (
+        ("/command", {**asked, "field": "../../etc/passwd"}, "there is no field"),
+        ("/command", {**asked, "earlier": ["gone"]}, "there is no run"),
+        ("/command", {**asked, "covariates": "all"}, "must be a list"),
+        ("/walk", {"robot": "r9", "do": "begin"}, "there is no such robot"),
+        ("/walk", [], "a request is an object"),
+        ("/plan", 5, "a request is an object"),
+    ):
+        code, answer = served.post(path, wrong)
+        assert code == 400
+        assert said in answer
+    assert "error" in served.post("/field", {**square, "boundary": [[0, 0], [1, 1]]})[1]
+    assert len(list((tmp_path / "fields").iterdir())) == 1
+    for path in ("/field", "/walk", "/plan"):
+        assert served.post(path, square, **{"Host": "192.168.1.5"})[0] == 403, "read-only without a token"
+
+
 def test_a_port_in_use_is_said(served):
     other = ConsoleServer(
         served.board, served.robots, Access(), lambda: None, SurveyFiles(Path(), Path(), Path()), {}
