@@ -18,9 +18,9 @@ from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.console.plan.walk import walked
 from soilmoist_ros.foundation.errors import InputError
 
-MIN_FIELDS, MAX_FIELDS = 2, 4
+MIN_FIELDS, MAX_FIELDS = 2, 3
 """Simulated fields of a forecast, which is the mean of their squared errors."""
-SIMULATED_H: Final = 8.0
+SIMULATED_H: Final = 6.0
 """Mission time of a forecast, in all its fields [h]; it takes about a second of processor time per hour."""
 MAX_HOURS: Final = 12.0
 MAX_BYTES: Final = 4 << 30
