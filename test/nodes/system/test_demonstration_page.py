@@ -143,7 +143,8 @@ def plan(ada):
     ada.shows("checks", "GNSS")
     ada.page.locator("#plan-hours").fill("0.2")
     ada.page.locator("#plan-run").click()
-    ada.shows("forecast-text", "After 12 min: ±")
+    ada.shows("forecast-end", "12 min")
+    ada.shows("forecast-error", "± ")
     ada.open("Survey")
 
 
