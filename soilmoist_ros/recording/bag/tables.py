@@ -66,8 +66,10 @@ def recovery_table(bag: RecoveredBag) -> RenderableType:
 def verified_table(bag: Verified) -> RenderableType:
     """The result of :func:`verify_bag`."""
     messages = sum(file.extent.messages for file in bag.files)
-    sums = f"{bag.checksums} checksums are right" if bag.checksums else "without checksums"
-    head = Text(f"{bag.bag}  {len(bag.files)} MCAP files, {messages} messages, {sums}", no_wrap=True)
+    number, right = len(bag.files), bag.checksums
+    files = f"{number} MCAP file{'s' * (number != 1)}, {messages} messages"
+    sums = f"right checksums of {right} file{'s' * (right != 1)}" if right else "without checksums"
+    head = Text(f"{bag.bag}  {files}, {sums}", no_wrap=True)
     if bag.problems:
         return Group(head, Text("\n".join(bag.problems), style="red"))
     return Group(head, Text("whole", style="green"))
