@@ -6,7 +6,7 @@ export let clockOffS = null;  // clock of the robot's computer, less that of thi
 const client = sessionStorage.getItem("client") || Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
 sessionStorage.setItem("client", client);
 const listeners = new Set();
-const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, CHOICE_MS = 65000, STOP_MS = 6000;
+const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, CHOICE_MS = 65000, STOP_MS = 6000, DRIFT = 2e-4;
 let socket = null, heardAt = null, offset = 0, fresh = false;
 
 export const listen = (call) => listeners.add(call);
@@ -16,11 +16,14 @@ export const nowS = () => performance.now() / 1000 + offset;
 export const silentS = () => (heardAt === null ? Infinity : (performance.now() - heardAt) / 1000);
 
 function apply(message) {
+  const first = fresh;
   if (fresh) {
     for (const name of Object.keys(sections)) delete sections[name];
     fresh = false;
   }
-  offset = message.now - performance.now() / 1000;
+  // A message may be late, but never early: the earliest of them show the clock. The clocks drift by DRIFT at most.
+  const seen = message.now - performance.now() / 1000;
+  offset = first ? seen : Math.max(seen, offset - DRIFT * silentS());
   heardAt = performance.now();
   clockOffS = message.utc - Date.now() / 1000;
   for (const [name, value] of Object.entries(message.set ?? {})) sections[name] = value;

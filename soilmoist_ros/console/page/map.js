@@ -9,11 +9,13 @@ const picture = { image: null, version: -1, key: "", extent: null, loading: fals
 const pointers = new Map();
 export const draft = { boundary: [], areas: [], drawing: null, shown: false };  // what is drawn on the page Plan
 const below = { image: null, version: "", opacity: Number(localStorage.getItem("fade") ?? 70) / 100 };  // the background, and how much the map covers it
+let shownRobot = "";
 let chosen = null, area = null, onChoose = () => {}, moved = 0, asked = false, layer = "";
 
 export const onPlace = (call) => { onChoose = call; };
 export function mark(place, corners = null) { chosen = place; area = corners; draw(); }
 export function showLayer(key) { layer = key; load(); }
+export function showRobot(name) { shownRobot = name; }
 export const shownLayer = () => layer;
 
 export function fit() {
@@ -173,18 +175,29 @@ function visits() {
   for (const visit of sections.visits ?? []) disc(visit.place, 5, "#fff", "#10151b");
 }
 
+const COLOURS = ["#a80018", "#5a1a8a", "#0b5127", "#10151b"], NEAR = 8;
+
+// The plan of the chosen robot, its first stops with numbers; of the others the next stop only.
+function planLayer(robot, place, stops, colour) {
+  const mine = robot === shownRobot || (sections.robots ?? []).length < 2, near = stops.slice(0, mine ? NEAR : 1);
+  if (mine && stops.length > NEAR) {
+    path(stops.slice(NEAR - 1), false); line("#ffffff90", 3); line(`${colour}80`, 1.2, [3, 5]);
+    for (const stop of stops.slice(NEAR)) disc(stop, 3.5, colour);
+  }
+  path(place ? [place, ...near] : near, false); line("#fff", 4); line(colour, 2.2, [7, 5]);
+  [...near.entries()].reverse().forEach(([number, stop]) => {
+    disc(stop, number ? 9 : 12, colour);
+    label(String(number + 1), pixel(stop), "#fff", "center", 12);
+  });
+}
+
 function robotLayer(robot, index) {
+  const several = (sections.robots ?? []).length > 1, colour = COLOURS[index % COLOURS.length];
   const trail = sections[`trail/${robot}`];
-  if (trail?.length > 1) { path(trail, false); line("#ffffffb0", 4); line("#0b3d66", 1.8); }
+  if (trail?.length > 1) { path(trail, false); line("#ffffffb0", 4); line(several ? colour : "#0b3d66", 1.8); }
   const place = sections[`place/${robot}`], plan = sections[`plan/${robot}`] ?? [], mission = sections[`mission/${robot}`];
   if (plan.length) {
-    path(place ? [place, ...plan] : plan, false); line("#fff", 4); line("#b34700", 2.2, [7, 5]);
-    const crowded = view.scale < 9;
-    [...plan.entries()].reverse().forEach(([number, stop]) => {
-      const small = number && crowded;
-      disc(stop, small ? 4 : number ? 9 : 12, "#b34700");
-      if (!small) label(String(number + 1), pixel(stop), "#fff", "center", 12);
-    });
+    planLayer(robot, place, plan, several ? colour : "#b34700");
     const dwell = mission?.planned_dwell_s;
     if (dwell) label(`${dwell} s`, pixel(plan[0]).map((v, axis) => v + (axis ? -18 : 0)), "#10151b", "center", 13, true);
   }
@@ -194,7 +207,7 @@ function robotLayer(robot, index) {
   pen.save(); pen.translate(x, y);
   if (place[2] === null) { pen.beginPath(); pen.arc(0, 0, 10, 0, 7); }
   else { pen.rotate((place[2] * Math.PI) / 180); pen.beginPath(); pen.moveTo(0, -16); pen.lineTo(11, 12); pen.lineTo(0, 6); pen.lineTo(-11, 12); pen.closePath(); }
-  pen.fillStyle = ["#a80018", "#5a1a8a", "#0b5127", "#10151b"][index % 4]; pen.fill(); line("#fff", 2.5);
+  pen.fillStyle = colour; pen.fill(); line("#fff", 2.5);
   pen.restore();
   if (robot) label(robot.replace("_", " "), [x, y + 26], "#10151b", "center", 13, true);
 }

@@ -1,7 +1,7 @@
 // The survey: what the mission does, and what an operator may ask for.
 
 import { command, connect, connected, emergency, listen, nowS, sections, silentS, takeControls, valuesAt } from "./link.js";
-import { draft, draw, fade, fit, load, mark, onPlace, showLayer, shownLayer, zoom } from "./map.js";
+import { draft, draw, fade, fit, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
 import { addCorner, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
@@ -247,8 +247,12 @@ function renderAges() {
 }
 
 function renderHealth() {
-  const parts = sections.health ?? [];
-  fill("health", parts, () => parts.map((part) => element("li", { "data-level": part.level }, element("b", {}, `${part.name.replace(/^\//, "")}: `), part.message)));
+  const parts = sections.health ?? [], well = parts.filter((part) => !part.level);
+  const row = (part) => element("li", { "data-level": part.level }, element("b", {}, `${part.name.replace(/^\//, "")}: `), part.message);
+  fill("health", parts.filter((part) => part.level), () => parts.filter((part) => part.level).map(row));
+  $("well-part").hidden = !well.length;
+  setText("well-about", `${well.length === parts.length ? "All well: " : ""}${well.length} parts work`);
+  fill("well", well, () => well.map(row));
 }
 
 const figure = (value, one) => value.toFixed(one.unit === "m³/m³" ? 3 : 2).replace("-", "−");
@@ -280,6 +284,7 @@ function renderMap() {
 function renderFrame() {
   const robots = sections.robots ?? [];
   if (!robots.includes(robot) && robots.length) robot = robots[0];
+  showRobot(robot);
   setText("field", sections.field?.name ?? "Survey");
   $("robots").hidden = robots.length < 2;
   fill("robots", [robots, robot], () => robots.map((one) => {

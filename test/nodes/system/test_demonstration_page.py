@@ -23,7 +23,7 @@ from playwright.sync_api import expect
 from soilmoist_ros.recording.bag.reader import BagReader
 
 pytestmark = [pytest.mark.slow, pytest.mark.process]
-LIMIT_S = 120.0
+LIMIT_S = 90.0
 VIEWERS = 8
 """Viewers in addition to the two operators."""
 
@@ -123,6 +123,7 @@ def test_a_demonstration_from_plan_to_download(tmp_path, browser):
             start_and_redirect(ada, bo, viewers)
             lose_the_link(ada, bo, link)
             stop_and_resume(ada, bo, viewers)
+            stop_without_a_link(ada, bo, link)
             go_home(ada)
             bo.shows("headline", "Finished: the robot was sent home")
             demo.wait_for("stays until Ctrl-C")
@@ -188,6 +189,20 @@ def stop_and_resume(ada, bo, viewers):
     ada.shows("reason", "The robot stands")
     slide(ada.page, "Slide to release STOP")
     ada.shows("headline", "Paused")
+    slide(ada.page, "Slide to resume")
+    expect(ada.page.get_by_role("button", name="Pause")).to_be_visible(timeout=LIMIT_S * 1000)
+
+
+def stop_without_a_link(ada, bo, link):
+    """The page says loudly that the stop has not arrived, and presses it when the link is back."""
+    link.lose()
+    ada.page.locator("#stop").click()
+    ada.shows("alarm", "STOP WAS NOT ACKNOWLEDGED")
+    expect(bo.page.locator("#stop")).to_have_text("STOP")
+    link.find()
+    bo.shows("stop", "STOP is pressed")
+    expect(ada.page.locator("#alarm")).to_be_hidden(timeout=LIMIT_S * 1000)
+    slide(ada.page, "Slide to release STOP")
     slide(ada.page, "Slide to resume")
     expect(ada.page.get_by_role("button", name="Pause")).to_be_visible(timeout=LIMIT_S * 1000)
 
