@@ -105,6 +105,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     }
     if flag("console"):
         values["console"] = parameters_from("console", arguments)
+        values["console"] |= {"runs": arguments["out"]} if arguments["out"] else {}
     properties = property_argument(given("property"), "properties", given("properties"))
     if properties:
         values["planner"] |= parameters_from("planner", {"properties": str(properties)})

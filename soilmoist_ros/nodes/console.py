@@ -86,7 +86,7 @@ class Console(Node):
         access = Access(names, self._show_token, public)
         self._invites = bool(public) or host not in LOOPBACK
         fields, covariates, runs = (
-            Path(values.text(name)).expanduser() for name in ("fields", "covariates", "runs")
+            Path(values.text(name)).expanduser() for name in ("field_dir", "covariate_dir", "runs")
         )
         files, background = SurveyFiles(fields, covariates, runs, start), values.text("background")
         if background and not Path(background).expanduser().exists():

@@ -52,7 +52,8 @@ class Page:
         self.page.keyboard.press("Tab")
 
     def start(self, port):
-        folders = {name: str(Path(self.field).parent / name) for name in ("fields", "covariates", "runs")}
+        names = {"field_dir": "fields", "covariate_dir": "covariates", "runs": "runs"}
+        folders = {name: str(Path(self.field).parent / folder) for name, folder in names.items()}
         self.process = self.ros.start("console", params={"field": self.field, "port": port, **folders})
         said = self.ros.wait_for(lambda: re.search(r"console: http://127\.0\.0\.1:(\d+)/", self.process.output()))
         return int(said[1])

@@ -68,6 +68,9 @@ def by_name(started):
 def test_the_console_is_started_on_demand(tmp_path, monkeypatch, seen):
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"console": "true", "field": "f.yaml"}))
     assert (seen(nodes["console"])["field"], seen(nodes["console"])["host"]) == ("f.yaml", "127.0.0.1")
+    given = {"console": "true", "field": "f.yaml", "covariates": "[a.tif]", "out": str(tmp_path / "mine")}
+    told = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["console"])
+    assert (told["runs"], told["covariate_dir"]) == (str(tmp_path / "mine"), "covariates")
     team = stand_in.start(
         SIMULATION, monkeypatch, {"console": "true", "robots": "2", "out": str(tmp_path / "run")}
     )

@@ -43,9 +43,11 @@ PARAMETERS: Final = (
         description="picture below the map: a GeoTIFF, such as an orthophoto, or a folder of tiles z/x/y.png of a "
         "web map; empty for none",
     ),
-    Parameter(name="fields", default="fields", description="folder of field files; drawn fields are saved there"),
     Parameter(
-        name="covariates",
+        name="field_dir", default="fields", description="folder of field files; drawn fields are saved there"
+    ),
+    Parameter(
+        name="covariate_dir",
         default="covariates",
         description="folder of GeoTIFFs that may be chosen as covariates",
     ),

@@ -130,7 +130,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
             "field": files["field"],
             "port": settings.console_port,
             "runs": str(out.parent),
-            "fields": str(out / "fields"),
+            "field_dir": str(out / "fields"),
             **({"robots": several} if several else {}),
         }
         nodes = {"console": page, **nodes}
