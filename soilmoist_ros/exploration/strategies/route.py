@@ -45,9 +45,9 @@ def open_route(
 ) -> Route:
     """Shortest route that starts at the robot, visits every target and does not return.
 
-    Exact for up to :data:`EXACT_UP_TO` targets. For more, PyVRP begins with the nearest-neighbour route or the given
-    order, which may be that of an earlier tour, :func:`shortened`, and improves it for a fixed number of iterations.
-    The result is never worse than the nearest-neighbour route, and equal seeds give equal routes.
+    Exact for up to :data:`EXACT_UP_TO` targets. For more, PyVRP begins with the nearest-neighbour route or the
+    given order, which may be that of an earlier tour, :func:`shortened`, and improves it for a fixed number of
+    iterations. The result is never worse than the nearest-neighbour route, and equal seeds give equal routes.
 
     :param from_start_s: travel times from the robot, shape (k,) [s], >= 0; inf if unreachable
     :param between_s: travel times from row to column, shape (k, k) [s], likewise; need not be symmetric
