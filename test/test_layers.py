@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = (
     "foundation",
@@ -127,10 +129,12 @@ def upward(root: Path = ROOT) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_only_nodes_and_adapters_import_ros():
     assert ros_below_the_nodes() == []
 
 
+@pytest.mark.slow
 def test_imports_go_down_only():
     assert upward() == []
     assert [f"{a} imports {b}" for a, b in edges() if a.startswith("msg_adapters") and ".nodes" in b] == []

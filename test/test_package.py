@@ -88,6 +88,7 @@ def test_every_file_of_the_configuration_is_installed():
     assert config_folder() == ROOT / "config"
 
 
+@pytest.mark.slow
 def test_no_tracked_file_names_a_path_outside_the_clone():
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     outside = []
@@ -209,6 +210,7 @@ def test_the_links_of_a_page_lead_somewhere(page):
     assert broken == []
 
 
+@pytest.mark.slow
 def test_the_campaign_of_the_research_page_can_be_run(tmp_path):
     (block,) = blocks("docs/research.md", "yaml")
     (tmp_path / "campaign.yaml").write_text(block)

@@ -26,6 +26,7 @@ def test_a_first_impression_is_part_of_the_campaign(tmp_path):
     assert result.exit_code == 0
 
 
+@pytest.mark.slow
 def test_a_mission_that_fails_is_named_and_the_others_are_kept(tmp_path):
     plan = tmp_path / "plan.yaml"
     plan.write_text(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,6 +23,7 @@ def as_read(sections, message):
 
 
 @given(st.lists(SECTIONS, min_size=1))
+@pytest.mark.slow
 def test_a_reader_of_all_changes_has_what_is_there(states):
     sent, read = {}, {}
     for state in states:

@@ -41,6 +41,7 @@ def test_what_is_refused(content):
 
 
 @given(st.dictionaries(st.sampled_from(NAMES), JSON) | JSON)
+@pytest.mark.slow
 def test_anything_is_a_request_or_refused(content):
     try:
         robot, request = request_from_json(content, [""])

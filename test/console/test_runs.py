@@ -116,6 +116,7 @@ def test_what_is_not_made(folder, content):
         make(folder, **content)
 
 
+@pytest.mark.slow
 def test_jobs_run_one_after_the_other_and_say_how_they_ended():
     board = Board()
 

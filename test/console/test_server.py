@@ -191,6 +191,7 @@ def test_the_map_and_its_values(served):
     assert served.get("/at?x=1")[0] == 400
 
 
+@pytest.mark.slow
 def test_viewers_receive_what_changes_twice_a_second_at_most(served):
     async def look():
         messages, times = [], []
@@ -214,6 +215,7 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
     assert min(gaps) > 0.3
 
 
+@pytest.mark.slow
 def test_what_a_plan_names_is_checked(served, tmp_path):
     square = {"datum": [53.2, -0.5], "boundary": [[0, 0], [20, 0], [20, 20]], "who": "Ada", "name": "../x"}
     code, answer = served.post("/field", square)

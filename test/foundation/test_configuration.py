@@ -32,11 +32,13 @@ MERGES = "a0: &a0 {k: 1}\n" + "".join(
         ("? [a]\n: 1\n<<: 3", "not valid YAML"),
     ],
 )
+@pytest.mark.slow
 def test_yaml_of_a_stranger_is_refused(text, said, kind):
     with pytest.raises(InputError, match=said):
         parse_yaml(text, kind=kind)
 
 
+@pytest.mark.slow
 def test_a_file_names_its_line(tmp_path):
     path = tmp_path / "field.yaml"
     path.write_text("a: 1\nb: " + "[" * 3000)

@@ -38,6 +38,7 @@ def test_what_broke_a_reader_is_refused_now(fuzz, path):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_changed_files_are_read_or_refused(fuzz, name):
     target, rng = fuzz.TARGETS[name], random.Random(name)
     seeds = target.seeds()

@@ -103,6 +103,7 @@ def test_worse_damage_is_named_and_costs_only_its_lines(tmp_path):
         b"\n" * 100_000,
     ],
 )
+@pytest.mark.slow
 def test_a_damaged_line_of_a_megabyte_costs_no_more_work_than_its_length(damage, monkeypatch):
     # The work is counted in bytes given to checksums and parsers, each byte a few hundred times.
     work = 0

@@ -21,6 +21,7 @@ NAMES = st.text(string.ascii_lowercase + "_", min_size=1, max_size=8).filter(lam
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(values=st.dictionaries(NAMES.map("p_{}".format), VALUES, max_size=5))
+@pytest.mark.slow
 def test_parameters_come_back_as_they_were(tmp_path, values):
     path = write_parameters(tmp_path, "mapper", values)
     assert path == tmp_path / "configuration" / "mapper.yaml"

@@ -247,6 +247,7 @@ def test_a_bag_in_several_files_is_mapped_as_one_and_what_was_lost_is_noted(tmp_
     assert note.message == "The recorder noted of run: messages of /counts lost on the way: 3."
 
 
+@pytest.mark.slow
 def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):
     cases = {
         "began": (lambda topic, number: topic != "/counts" or number > 2, "other records than those in the bag"),
@@ -259,6 +260,7 @@ def test_it_is_not_compared_with_a_map_of_other_records(tmp_path):
         assert why in replay.comparisons[0].message
 
 
+@pytest.mark.slow
 def test_a_reset_is_detected_even_without_the_samples(makers, tmp_path):
     """The recording contains the empty map."""
     many = makers.records(makers.drive((5, 5), (55, 5), 12))
@@ -299,6 +301,7 @@ def test_another_calibration_changes_the_moisture_only(edited_site):
     assert not other.notes
 
 
+@pytest.mark.slow
 def test_other_corrections_need_the_raw_lines(edited_site):
     site = edited_site(corrections="{pressure: {reference_hpa: 950.0}}")
     own = replay_bag(GOLDEN / "raw_lines").run
@@ -317,6 +320,7 @@ def test_other_corrections_need_the_raw_lines(edited_site):
     assert raw.run.logger_format
 
 
+@pytest.mark.slow
 def test_raw_lines_give_the_records_of_the_driver():
     counts, raw = (replay_bag(GOLDEN / "raw_lines", ReplaySettings(source=name)) for name in ("counts", "raw"))
     for one, other in zip(counts.run.track, raw.run.track, strict=True):

@@ -42,6 +42,7 @@ def facts_of(log, site=KANSAS, now_s=NOW_S):
     return list(log_findings(log, log_positions(log, None, site), site, now_s))
 
 
+@pytest.mark.slow
 def test_a_field_has_area_place_direction_and_cells():
     found = list(field_findings(EXAMPLE))
     assert texts(found, "field")[0].startswith("Example field: 0.30 ha at 53.27 N, 0.52 W")

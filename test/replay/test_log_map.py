@@ -80,6 +80,7 @@ def test_a_reference_sensor_corrects_the_counts(survey, reference):
     np.testing.assert_allclose(run.soil_map.rate, plain.soil_map.rate, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_reference_sensor_is_in_the_map(survey, reference):
     chosen = settings(survey, reference=reference, drift_model="off")
     run = map_logs([survey / "survey.log"], chosen)
@@ -198,6 +199,7 @@ def refusal(log, **files):
     return str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_field_of_another_country_is_refused_before_the_work(roving_record):
     site = config_folder() / "sites" / "gypsum_transect.yaml"
     said = refusal(roving_record, site=site, field=config_folder() / "fields" / "example.yaml")
@@ -228,6 +230,7 @@ def test_a_stationary_probe_elsewhere_is_refused(survey, tmp_path):
     assert "correct the sign of the longitude, west is negative: in 'location' in the site file" in said
 
 
+@pytest.mark.slow
 def test_a_receiver_elsewhere_is_refused(survey, tmp_path):
     said = refusal(
         survey / "survey.log", nmea=(survey / "survey.nmea",), site=survey / "site.yaml",

@@ -79,6 +79,7 @@ def test_the_records_of_all_are_mapped_and_each_has_its_mission(run_of):
     assert len(team.tracks_xy) == 2
 
 
+@pytest.mark.slow
 def test_one_of_them_can_be_mapped_alone(run_of):
     run = run_of(list(ROBOTS))
     (one, two) = (replay_bag(run, ReplaySettings(counts_topic=f"/{robot}/counts")).run.track for robot in ROBOTS)

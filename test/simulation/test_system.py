@@ -229,6 +229,7 @@ def test_several_robots_count_like_those_of_a_mission_without_ros():
     assert sorted(record.raw_counts for record in rough) == sorted(counts)
 
 
+@pytest.mark.slow
 def test_robots_do_not_disturb_each_other():
     def places(robots, goals):
         system = VirtualSystem(replace(SETTINGS, robots=robots), START_S)

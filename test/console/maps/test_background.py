@@ -129,6 +129,7 @@ def test_the_finest_tiles_that_are_not_too_many_are_used(tmp_path, monkeypatch):
     assert {path.parts[-3] for path in used} == {"17"}
 
 
+@pytest.mark.slow
 def test_no_picture_is_too_large(tmp_path):
     noise = np.random.default_rng(1).integers(0, 256, (3, 3000, 3000), np.uint8)
     made = make_background(write_photo(tmp_path / "noise.tif", noise, half_m=90.0), FRAME, FIELD)

@@ -136,6 +136,7 @@ def test_other_files_are_refused(name, content, said):
         read(name, content)
 
 
+@pytest.mark.slow
 def test_many_corners_become_few_and_too_many_are_refused():
     angles = np.linspace(0, 2 * np.pi, 20_000)
     circle = degrees(np.column_stack([100 * np.cos(angles), 100 * np.sin(angles)])).tolist()

@@ -48,6 +48,7 @@ def test_a_loop_at_the_start_is_cut_off_and_a_figure_of_eight_is_refused():
             walked({"places": wrong})
 
 
+@pytest.mark.slow
 def test_places_are_recorded_between_begin_and_end():
     board = Board()
     walk = Walk(board, "r1")

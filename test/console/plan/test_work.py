@@ -46,6 +46,7 @@ def test_a_longer_mission_makes_a_better_map():
             forecast({**FIELD, **wrong})
 
 
+@pytest.mark.slow
 def test_stops_in_rows_or_a_lattice_are_a_map_for_the_navigation(tmp_path):
     for stops, count in (({"kind": "lattice", "spacing_m": 10}, 12), ({"kind": "rows", "rows_m": 10}, 12)):
         answer = travel_map({**FIELD, "stops": stops})
@@ -67,6 +68,7 @@ def test_a_forecast_ends_early_and_drives_on_rows():
     assert early["ends_s"] < answer["ends_s"] <= 0.4 * 3600
 
 
+@pytest.mark.slow
 def test_it_is_a_process_that_answers_with_json():
     for given, key in (
         ({"task": "field", **FIELD}, "file"),

@@ -39,6 +39,7 @@ def give(mission, clock):
 
 
 @given(st.lists(st.tuples(st.floats(0, 1e4), st.sampled_from([0.0, 0.0, -3600.0, 21600.0, 1.5])), max_size=20))
+@pytest.mark.slow
 def test_time_runs_evenly_and_each_step_is_noted_once(course):
     computer, mission = Computer(), Mission(RULES)
     clock = computer.clock()

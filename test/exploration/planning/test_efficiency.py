@@ -21,6 +21,7 @@ def integrated_variance(xy, exposure_s, rate_cps=4.0, weight=EVEN):
 
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 10_000), count=st.integers(1, 40), weighted=st.booleans())
+@pytest.mark.slow
 def test_no_design_leaves_less(seed, count, weighted):
     rng = np.random.default_rng(seed)
     weight = rng.dirichlet(np.ones(len(CELLS))) if weighted else EVEN

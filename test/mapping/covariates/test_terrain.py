@@ -16,6 +16,7 @@ def raster(surface, rows=21, columns=25):
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+@pytest.mark.slow
 def test_a_plane_has_its_slope_and_aspect_up_to_the_edge(east, north):
     found = derivatives(raster(lambda x, y: 10 + east * x + north * y), STEP_M)
     slope = np.hypot(east, north)

@@ -84,6 +84,7 @@ def test_a_drift_is_found_and_nearly_never_where_there_is_none():
     assert np.mean(inside) >= 0.8
 
 
+@pytest.mark.slow
 def test_a_drift_that_is_not_there_costs_little():
     auto, off = map_errors(8)
     assert auto < 1.05 * off

@@ -267,6 +267,7 @@ def test_a_related_survey_helps_and_an_unrelated_one_does_not_hurt():
     assert errors[0.0] < 1.1
 
 
+@pytest.mark.slow
 def test_a_covariate_helps_and_has_an_effect_and_useless_ones_hardly_hurt():
     shape = np.random.default_rng(1).standard_normal((5, *GRID.shape))
     with_it, useless, alone, effects = [], [], [], []

@@ -84,6 +84,7 @@ def test_every_way_to_krige_has_the_same_noise(variogram):
         np.testing.assert_allclose(rate, expected, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_map_that_grows_equals_one_made_at_once():
     """Bit for bit, since the noise of old samples is that of the last fit."""
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 5.0)

@@ -343,6 +343,7 @@ def test_a_bag_that_is_gone_at_the_end_is_not_reported_as_recorded(make, tmp_pat
 
 
 @pytest.mark.parametrize("limits", [{"file_bytes": 2000.0}, {"file_s": 0.05}])
+@pytest.mark.slow
 def test_a_bag_in_several_files_is_one_bag_for_every_reader(make, tmp_path, limits):
     recorder = make(**limits, notes=lambda: {"messages of /fix lost on the way": "7"})
     recorder.start()
@@ -377,6 +378,7 @@ def test_a_bag_in_several_files_is_one_bag_for_every_reader(make, tmp_path, limi
     assert recover_bag(bag, tmp_path / "again").extent.messages == sent
 
 
+@pytest.mark.slow
 def test_a_split_that_the_disk_refuses_loses_nothing(make, tmp_path, monkeypatch):
     full = threading.Event()
     real = os.write

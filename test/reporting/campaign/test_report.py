@@ -174,6 +174,7 @@ def test_numbers_are_paired_by_seed():
     assert row.standard_error == pytest.approx((mine - theirs).std(ddof=1) / 2)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_told_is_not_tested():
     assert set(verdicts(keep=lambda s: s.seed < 3).values()) == {"not tested"}
     lonely = Campaign.model_validate(
@@ -413,6 +414,7 @@ def test_texts():
     assert mean_sd_text(pd.Series([np.nan])) == "–"
 
 
+@pytest.mark.slow
 def test_the_best_lattice_in_hindsight_is_named_and_all_others_are_compared_with_it():
     listed = {
         "title": "Hindsight",

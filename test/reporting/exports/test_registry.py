@@ -37,6 +37,7 @@ def test_files_lie_in_the_folder_of_the_run_by_default(exported, tmp_path):
     assert export_run(folder, ["styled"], tmp_path / "a" / "b")[0] == tmp_path / "a" / "b" / "map_styled.tif"
 
 
+@pytest.mark.slow
 def test_another_run_is_not_overwritten(exported, tmp_path):
     other = shutil.copytree(exported.folder, tmp_path / "run")
     with pytest.raises(InputError, match="holds another run"):

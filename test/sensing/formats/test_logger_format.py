@@ -27,6 +27,7 @@ def test_shipped_formats_are_valid() -> None:
         assert load_logger_format(name).title
 
 
+@pytest.mark.slow
 def test_every_key_is_described() -> None:
     def described(model):
         """Keys that have a docstring below them."""

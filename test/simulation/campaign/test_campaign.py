@@ -251,6 +251,7 @@ def test_an_interrupted_campaign_resumes(campaign, tmp_path, fake):
     assert not third.calls
 
 
+@pytest.mark.slow
 def test_damaged_files_are_computed_again(campaign, tmp_path, fake):
     run_campaign(campaign, tmp_path, fake, workers=0)
     keys = [mission.key for mission in missions(campaign)]
@@ -284,6 +285,7 @@ def test_changed_settings_and_code_do_not_mix(campaign, tmp_path, fake, monkeypa
     assert outcome.remarks == ("10 stored missions were computed by another version of the code: computed again",)
 
 
+@pytest.mark.slow
 def test_a_failing_mission_does_not_end_the_campaign(campaign, tmp_path, fake):
     bad = Counted(fake, fail=lambda settings: settings.seed == 2 and settings.strategy == "lattice")
     outcome = run_campaign(campaign, tmp_path, bad, workers=0)
@@ -475,5 +477,6 @@ def test_each_further_property_has_its_columns_in_the_tables(tmp_path):
 
 
 @pytest.mark.parametrize("name", resource_names("campaigns"))
+@pytest.mark.slow
 def test_every_shipped_campaign_has_missions(name):
     assert len(missions(load_campaign(name))) > 1

@@ -241,6 +241,7 @@ def dask_config(path):
         dask.config.config.update(before)
 
 
+@pytest.mark.slow
 def test_a_cluster_with_keys_computes_encrypted_and_refuses_others(tmp_path, slow, started):
     script = Path(__file__).resolve().parents[3] / "scripts" / "cluster_keys"
     told = subprocess.run([script, tmp_path / "keys"], check=True, capture_output=True, text=True).stdout

@@ -265,12 +265,14 @@ def test_a_band_of_moistures(tmp_path):
     assert surrogate.vwc_at([[10, 10]]) == pytest.approx(0.12, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_rate_is_the_default_band_wherever_it_lies(tmp_path):
     for names in (("rate", "vwc"), ("vwc", "rate")):
         geotiff(tmp_path / "truth.tif", lambda x, y: 3.0 + 0 * x, names=names)
         assert load_surrogate(write(tmp_path, "  grid: truth.tif\n")).rate_at([[10, 10]]) == pytest.approx(3.0)
 
 
+@pytest.mark.slow
 def test_a_raster_cut_along_the_boundary_is_complete(tmp_path):
     def cut(x, y):
         inside = (x >= 0) & (x <= 40) & (y >= 0) & (y <= 30)
@@ -385,6 +387,7 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
         ),
     ],
 )
+@pytest.mark.slow
 def test_mistakes_in_the_field_file_are_named(tmp_path, truth, message):
     found = [str(mistake) for mistake in mistakes_of(write(tmp_path, truth))]
     assert any(message in text for text in found), found

@@ -109,6 +109,7 @@ def test_each_seed_has_a_second_field_of_its_own():
 
 
 @pytest.mark.parametrize("field", ["rough", "airfield-simulated"])
+@pytest.mark.slow
 def test_maps_of_some_cells_lead_to_the_same_mission_and_nearly_the_same_errors(field, monkeypatch):
     settings = MissionSettings(field=field, cell_m=1.0, hours=0.4)
     some = simulate_mission(settings)

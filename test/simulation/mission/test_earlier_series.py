@@ -23,6 +23,7 @@ def truths(settings: MissionSettings, name: str = "smooth") -> np.ndarray:
 
 
 @pytest.mark.parametrize(("persistence", "expected"), [(1.0, 1.0), (0.6, 0.6), (0.0, 0.0)])
+@pytest.mark.slow
 def test_patterns_of_all_pairs_of_surveys_correlate_by_the_persistence(persistence, expected):
     # Deviations are about the known mean of the formula, not that of the field; their products average to it.
     products = []

@@ -59,6 +59,7 @@ def test_counts_do_not_depend_on_the_noise_of_the_receiver():
     assert noisy == exact
 
 
+@pytest.mark.slow
 def test_the_first_records_do_not_depend_on_the_strategy():
     """Both robots are at the start: their sensors draw equal counts, their strategies choose different stops."""
     cadence = {"cadence_s": 1.0, "speed_mps": 1e-3, "hours": 0.02}

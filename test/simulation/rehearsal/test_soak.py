@@ -24,6 +24,7 @@ def soak(monkeypatch):
     return module
 
 
+@pytest.mark.slow
 def test_days_follow_each_other_lose_nothing_and_go_on_where_they_ended(soak, monkeypatch, tmp_path, capsys):
     arguments = ["soak", "--missions", "1", "--out", str(tmp_path)]
     for days in (1, 2):
@@ -38,6 +39,7 @@ def test_days_follow_each_other_lose_nothing_and_go_on_where_they_ended(soak, mo
     assert not [path for path in tmp_path.iterdir() if path.is_dir()], "a day leaves nothing behind"
 
 
+@pytest.mark.slow
 def test_a_lost_record_is_a_fault(soak, monkeypatch, tmp_path):
     from soilmoist_ros.recording.record_log import RecordLog
 
