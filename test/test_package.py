@@ -157,9 +157,13 @@ def test_the_readme_is_short():
     assert len(PAGES["README.md"].splitlines()) <= 150
 
 
-def test_the_readme_leads_to_every_page():
-    linked = set(re.findall(r"\]\(([\w./-]+\.md)", PAGES["README.md"]))
-    assert {page for page in PAGES if page.count("/") <= 1} - {"README.md"} <= linked
+def test_readme_and_index_lead_to_every_page():
+    linked = set()
+    for page in ("README.md", "docs/index.md"):
+        here = (ROOT / page).parent
+        links = re.findall(r"\]\(([\w./-]+\.md)", PAGES[page])
+        linked |= {(here / link).resolve().relative_to(ROOT).as_posix() for link in links}
+    assert set(PAGES) - {"README.md"} <= linked
 
 
 def test_the_tables_of_the_pages_are_complete():
@@ -211,17 +215,17 @@ def test_the_links_of_a_page_lead_somewhere(page):
 
 
 @pytest.mark.slow
-def test_the_campaign_of_the_research_page_can_be_run(tmp_path):
-    (block,) = blocks("docs/research.md", "yaml")
+def test_the_campaign_of_its_page_can_be_run(tmp_path):
+    (block,) = blocks("docs/campaigns.md", "yaml")
     (tmp_path / "campaign.yaml").write_text(block)
     planned = missions(load_campaign(str(tmp_path / "campaign.yaml")))
     assert len(planned) == 5 * 2 * 3 * 2
-    count = re.search(r"(\d+) missions", PAGES["docs/research.md"])[1]
+    count = re.search(r"(\d+) missions", PAGES["docs/campaigns.md"])[1]
     assert int(count) == len(missions(load_campaign("paper")))
 
 
-def test_the_team_of_the_robot_page_is_what_the_nodes_read():
-    (block,) = blocks("docs/robot.md", "yaml")
+def test_the_team_of_its_page_is_what_the_nodes_read():
+    (block,) = blocks("docs/teams.md", "yaml")
     content = YAML(typ="safe").load(block)
     assert set(content) == {"/**/mapper", "/**/planner"}
     assert all(node["ros__parameters"] == {"others": ["/robot_1", "/robot_2"]} for node in content.values())
