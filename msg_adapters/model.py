@@ -56,7 +56,7 @@ def model_from_message(message: String) -> Model:
     """
     try:
         content = read_json(message.data)
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"the model is not JSON: {error}") from None
     if not isinstance(content, Mapping):
         raise ValueError("the model is not a JSON object")

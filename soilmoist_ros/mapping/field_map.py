@@ -260,9 +260,9 @@ class FieldMap:
         return None
 
     def _merge(self, record: CountRecord, spread: Array) -> None:
-        self._merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread)
+        self._merger.add_record(record, spread)
         if self._takes_times:
-            self._add_timed(record, spread)
+            self._timed.add_record(record, spread)
         timed = self._timed_samples
         samples, earlier = self._merger.samples, self.state
         due = _has_grown(earlier.fit_samples, samples)
@@ -291,11 +291,6 @@ class FieldMap:
             model_samples=samples if model is None or _has_grown(model, samples, known) else model,
             began_s=earlier.began_s or record.stamp_s,
         )
-
-    def _add_timed(self, record: CountRecord, spread: Array) -> None:
-        """Add a record to the samples by place and time."""
-        middle_s = record.stamp_s - record.exposure_s / 2
-        self._timed.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread, middle_s)
 
     @property
     def _timed_samples(self) -> TimedSamples | None:
@@ -348,7 +343,7 @@ class FieldMap:
         timed = None
         if self._takes_times and len(samples) <= self.settings.max_exact_samples:
             for record, spread in zip(records, spreads, strict=True):
-                self._add_timed(record, spread)
+                self._timed.add_record(record, spread)
             timed = self._timed_samples
         fit_timed = None if timed is None else (timed, end_s)
         self.state = MapState(

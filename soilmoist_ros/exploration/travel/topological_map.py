@@ -117,7 +117,7 @@ def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap
     """
     try:
         content = read_json(text)
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise InputError(
             f"the topological map is not valid JSON: {error}", "check what publishes it", path
         ) from None

@@ -55,8 +55,7 @@ def samples_at_end(
         return samples
     merger = SampleMerger(radius_m, footprint_radius_m, WINDOW_S)
     for record, path in zip(records, spread, strict=True):
-        middle_s = record.stamp_s - record.exposure_s / 2
-        merger.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, path, middle_s)
+        merger.add_record(record, path)
     timed, one = TimedSamples(merger.samples, merger.time_s), merger.samples
     fit = estimate_variogram(
         samples.xy,

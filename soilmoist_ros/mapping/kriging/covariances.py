@@ -145,7 +145,7 @@ class AxesCovariances:
 
     def keep(self, samples: Array, changed: NDArray[np.intp], most: int) -> bool:
         """See :class:`Covariances`."""
-        first = int(changed[0]) if len(changed) else len(samples)
+        first = first_changed(changed, len(samples))
         self._sample = self._sample[: self._sample.searchsorted(first)]
         if first < len(samples):
             self._add(samples, first)
@@ -273,3 +273,20 @@ class SamplePoints:
                         out[rows, some] = correlation
                     else:
                         out[which[rows], some] += correlation
+
+
+def differences(known: Array, samples: Array) -> NDArray[np.intp]:
+    """Numbers of the rows of a table that are not as in another one, or not in it."""
+    both = min(len(known), len(samples))
+    differs = np.ones(len(samples), bool)
+    differs[:both] = (known[:both] != samples[:both]).any(axis=1)
+    return np.flatnonzero(differs)
+
+
+def first_changed(changed: NDArray[np.intp], count: int) -> int:
+    """The first row of a table that changed, ``count`` if none did: the rows before it are as they were.
+
+    :param changed: numbers of the rows that changed, as from :func:`differences`
+    :param count: number of rows
+    """
+    return int(changed[0]) if len(changed) else count

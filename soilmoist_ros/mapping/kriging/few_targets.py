@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.kriging.covariances import Needles, SamplePoints
-from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, differences, keep_between
+from soilmoist_ros.mapping.kriging.covariances import Needles, SamplePoints, differences
+from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, keep_between
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled

@@ -20,7 +20,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.kriging.covariances import Covariances, SamplePoints, add_rows
+from soilmoist_ros.mapping.kriging.covariances import (
+    Covariances,
+    SamplePoints,
+    add_rows,
+    differences,
+    first_changed,
+)
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
@@ -91,7 +97,7 @@ class KrigingRows:
             self._covariances.begin(variogram)
             self._kept = self._kept[:0]
             self._forget(0, samples[:0])
-        first = _first_difference(self._samples, samples)
+        first = first_changed(differences(self._samples, samples), len(samples))
         self._forget(first, samples)
         room = MAX_ELEMENTS - n // BLOCK * 3 * self._covariances.size
         changed = differences(self._kept, samples[:, :5])
@@ -115,7 +121,7 @@ class KrigingRows:
         if not isinstance(rate, LocalRate):
             return rate
         known, known_xy, rates = self._local
-        same = _first_difference(known_xy, xy) if known is rate else 0
+        same = first_changed(differences(known_xy, xy), len(xy)) if known is rate else 0
         rates = np.concatenate([rates[:same], rate(xy[same:])])
         self._local = rate, xy, rates
         return rates
@@ -280,18 +286,3 @@ def _between(variogram: Variogram, later: Array, samples: Array) -> Array:
         return covariance
 
     return np.ascontiguousarray(supports.average(with_points).T)
-
-
-def _first_difference(known: Array, samples: Array) -> int:
-    """Number of the first row in which two tables differ."""
-    both = min(len(known), len(samples))
-    differs = (known[:both] != samples[:both]).any(axis=1)
-    return int(differs.argmax()) if differs.any() else both
-
-
-def differences(known: Array, samples: Array) -> NDArray[np.intp]:
-    """Numbers of the rows of a table that are not as in another one, or not in it."""
-    both = min(len(known), len(samples))
-    differs = np.ones(len(samples), bool)
-    differs[:both] = (known[:both] != samples[:both]).any(axis=1)
-    return np.flatnonzero(differs)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.kriging.chebyshev import interpolation
-from soilmoist_ros.mapping.kriging.covariances import Needles, Rows, SamplePoints
+from soilmoist_ros.mapping.kriging.covariances import Needles, Rows, SamplePoints, first_changed
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ class TileCovariances:
 
     def keep(self, samples: Array, changed: NDArray[np.intp], most: int) -> bool:
         """See :class:`Covariances`."""
-        first = int(changed[0]) if len(changed) else len(samples)
+        first = first_changed(changed, len(samples))
         self._is_near = self._is_near[:first]
         if first < len(samples):
             is_near = self._boxes.are_near(SamplePoints(self._variogram, samples[first:]))

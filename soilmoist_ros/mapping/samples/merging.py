@@ -133,6 +133,14 @@ class SampleMerger:
         sample[4:7] += share * (np.asarray(spread) + (1 - share) * apart - sample[4:7])
         sample[7] += share * (time_s - sample[7])
 
+    def add_record(self, record: CountRecord, spread: ArrayLike) -> None:
+        """Add a record, counted in the middle of its interval.
+
+        :param spread: of the path along which it was counted, shape (3,) [m^2]
+        """
+        middle_s = record.stamp_s - record.exposure_s / 2
+        self.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread, middle_s)
+
     @property
     def samples(self) -> Samples:
         """The samples so far, in the order in which they began; a copy.
